@@ -1,0 +1,1 @@
+//! Text-to-motion denoisers as burn modules: CLIP text tower, MotionDiffuse, checkpoints, tokenizers

@@ -1,0 +1,169 @@
+//! From pose features to joint positions.
+
+use burn::tensor::Tensor;
+
+use crate::features::FeatureGroup;
+use crate::skeleton::JOINTS;
+
+/// Global joint positions of pose features (not normalised), differentiable.
+///
+/// The heading is the sum of the yaw steps before a frame, the root's path the sum of its
+/// velocities turned to that heading; the other joints hang from the root. The features store
+/// *half* angles, so everything turns by twice their sum (Guo et al. 2022, `recover_from_ric`).
+/// Only the root and the local positions are read: rotations, velocities and contacts carry no
+/// position of their own.
+///
+/// # Shapes
+///
+/// - `features`: `[batch, frames, features]`, of which the first 67 are read
+/// - output: `[batch, frames, 22, 3]` in metres; the motion starts over the origin facing +Z
+///
+/// # Panics
+///
+/// If there are fewer than 67 features or no frame.
+pub fn joints(features: Tensor<3>) -> Tensor<4> {
+    let [batch, frames, width] = features.dims();
+    let read = FeatureGroup::LocalPositions.range().end;
+    assert!(
+        width >= read && frames > 0,
+        "joints need at least 1 frame of {read} features, got {frames} frames of {width}"
+    );
+    // One cut first: the gradient is then padded to the full width once, not once per group.
+    let features = features.narrow(2, 0, read);
+    let group = |group: FeatureGroup| {
+        let range = group.range();
+        features.clone().narrow(2, range.start, range.len())
+    };
+
+    let heading = sum_of_earlier_frames(group(FeatureGroup::RootYaw)) * 2.0;
+    let (cos, sin) = (heading.clone().cos(), heading.sin());
+
+    let velocity = earlier_frame(group(FeatureGroup::RootVelocity));
+    let (x, z) = turn(
+        velocity.clone().narrow(2, 0, 1),
+        velocity.narrow(2, 1, 1),
+        &cos,
+        &sin,
+    );
+    let (root_x, root_z) = (x.cumsum(1), z.cumsum(1));
+    let root_y = group(FeatureGroup::RootHeight);
+
+    let local = group(FeatureGroup::LocalPositions).reshape([batch, frames, JOINTS - 1, 3]);
+    let axis = |axis: usize| {
+        local
+            .clone()
+            .narrow(3, axis, 1)
+            .reshape([batch, frames, JOINTS - 1])
+    };
+    let (x, z) = turn(axis(0), axis(2), &cos, &sin);
+
+    Tensor::stack(
+        vec![
+            Tensor::cat(vec![root_x.clone(), x + root_x], 2),
+            Tensor::cat(vec![root_y, axis(1)], 2),
+            Tensor::cat(vec![root_z.clone(), z + root_z], 2),
+        ],
+        3,
+    )
+}
+
+/// Rotation about Y by an angle with the given cosine and sine.
+fn turn(x: Tensor<3>, z: Tensor<3>, cos: &Tensor<3>, sin: &Tensor<3>) -> (Tensor<3>, Tensor<3>) {
+    (
+        x.clone() * cos.clone() - z.clone() * sin.clone(),
+        x * sin.clone() + z * cos.clone(),
+    )
+}
+
+/// The value of the frame before; 0 at the first.
+fn earlier_frame(x: Tensor<3>) -> Tensor<3> {
+    let [batch, frames, width] = x.dims();
+    let first = Tensor::zeros([batch, 1, width], &x.device());
+    if frames == 1 {
+        return first;
+    }
+    Tensor::cat(vec![first, x.narrow(1, 0, frames - 1)], 1)
+}
+
+fn sum_of_earlier_frames(x: Tensor<3>) -> Tensor<3> {
+    earlier_frame(x).cumsum(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::POSE_FEATURES;
+    use crate::skeleton::Joint;
+    use burn::tensor::{Device, TensorData};
+
+    /// A pose whose joints stand at (joint, 1, 0) in the body's frame, turning and walking.
+    fn walk(frames: usize, yaw: f32, step: [f32; 2]) -> Tensor<3> {
+        let mut row = vec![0.0; POSE_FEATURES];
+        row[0] = yaw;
+        row[1] = step[0];
+        row[2] = step[1];
+        row[3] = 0.9;
+        for joint in 1..JOINTS {
+            row[4 + 3 * (joint - 1)] = joint as f32;
+            row[5 + 3 * (joint - 1)] = 1.0;
+        }
+        let data = TensorData::new(row.repeat(frames), [1, frames, POSE_FEATURES]);
+        Tensor::from_data(data, &Device::flex())
+    }
+
+    fn at(joints: &Tensor<4>, frame: usize, joint: Joint) -> [f32; 3] {
+        let point = joints
+            .clone()
+            .narrow(1, frame, 1)
+            .narrow(2, joint.index(), 1);
+        point
+            .into_data()
+            .to_vec::<f32>()
+            .unwrap()
+            .try_into()
+            .unwrap()
+    }
+
+    fn close(a: [f32; 3], b: [f32; 3]) {
+        let distance = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
+        assert!(distance < 1e-4, "{a:?} is not {b:?}");
+    }
+
+    #[test]
+    fn a_straight_walk_adds_up_its_steps() {
+        let joints = joints(walk(5, 0.0, [0.0, 0.1]));
+        close(at(&joints, 0, Joint::Pelvis), [0.0, 0.9, 0.0]);
+        close(at(&joints, 4, Joint::Pelvis), [0.0, 0.9, 0.4]);
+        close(at(&joints, 4, Joint::LeftKnee), [4.0, 1.0, 0.4]);
+    }
+
+    #[test]
+    fn half_angles_turn_the_body_by_twice_their_sum() {
+        // After four steps of an eighth turn (half angle of a sixteenth) the body faces sideways twice.
+        let joints = joints(walk(5, std::f32::consts::PI / 8.0, [0.0, 0.0]));
+        close(at(&joints, 2, Joint::LeftHip), [0.0, 1.0, 1.0]);
+        close(at(&joints, 4, Joint::LeftHip), [-1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn one_frame_stands_at_the_origin() {
+        let joints = joints(walk(1, 0.3, [5.0, 5.0]));
+        close(at(&joints, 0, Joint::Pelvis), [0.0, 0.9, 0.0]);
+    }
+
+    #[test]
+    fn gradients_reach_every_feature_that_is_read() {
+        let features = walk(6, 0.2, [0.1, 0.3]).autodiff().require_grad();
+        let weights = Tensor::<4>::random(
+            [1, 6, JOINTS, 3],
+            burn::tensor::Distribution::Uniform(0.5, 1.5),
+            &Device::flex(),
+        );
+        let loss = (joints(features.clone()) * weights).sum();
+        let gradient = features.grad(&loss.backward()).unwrap();
+        let gradient = gradient.abs().sum_dim(1).into_data();
+        for (feature, value) in gradient.as_slice::<f32>().unwrap().iter().enumerate() {
+            assert_eq!(*value != 0.0, feature < 67, "feature {feature}: {value}");
+        }
+    }
+}

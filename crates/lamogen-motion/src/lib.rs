@@ -1,0 +1,24 @@
+//! The body that lamogen moves: its skeleton, its pose features, and the way between them.
+//!
+//! ```text
+//! normalised features ──Normalization──▶ pose features ──joints──▶ joint positions ──▶ Motion
+//!   [batch, frames, 263]                 (HumanML3D)               [batch, frames, 22, 3]
+//! ```
+//!
+//! Units are metres and frames at [`FRAMES_PER_SECOND`]; Y points up. Tensor functions are
+//! differentiable and work on whole batches; [`Motion`] holds one motion on the host.
+
+mod atomic;
+mod features;
+mod joints;
+mod motion;
+mod normalization;
+pub mod npy;
+mod skeleton;
+
+pub use atomic::write_atomically;
+pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
+pub use joints::joints;
+pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
+pub use normalization::{Normalization, NormalizationError};
+pub use skeleton::{CHAINS, JOINTS, Joint};

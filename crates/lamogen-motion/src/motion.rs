@@ -1,0 +1,207 @@
+//! One motion on the host.
+
+use std::path::Path;
+
+use burn::tensor::Tensor;
+
+use crate::features::POSE_FEATURES;
+use crate::joints::joints;
+use crate::npy::{self, NpyError};
+use crate::skeleton::{JOINTS, Joint};
+
+/// Frame rate of HumanML3D and of every motion here.
+pub const FRAMES_PER_SECOND: f32 = 20.0;
+
+/// A motion: where every joint is at every frame, and the pose features it came from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    joints: Vec<[[f32; 3]; JOINTS]>,
+    features: Option<Vec<[f32; POSE_FEATURES]>>,
+}
+
+/// What a motion cannot be made of.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// No frames.
+    #[error("expected a motion of at least one frame, found none")]
+    Empty,
+    /// Pose features of another width.
+    #[error("expected {POSE_FEATURES} pose features a frame, found {found}")]
+    #[allow(missing_docs)]
+    Width { found: usize },
+    /// A number that is no position.
+    #[error("frame {frame}: the position of {joint} is not finite", joint = .joint.name())]
+    #[allow(missing_docs)]
+    NotFinite { frame: usize, joint: Joint },
+}
+
+impl Motion {
+    /// A motion of joint positions in metres, Y up, at [`FRAMES_PER_SECOND`].
+    ///
+    /// # Errors
+    ///
+    /// If there is no frame or a position is not finite.
+    pub fn from_joints(joints: Vec<[[f32; 3]; JOINTS]>) -> Result<Motion, MotionError> {
+        if joints.is_empty() {
+            return Err(MotionError::Empty);
+        }
+        for (frame, pose) in joints.iter().enumerate() {
+            for joint in Joint::ALL {
+                if !pose[joint.index()].iter().all(|x| x.is_finite()) {
+                    return Err(MotionError::NotFinite { frame, joint });
+                }
+            }
+        }
+        Ok(Motion {
+            joints,
+            features: None,
+        })
+    }
+
+    /// The motion of pose features (not normalised), which are kept beside its joints.
+    ///
+    /// # Shapes
+    ///
+    /// - `features`: `[frames, 263]`
+    ///
+    /// # Errors
+    ///
+    /// If there is no frame, the width is not 263, or a position is not finite.
+    pub fn from_features(features: Tensor<2>) -> Result<Motion, MotionError> {
+        let [frames, width] = features.dims();
+        if width != POSE_FEATURES {
+            return Err(MotionError::Width { found: width });
+        }
+        if frames == 0 {
+            return Err(MotionError::Empty);
+        }
+        let positions = host(joints(features.clone().unsqueeze()));
+        let positions = positions
+            .chunks_exact(3 * JOINTS)
+            .map(|pose| std::array::from_fn(|j| std::array::from_fn(|axis| pose[3 * j + axis])))
+            .collect();
+        let rows = host(features)
+            .chunks_exact(POSE_FEATURES)
+            .map(|row| row.try_into().expect("rows of 263"))
+            .collect();
+        Ok(Motion {
+            features: Some(rows),
+            ..Motion::from_joints(positions)?
+        })
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Length in seconds.
+    pub fn seconds(&self) -> f32 {
+        self.frames() as f32 / FRAMES_PER_SECOND
+    }
+
+    /// Joint positions in metres, one pose a frame, indexed by [`Joint::index`].
+    pub fn joints(&self) -> &[[[f32; 3]; JOINTS]] {
+        &self.joints
+    }
+
+    /// The pose features the motion came from, if it came from features.
+    pub fn features(&self) -> Option<&[[f32; POSE_FEATURES]]> {
+        self.features.as_deref()
+    }
+
+    /// Where a joint is at a frame.
+    ///
+    /// # Panics
+    ///
+    /// If the frame is past the end.
+    pub fn position(&self, frame: usize, joint: Joint) -> [f32; 3] {
+        self.joints[frame][joint.index()]
+    }
+
+    /// Mean distance in metres between the joints of two motions, over the frames they share.
+    pub fn distance(&self, other: &Motion) -> f32 {
+        let pairs = self
+            .joints
+            .iter()
+            .flatten()
+            .zip(other.joints.iter().flatten());
+        let (sum, count) = pairs.fold((0.0, 0), |(sum, count), (a, b)| {
+            let squared: f32 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+            (sum + f64::from(squared.sqrt()), count + 1)
+        });
+        (sum / f64::from(count.max(1))) as f32
+    }
+
+    /// Writes the joints as NumPy does: `.npy`, 32-bit floats, `(frames, 22, 3)`.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written; nothing is left half-written.
+    pub fn save_joints(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
+        let values = self.joints.as_flattened().as_flattened();
+        npy::write(path, values, &[self.frames(), JOINTS, 3])
+    }
+}
+
+fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor
+        .into_data()
+        .convert::<f32>()
+        .into_vec()
+        .expect("converted to f32")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+
+    #[test]
+    fn features_keep_their_motion_company() {
+        let features = Tensor::<2>::ones([7, POSE_FEATURES], &Device::flex());
+        let motion = Motion::from_features(features).unwrap();
+        assert_eq!(motion.frames(), 7);
+        assert_eq!(motion.seconds(), 0.35);
+        assert_eq!(motion.position(0, Joint::Pelvis), [0.0, 1.0, 0.0]);
+        assert_eq!(motion.features().unwrap().len(), 7);
+        assert_eq!(motion.distance(&motion), 0.0);
+    }
+
+    #[test]
+    fn what_is_no_motion_says_why() {
+        assert!(matches!(
+            Motion::from_joints(vec![]),
+            Err(MotionError::Empty)
+        ));
+        let narrow = Tensor::<2>::ones([7, 251], &Device::flex());
+        let message = Motion::from_features(narrow).unwrap_err().to_string();
+        assert!(
+            message.contains("263") && message.contains("251"),
+            "{message}"
+        );
+
+        let mut joints = vec![[[0.0; 3]; JOINTS]; 3];
+        joints[2][Joint::Head.index()][1] = f32::NAN;
+        let message = Motion::from_joints(joints).unwrap_err().to_string();
+        assert!(
+            message.contains("frame 2") && message.contains("head"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn joints_are_saved_in_humanml3d_shape() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("joints.npy");
+        let mut joints = vec![[[0.0; 3]; JOINTS]; 2];
+        joints[1][Joint::RightWrist.index()] = [1.0, 2.0, 3.0];
+        Motion::from_joints(joints)
+            .unwrap()
+            .save_joints(&path)
+            .unwrap();
+        let array = npy::read(&path).unwrap();
+        assert_eq!(array.shape, [2, 22, 3]);
+        assert_eq!(array.values[array.values.len() - 3..], [1.0, 2.0, 3.0]);
+    }
+}

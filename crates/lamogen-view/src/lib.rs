@@ -1,0 +1,1 @@
+//! Pictures of motion: stick-figure strips and Laban curves
