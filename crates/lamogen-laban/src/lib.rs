@@ -1,1 +1,27 @@
-//! Laban movement analysis of motion: Weight, Time, Flow and Shape, tags, targets and loss, differentiable
+//! Laban movement analysis as numbers: Weight, Time, Flow and Shape of a motion at every frame,
+//! the words that ask for more or less of them, and the loss that compares the two.
+//!
+//! ```text
+//! joints ──LabanFeatures──▶ features ──Target──▶ loss per component
+//! [batch, frames, 22, 3]    [batch, frames, 4]     [batch, 4]
+//! tags ─▶ Scale ────────────────────────┘
+//! ```
+//!
+//! Everything on tensors is differentiable and works on whole batches of motions of different
+//! lengths. Definitions follow LaMoGen (arXiv 2509.24469), section "Laban Effort and Shape
+//! Quantification" and appendix, after Samadani et al. 2020.
+
+mod effectors;
+mod features;
+mod loss;
+mod operator;
+mod series;
+mod smoothing;
+mod tags;
+
+pub use effectors::{EffectorError, EndEffectors};
+pub use features::{LabanFeatures, LabanOptions};
+pub use loss::{Divisor, Target};
+pub use series::{LabanSeries, Summary};
+pub use smoothing::{Gaussian, GaussianError, Smoothing};
+pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};

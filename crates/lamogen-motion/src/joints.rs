@@ -118,7 +118,7 @@ mod tests {
             .narrow(2, joint.index(), 1);
         point
             .into_data()
-            .to_vec::<f32>()
+            .try_to_vec::<f32>()
             .unwrap()
             .try_into()
             .unwrap()

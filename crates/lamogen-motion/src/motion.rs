@@ -148,7 +148,7 @@ fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor
         .into_data()
         .convert::<f32>()
-        .into_vec()
+        .try_into_vec()
         .expect("converted to f32")
 }
 

@@ -149,7 +149,10 @@ mod tests {
 
     fn load(mean: &[f32], std: &[f32]) -> Result<Normalization, NormalizationError> {
         let folder = tempfile::tempdir().unwrap();
-        let (mean_path, std_path) = (folder.path().join("mean.npy"), folder.path().join("std.npy"));
+        let (mean_path, std_path) = (
+            folder.path().join("mean.npy"),
+            folder.path().join("std.npy"),
+        );
         npy::write(&mean_path, mean, &[mean.len()]).unwrap();
         npy::write(&std_path, std, &[std.len()]).unwrap();
         Normalization::from_files(mean_path, std_path, POSE_FEATURES, &Device::flex())
@@ -192,6 +195,9 @@ mod tests {
         let mut mean = [0.0; POSE_FEATURES];
         mean[3] = f32::INFINITY;
         let message = load(&mean, &[1.0; POSE_FEATURES]).unwrap_err().to_string();
-        assert!(message.contains("mean.npy") && message.contains("root height"), "{message}");
+        assert!(
+            message.contains("mean.npy") && message.contains("root height"),
+            "{message}"
+        );
     }
 }

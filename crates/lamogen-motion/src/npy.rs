@@ -144,7 +144,10 @@ mod tests {
 
         let error = read_bytes(&bytes(&[1i32, 2]), "numbers.npy").unwrap_err();
         let message = error.to_string();
-        assert!(message.contains("numbers.npy") && message.contains("i4"), "{message}");
+        assert!(
+            message.contains("numbers.npy") && message.contains("i4"),
+            "{message}"
+        );
     }
 
     #[test]
@@ -153,7 +156,11 @@ mod tests {
         assert!(matches!(error, NpyError::Io { .. }));
         assert!(error.to_string().contains("no/such/mean.npy"));
 
-        for damaged in [&b"PK\x03\x04 not an array"[..], &bytes(&[1.0f64; 8])[..100], b""] {
+        for damaged in [
+            &b"PK\x03\x04 not an array"[..],
+            &bytes(&[1.0f64; 8])[..100],
+            b"",
+        ] {
             let error = read_bytes(damaged, "mean.npy").unwrap_err();
             assert!(matches!(error, NpyError::Format { .. }), "{error}");
             assert!(error.to_string().contains("mean.npy"));

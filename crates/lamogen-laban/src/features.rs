@@ -1,0 +1,326 @@
+//! Weight, Time, Flow and Shape of joint positions.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use lamogen_motion::JOINTS;
+
+use crate::effectors::EndEffectors;
+use crate::operator::TimeOperator;
+use crate::smoothing::Smoothing;
+use crate::tags::COMPONENTS;
+
+/// Added to squared norms, so that a resting joint has a finite gradient.
+const RESTING: f32 = 1e-12;
+
+/// How Laban features are measured. The default is the paper's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LabanOptions {
+    /// Smoothing along time before the differences.
+    pub smoothing: Smoothing,
+    /// The joints whose movement counts for Weight, Time and Flow.
+    pub end_effectors: EndEffectors,
+}
+
+/// The Laban features of motions of given lengths.
+///
+/// Built once for a batch; [`measure`](Self::measure) is then a differentiable function of the
+/// joints. With `v`, `a`, `j` the first, second and third difference per frame of the smoothed
+/// positions (paper, appendix "Detailed LMA Quantification Formulas"):
+///
+/// - Weight: `Σ mass · ‖v‖²` over the end-effectors
+/// - Time: `Σ ‖a‖`
+/// - Flow: `Σ ‖j‖`
+/// - Shape: volume in m³ of the box around all 22 joints, aligned with the axes
+///
+/// The first 1, 2, 3 frames of Weight, Time, Flow have no difference and hold 0, as do all frames
+/// past a motion's length; what stands there in the joints counts nowhere.
+#[derive(Clone, Debug)]
+pub struct LabanFeatures {
+    frames: usize,
+    lengths: Vec<usize>,
+    smooth: Tensor<3>,
+    differences: Tensor<3>,
+    effectors: Tensor<1, Int>,
+    masses: Tensor<1>,
+    mask: Tensor<3>,
+}
+
+impl LabanFeatures {
+    /// Prepares to measure a batch of motions of the given lengths, padded to `frames` frames.
+    ///
+    /// # Panics
+    ///
+    /// If a length is 0 or above `frames`, or there is none.
+    pub fn new(options: &LabanOptions, frames: usize, lengths: &[usize], device: &Device) -> Self {
+        assert!(
+            !lengths.is_empty() && lengths.iter().all(|&length| (1..=frames).contains(&length)),
+            "expected lengths from 1 to {frames}, found {lengths:?}"
+        );
+        // One matrix serves the whole batch when all motions are equally long.
+        let distinct = match lengths {
+            [first, rest @ ..] if rest.iter().all(|length| length == first) => &lengths[..1],
+            _ => lengths,
+        };
+        let operators: Vec<[TimeOperator; 4]> = distinct
+            .iter()
+            .map(|&length| TimeOperator::kinematics(options.smoothing, frames, length))
+            .collect();
+        let matrix = |series: std::ops::Range<usize>| {
+            let values: Vec<f32> = operators
+                .iter()
+                .flat_map(|operators| &operators[series.clone()])
+                .flat_map(TimeOperator::values)
+                .collect();
+            let shape = [operators.len(), series.len() * frames, frames];
+            Tensor::from_data(TensorData::new(values, shape), device)
+        };
+        let mask: Vec<f32> = operators
+            .iter()
+            .flat_map(|[position, velocity, acceleration, jerk]| {
+                [velocity, acceleration, jerk, position].map(TimeOperator::mask)
+            })
+            .flatten()
+            .collect();
+        let mask = TensorData::new(mask, [operators.len(), COMPONENTS, frames]);
+        let joints: Vec<i32> = options
+            .end_effectors
+            .joints()
+            .map(|joint| joint.index() as i32)
+            .collect();
+        let masses: Vec<f32> = options.end_effectors.masses().collect();
+        LabanFeatures {
+            frames,
+            lengths: lengths.to_vec(),
+            smooth: matrix(0..1),
+            differences: matrix(1..4),
+            effectors: Tensor::from_data(joints.as_slice(), device),
+            masses: Tensor::from_data(masses.as_slice(), device),
+            mask: Tensor::<3>::from_data(mask, device).swap_dims(1, 2),
+        }
+    }
+
+    /// The features of joint positions.
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: `[batch, frames, 22, 3]` in metres
+    /// - output: `[batch, frames, 4]`: Weight, Time, Flow, Shape
+    ///
+    /// # Panics
+    ///
+    /// If the batch or the number of frames is not what was prepared for.
+    pub fn measure(&self, joints: Tensor<4>) -> Tensor<3> {
+        let [batch, frames, count, _] = joints.dims();
+        assert_eq!(
+            [batch, frames, count],
+            [self.lengths.len(), self.frames, JOINTS],
+            "joints must be those of the motions that were prepared for"
+        );
+        let shape = self.shape(joints.clone());
+        Tensor::cat(vec![self.effort(joints), shape], 2) * self.mask.clone()
+    }
+
+    /// Lengths of the motions, in frames.
+    pub fn lengths(&self) -> &[usize] {
+        &self.lengths
+    }
+
+    /// Weight, Time and Flow `[batch, frames, 3]`.
+    fn effort(&self, joints: Tensor<4>) -> Tensor<3> {
+        let [batch, frames, _, _] = joints.dims();
+        let count = self.masses.dims()[0];
+        let effectors =
+            joints
+                .select(2, self.effectors.clone())
+                .reshape([batch, frames, 3 * count]);
+        let squared = self
+            .differences
+            .clone()
+            .matmul(effectors)
+            .reshape([batch, 3, frames * count, 3])
+            .square()
+            .sum_dim(3)
+            .reshape([batch, 3, frames, count]);
+        let weight = squared.clone().narrow(1, 0, 1) * self.masses.clone().unsqueeze();
+        let rates = (squared.narrow(1, 1, 2) + RESTING).sqrt();
+        Tensor::cat(vec![weight, rates], 1)
+            .sum_dim(3)
+            .reshape([batch, 3, frames])
+            .swap_dims(1, 2)
+    }
+
+    /// Volume of the bounding box `[batch, frames, 1]`.
+    fn shape(&self, joints: Tensor<4>) -> Tensor<3> {
+        let [batch, frames, count, _] = joints.dims();
+        let smooth = self
+            .smooth
+            .clone()
+            .matmul(joints.reshape([batch, frames, 3 * count]))
+            .reshape([batch, frames, count, 3]);
+        let extent = (smooth.clone().max_dim(2) - smooth.min_dim(2)).reshape([batch, frames, 3]);
+        let side = |axis: usize| extent.clone().narrow(2, axis, 1);
+        side(0) * side(1) * side(2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::smoothing::Gaussian;
+    use crate::tags::Component;
+    use burn::tensor::Distribution;
+
+    const FRAMES: usize = 30;
+
+    /// A body whose joints swing, each in its own way.
+    fn swinging(speed: f32) -> Tensor<4> {
+        let mut values = Vec::new();
+        for frame in 0..FRAMES {
+            for joint in 0..JOINTS {
+                for axis in 0..3 {
+                    let phase = (joint * 3 + axis) as f32;
+                    let angle = speed * 0.2 * frame as f32 + phase;
+                    values.push((phase * 0.7).sin() + 0.1 * angle.sin());
+                }
+            }
+        }
+        let data = TensorData::new(values, [1, FRAMES, JOINTS, 3]);
+        Tensor::from_data(data, &Device::flex())
+    }
+
+    fn measure(joints: Tensor<4>, options: &LabanOptions) -> Tensor<3> {
+        let [batch, frames, _, _] = joints.dims();
+        LabanFeatures::new(options, frames, &vec![frames; batch], &joints.device()).measure(joints)
+    }
+
+    fn every_smoothing() -> [LabanOptions; 3] {
+        [
+            Smoothing::None,
+            Smoothing::Positions(Gaussian::PAPER),
+            Smoothing::EachDifference(Gaussian::PAPER),
+        ]
+        .map(|smoothing| LabanOptions {
+            smoothing,
+            ..LabanOptions::default()
+        })
+    }
+
+    fn largest(tensor: Tensor<3>) -> f32 {
+        tensor.abs().max().into_scalar()
+    }
+
+    fn component(features: &Tensor<3>, component: Component) -> Tensor<3> {
+        features.clone().narrow(2, component.index(), 1)
+    }
+
+    #[test]
+    fn a_still_pose_has_no_effort() {
+        let pose = Tensor::<4>::random(
+            [1, 1, JOINTS, 3],
+            Distribution::Uniform(-1.0, 1.0),
+            &Device::flex(),
+        );
+        for options in every_smoothing() {
+            let features = measure(pose.clone().repeat_dim(1, FRAMES), &options);
+            assert!(largest(features.clone().narrow(2, 0, 3)) < 1e-5);
+            assert!(largest(component(&features, Component::Shape)) > 0.1);
+        }
+    }
+
+    #[test]
+    fn moving_the_whole_motion_changes_nothing() {
+        let moved = swinging(1.0) + Tensor::<1>::from([2.0, 0.5, -3.0]).unsqueeze();
+        for options in every_smoothing() {
+            let before = measure(swinging(1.0), &options);
+            let change = largest(measure(moved.clone(), &options) - before.clone());
+            assert!(change < 2e-5 * largest(before), "{change}");
+        }
+    }
+
+    #[test]
+    fn turning_the_motion_changes_nothing_but_shape() {
+        let (sin, cos) = 0.7f32.sin_cos();
+        let turn = Tensor::<2>::from([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]);
+        let turned = swinging(1.0).matmul(turn.unsqueeze());
+        for options in every_smoothing() {
+            let before = measure(swinging(1.0), &options);
+            let after = measure(turned.clone(), &options);
+            for effort in [Component::Weight, Component::Time, Component::Flow] {
+                let (before, after) = (component(&before, effort), component(&after, effort));
+                let change = largest(after - before.clone()) / largest(before);
+                assert!(change < 1e-5, "{effort}: {change}");
+            }
+            let shape = |features| component(features, Component::Shape);
+            assert!(largest(shape(&after) - shape(&before)) > 0.01);
+        }
+    }
+
+    #[test]
+    fn twice_the_step_is_four_times_the_weight() {
+        for options in every_smoothing() {
+            let ramp = |step: f32| {
+                let frames: Vec<f32> = (0..FRAMES).map(|t| step * t as f32).collect();
+                let path: Tensor<4> = Tensor::<1>::from_floats(frames.as_slice(), &Device::flex())
+                    .reshape([1, FRAMES, 1, 1]);
+                path.repeat(&[1, 1, JOINTS, 3])
+            };
+            let weight = |step| component(&measure(ramp(step), &options), Component::Weight);
+            let difference = largest(weight(0.02) - weight(0.01) * 4.0);
+            assert!(difference < 1e-5 * largest(weight(0.02)), "{difference}");
+        }
+    }
+
+    #[test]
+    fn the_first_frames_hold_zero() {
+        let features = measure(swinging(1.0), &LabanOptions::default());
+        let values = features.into_data().try_to_vec::<f32>().unwrap();
+        for component in Component::ALL {
+            let zeros = [1, 2, 3, 0][component.index()];
+            for frame in 0..4 {
+                let value = values[frame * COMPONENTS + component.index()];
+                assert_eq!(
+                    value == 0.0,
+                    frame < zeros,
+                    "{component} at {frame}: {value}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn padding_frames_change_nothing() {
+        let device = Device::flex();
+        for options in every_smoothing() {
+            let alone = measure(swinging(1.0).narrow(1, 0, 17), &options);
+            let noise = Tensor::random(
+                [1, FRAMES - 17, JOINTS, 3],
+                Distribution::Normal(0.0, 9.0),
+                &device,
+            );
+            let padded = Tensor::cat(vec![swinging(1.0).narrow(1, 0, 17), noise], 1);
+            let batch = Tensor::cat(vec![padded, swinging(2.0)], 0);
+            let features = LabanFeatures::new(&options, FRAMES, &[17, FRAMES], &device);
+            let batch = features.measure(batch);
+
+            let first = batch.clone().narrow(0, 0, 1);
+            assert!(largest(first.clone().narrow(1, 0, 17) - alone) < 1e-6);
+            assert_eq!(largest(first.narrow(1, 17, FRAMES - 17)), 0.0);
+            let second = measure(swinging(2.0), &options);
+            assert!(largest(batch.narrow(0, 1, 1) - second) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn masses_enter_weight_alone() {
+        let heavy = LabanOptions {
+            end_effectors: EndEffectors::new(EndEffectors::default().joints().map(|j| (j, 3.0)))
+                .unwrap(),
+            ..LabanOptions::default()
+        };
+        let once = measure(swinging(1.0), &LabanOptions::default());
+        let thrice = measure(swinging(1.0), &heavy);
+        let weight =
+            component(&thrice, Component::Weight) - component(&once, Component::Weight) * 3.0;
+        assert!(largest(weight) < 1e-6);
+        assert_eq!(largest(thrice.narrow(2, 1, 3) - once.narrow(2, 1, 3)), 0.0);
+    }
+}

@@ -1,0 +1,102 @@
+//! Laban features of one motion on the host.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use lamogen_motion::{JOINTS, Motion};
+
+use crate::features::{LabanFeatures, LabanOptions};
+use crate::tags::{COMPONENTS, Component};
+
+/// How a series becomes one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Summary {
+    /// The largest value over time: the original definition of the Laban components (paper,
+    /// section "Laban Effort and Shape Quantification").
+    #[default]
+    Maximum,
+    /// The mean over all frames.
+    Mean,
+}
+
+/// Weight, Time, Flow and Shape of one motion, a row a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabanSeries {
+    frames: Vec<[f32; COMPONENTS]>,
+}
+
+impl LabanSeries {
+    /// Measures a motion, on the CPU.
+    pub fn of(motion: &Motion, options: &LabanOptions) -> LabanSeries {
+        let device = Device::flex();
+        let frames = motion.frames();
+        let positions = motion.joints().as_flattened().as_flattened().to_vec();
+        let joints = TensorData::new(positions, [1, frames, JOINTS, 3]);
+        let features = LabanFeatures::new(options, frames, &[frames], &device);
+        let measured = features.measure(Tensor::from_data(joints, &device));
+        LabanSeries::from_tensor(measured.reshape([frames, COMPONENTS]))
+    }
+
+    /// The series of features `[frames, 4]`.
+    pub fn from_tensor(features: Tensor<2>) -> LabanSeries {
+        let values = features
+            .into_data()
+            .convert::<f32>()
+            .try_into_vec::<f32>()
+            .expect("converted to f32");
+        LabanSeries {
+            frames: values.as_chunks().0.to_vec(),
+        }
+    }
+
+    /// `[Weight, Time, Flow, Shape]` at every frame.
+    pub fn frames(&self) -> &[[f32; COMPONENTS]] {
+        &self.frames
+    }
+
+    /// One component over time.
+    pub fn component(&self, component: Component) -> impl ExactSizeIterator<Item = f32> + '_ {
+        self.frames.iter().map(move |row| row[component.index()])
+    }
+
+    /// One number a component.
+    pub fn summary(&self, summary: Summary) -> [f32; COMPONENTS] {
+        Component::ALL.map(|component| {
+            let values = self.component(component);
+            match summary {
+                Summary::Maximum => values.fold(0.0, f32::max),
+                Summary::Mean => {
+                    let count = values.len().max(1) as f64;
+                    (values.map(f64::from).sum::<f64>() / count) as f32
+                }
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summaries_are_maximum_and_mean_over_time() {
+        let series = LabanSeries::from_tensor(Tensor::from([
+            [0.0, 1.0, 4.0, 2.0],
+            [3.0, 0.0, 0.0, 2.0],
+            [3.0, 2.0, 2.0, 2.0],
+        ]));
+        assert_eq!(series.summary(Summary::Maximum), [3.0, 2.0, 4.0, 2.0]);
+        assert_eq!(series.summary(Summary::Mean), [2.0, 1.0, 2.0, 2.0]);
+        let time: Vec<_> = series.component(Component::Time).collect();
+        assert_eq!(time, [1.0, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn a_motion_is_measured_on_the_host() {
+        let mut pose = [[0.0; 3]; JOINTS];
+        pose[15] = [1.0, 2.0, 0.5];
+        let motion = Motion::from_joints(vec![pose; 10]).unwrap();
+        let series = LabanSeries::of(&motion, &LabanOptions::default());
+        let summary = series.summary(Summary::Maximum);
+        assert!((summary[3] - 1.0).abs() < 1e-5);
+        assert!(summary[..3].iter().all(|&effort| effort < 1e-5));
+    }
+}

@@ -1,0 +1,94 @@
+//! Gaussian smoothing along time, which keeps differences from being noise.
+
+/// A Gaussian window over frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    size: usize,
+    variance: f32,
+}
+
+/// What cannot be a Gaussian window.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum GaussianError {
+    /// A window without a middle frame.
+    #[error("the smoothing window must have an odd number of frames, found {0}")]
+    Size(usize),
+    /// A variance that is not a positive number.
+    #[error("the variance of the smoothing must be finite and above 0, found {0}")]
+    Variance(f32),
+}
+
+impl Gaussian {
+    /// 11 frames with a variance of 10 (paper, section "Implementation Details").
+    pub const PAPER: Gaussian = Gaussian {
+        size: 11,
+        variance: 10.0,
+    };
+
+    /// A window of `size` frames, with a variance in frames².
+    ///
+    /// # Errors
+    ///
+    /// If the size is even (0 included) or the variance not finite and positive.
+    pub fn new(size: usize, variance: f32) -> Result<Gaussian, GaussianError> {
+        if size.is_multiple_of(2) {
+            return Err(GaussianError::Size(size));
+        }
+        if !variance.is_finite() || variance <= 0.0 {
+            return Err(GaussianError::Variance(variance));
+        }
+        Ok(Gaussian { size, variance })
+    }
+
+    /// The weights of the window, which sum to 1.
+    pub fn kernel(&self) -> Vec<f64> {
+        let middle = (self.size / 2) as f64;
+        let weights: Vec<f64> = (0..self.size)
+            .map(|i| (-(i as f64 - middle).powi(2) / (2.0 * f64::from(self.variance))).exp())
+            .collect();
+        let sum: f64 = weights.iter().sum();
+        weights.into_iter().map(|weight| weight / sum).collect()
+    }
+}
+
+/// Where positions are smoothed before they are differenced. Frames beyond the ends repeat the
+/// first and the last one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Smoothing {
+    /// Not at all.
+    None,
+    /// Once, on the positions (paper, appendix "Detailed LMA Quantification Formulas").
+    Positions(Gaussian),
+    /// Before each difference: positions, velocity and acceleration (paper, section
+    /// "Implementation Details").
+    EachDifference(Gaussian),
+}
+
+impl Default for Smoothing {
+    fn default() -> Self {
+        Smoothing::Positions(Gaussian::PAPER)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_kernel_sums_to_one_and_is_even() {
+        let kernel = Gaussian::PAPER.kernel();
+        assert_eq!(kernel.len(), 11);
+        assert!((kernel.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(kernel[0], kernel[10]);
+        // exp(-25 / 20) against exp(0).
+        assert!((kernel[0] / kernel[5] - (-1.25f64).exp()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_window_needs_a_middle_and_a_width() {
+        assert_eq!(Gaussian::new(10, 1.0), Err(GaussianError::Size(10)));
+        assert_eq!(Gaussian::new(0, 1.0), Err(GaussianError::Size(0)));
+        assert_eq!(Gaussian::new(3, 0.0), Err(GaussianError::Variance(0.0)));
+        assert!(Gaussian::new(3, f32::NAN).is_err());
+    }
+}

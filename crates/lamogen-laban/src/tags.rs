@@ -1,0 +1,299 @@
+//! The words of Laban movement analysis and the numbers they stand for.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Number of Laban components.
+pub const COMPONENTS: usize = 4;
+
+/// One of the four quantities that are measured and steered.
+///
+/// `component as usize` is its index on the last axis of feature tensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Component {
+    /// Kinetic energy of the end-effectors.
+    Weight,
+    /// Their acceleration.
+    Time,
+    /// Their jerk.
+    Flow,
+    /// Volume of the body's bounding box.
+    Shape,
+}
+
+impl Component {
+    /// Every component, in index order.
+    pub const ALL: [Component; COMPONENTS] = [
+        Component::Weight,
+        Component::Time,
+        Component::Flow,
+        Component::Shape,
+    ];
+
+    /// Index on the last axis of feature tensors.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl fmt::Display for Component {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Component::Weight => "Weight",
+            Component::Time => "Time",
+            Component::Flow => "Flow",
+            Component::Shape => "Shape",
+        })
+    }
+}
+
+/// A word that asks for less or more of one component.
+///
+/// ```
+/// use lamogen_laban::{Component, Tag};
+///
+/// let tag: Tag = "sudden".parse().unwrap();
+/// assert_eq!(tag.component(), Component::Time);
+/// assert_eq!(tag.scale(), 1.2);
+/// assert!("wobbly".parse::<Tag>().is_err());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Tag {
+    /// Little Weight.
+    Light,
+    /// Much Weight.
+    Strong,
+    /// Little Time.
+    Sustained,
+    /// Much Time.
+    Sudden,
+    /// Little Flow.
+    Bound,
+    /// Much Flow.
+    Free,
+    /// Little Shape.
+    Near,
+    /// Much Shape.
+    Far,
+}
+
+/// A word that is no tag.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("unknown Laban tag {found:?}; known tags are {known}", known = known())]
+pub struct TagError {
+    /// The word.
+    pub found: String,
+}
+
+fn known() -> String {
+    let words: Vec<_> = Tag::ALL.iter().map(Tag::to_string).collect();
+    words.join(", ")
+}
+
+impl Tag {
+    /// Every tag, the small value of each component before the large one.
+    pub const ALL: [Tag; 2 * COMPONENTS] = [
+        Tag::Light,
+        Tag::Strong,
+        Tag::Sustained,
+        Tag::Sudden,
+        Tag::Bound,
+        Tag::Free,
+        Tag::Near,
+        Tag::Far,
+    ];
+
+    /// The component that the tag speaks of.
+    pub const fn component(self) -> Component {
+        match self {
+            Tag::Light | Tag::Strong => Component::Weight,
+            Tag::Sustained | Tag::Sudden => Component::Time,
+            Tag::Bound | Tag::Free => Component::Flow,
+            Tag::Near | Tag::Far => Component::Shape,
+        }
+    }
+
+    /// The factor on the component's baseline (paper, appendix, table "Laban Tag to Scale
+    /// Mappings").
+    pub const fn scale(self) -> f32 {
+        match self {
+            Tag::Light | Tag::Near => 0.5,
+            Tag::Strong | Tag::Far => 1.5,
+            Tag::Sustained | Tag::Bound => 0.8,
+            Tag::Sudden | Tag::Free => 1.2,
+        }
+    }
+}
+
+impl fmt::Display for Tag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Tag::Light => "light",
+            Tag::Strong => "strong",
+            Tag::Sustained => "sustained",
+            Tag::Sudden => "sudden",
+            Tag::Bound => "bound",
+            Tag::Free => "free",
+            Tag::Near => "near",
+            Tag::Far => "far",
+        })
+    }
+}
+
+impl FromStr for Tag {
+    type Err = TagError;
+
+    fn from_str(word: &str) -> Result<Self, Self::Err> {
+        let wanted = word.trim().to_lowercase();
+        Tag::ALL
+            .into_iter()
+            .find(|tag| tag.to_string() == wanted)
+            .ok_or(TagError { found: word.into() })
+    }
+}
+
+/// Factors on the baseline of `[Weight, Time, Flow, Shape]`; 1 asks for no change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale([f32; COMPONENTS]);
+
+/// What cannot be a scale.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ScaleError {
+    /// A factor that is negative, infinite or not a number.
+    #[error("the scale of {component} must be a finite number of at least 0, found {found}")]
+    #[allow(missing_docs)]
+    Value { component: Component, found: f32 },
+    /// Two tags for one component.
+    #[error("the tags {first} and {second} both speak of {component}; give one of them")]
+    #[allow(missing_docs)]
+    Conflict {
+        component: Component,
+        first: Tag,
+        second: Tag,
+    },
+}
+
+impl Scale {
+    /// No change of any component.
+    pub const NEUTRAL: Scale = Scale([1.0; COMPONENTS]);
+
+    /// Factors for Weight, Time, Flow and Shape.
+    ///
+    /// # Errors
+    ///
+    /// If a factor is negative or not finite.
+    pub fn new(factors: [f32; COMPONENTS]) -> Result<Scale, ScaleError> {
+        for component in Component::ALL {
+            let found = factors[component.index()];
+            if !found.is_finite() || found < 0.0 {
+                return Err(ScaleError::Value { component, found });
+            }
+        }
+        Ok(Scale(factors))
+    }
+
+    /// The factors of some tags; components without a tag keep 1.
+    ///
+    /// # Errors
+    ///
+    /// If two tags speak of one component (even the same tag twice).
+    pub fn from_tags(tags: &[Tag]) -> Result<Scale, ScaleError> {
+        let mut chosen: [Option<Tag>; COMPONENTS] = [None; COMPONENTS];
+        let mut scale = Scale::NEUTRAL;
+        for &tag in tags {
+            let component = tag.component();
+            if let Some(first) = chosen[component.index()].replace(tag) {
+                return Err(ScaleError::Conflict {
+                    component,
+                    first,
+                    second: tag,
+                });
+            }
+            scale.0[component.index()] = tag.scale();
+        }
+        Ok(scale)
+    }
+
+    /// The factors, in the order of [`Component::ALL`].
+    pub const fn factors(&self) -> [f32; COMPONENTS] {
+        self.0
+    }
+
+    /// The factor on a component.
+    pub const fn of(&self, component: Component) -> f32 {
+        self.0[component.index()]
+    }
+
+    /// Whether a change of this component is asked for.
+    pub fn changes(&self, component: Component) -> bool {
+        self.of(component) != 1.0
+    }
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Scale::NEUTRAL
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tag_parses_from_its_word_in_any_case() {
+        for tag in Tag::ALL {
+            assert_eq!(tag.to_string().parse(), Ok(tag));
+            assert_eq!(
+                format!(" {} ", tag.to_string().to_uppercase()).parse(),
+                Ok(tag)
+            );
+        }
+    }
+
+    #[test]
+    fn an_unknown_tag_lists_the_known_ones() {
+        let message = "heavy".parse::<Tag>().unwrap_err().to_string();
+        assert!(message.contains("\"heavy\""), "{message}");
+        for tag in Tag::ALL {
+            assert!(message.contains(&tag.to_string()), "{message}");
+        }
+    }
+
+    #[test]
+    fn tags_have_the_values_of_the_paper() {
+        let large = [Tag::Strong, Tag::Sudden, Tag::Free, Tag::Far];
+        let small = [Tag::Light, Tag::Sustained, Tag::Bound, Tag::Near];
+        assert_eq!(
+            Scale::from_tags(&large).unwrap().factors(),
+            [1.5, 1.2, 1.2, 1.5]
+        );
+        assert_eq!(
+            Scale::from_tags(&small).unwrap().factors(),
+            [0.5, 0.8, 0.8, 0.5]
+        );
+        assert_eq!(Scale::from_tags(&[]).unwrap(), Scale::NEUTRAL);
+    }
+
+    #[test]
+    fn two_tags_for_one_component_are_refused() {
+        for pair in [[Tag::Light, Tag::Strong], [Tag::Far, Tag::Far]] {
+            let message = Scale::from_tags(&pair).unwrap_err().to_string();
+            for tag in pair {
+                assert!(message.contains(&tag.to_string()), "{message}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_scale_must_be_finite_and_not_negative() {
+        for bad in [-0.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let message = Scale::new([1.0, 1.0, bad, 1.0]).unwrap_err().to_string();
+            assert!(
+                message.contains("Flow") && message.contains(&bad.to_string()),
+                "{message}"
+            );
+        }
+        assert!(Scale::new([0.0, 3.0, 1.0, 1.0]).is_ok());
+    }
+}
