@@ -1,1 +1,27 @@
-//! Two-pass Laban guidance of a diffusion model: noise schedule, DDIM, Adam on the text embedding
+//! Laban guidance of a text-to-motion diffusion model (LaMoGen, arXiv 2509.24469, section
+//! "Two-Step Guided Generation").
+//!
+//! ```text
+//! noise ──pass 1: baseline──▶ motion ──Laban features, scaled──▶ target
+//!   └─────pass 2: guided────▶ motion      ▲ at every step Adam moves the sentence embedding e,
+//!                                            so that the predicted motion's features reach it
+//! ```
+//!
+//! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
+//! deterministic: the same noise gives the same motion.
+
+mod error;
+mod guidance;
+mod guided;
+mod noise;
+mod observer;
+mod sampler;
+mod schedule;
+
+pub use error::{GuideError, Quantity, Stopped};
+pub use guidance::{Guidance, Preset, Update};
+pub use guided::Guided;
+pub use noise::noise;
+pub use observer::{Observer, Pass, Step};
+pub use sampler::{Batch, Sampler};
+pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};

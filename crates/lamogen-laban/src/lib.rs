@@ -14,10 +14,11 @@
 mod effectors;
 mod features;
 mod loss;
-mod operator;
+
 mod series;
 mod smoothing;
 mod tags;
+mod window;
 
 pub use effectors::{EffectorError, EndEffectors};
 pub use features::{LabanFeatures, LabanOptions};

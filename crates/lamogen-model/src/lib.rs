@@ -1,1 +1,23 @@
-//! Text-to-motion denoisers as burn modules: CLIP text tower, MotionDiffuse, checkpoints, tokenizers
+//! Text-to-motion denoisers as burn modules.
+//!
+//! ```text
+//! text ──Tokenizer──▶ tokens ──TextEncoder──▶ embedding e, context    (once a prompt)
+//! timesteps ─────────────────TimeEmbedding──▶ time                    (once a timestep)
+//! x_t, time, e, context ─────MotionDiffuse──▶ noise or clean motion   (every step)
+//! ```
+//!
+//! [`Denoiser`] is what guidance needs to know of a network; [`MotionDiffuse`] is the network of
+//! Zhang et al. 2022 (arXiv 2208.15001), whose public checkpoint loads as it is. Sizes come from a
+//! [`ModelConfig`], weights from a [`Checkpoint`].
+
+mod checkpoint;
+mod config;
+mod denoiser;
+mod network;
+mod tokenizer;
+
+pub use checkpoint::{Checkpoint, CheckpointError, Precision};
+pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
+pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
+pub use network::{CrossAttentionContext, MotionDiffuse};
+pub use tokenizer::{Tokenizer, TokenizerError, Tokens};

@@ -1,0 +1,75 @@
+//! What can stop a run.
+
+use std::fmt;
+
+use burn::tensor::Tensor;
+use lamogen_laban::Component;
+
+use crate::observer::Pass;
+
+/// What can go wrong in a run.
+#[derive(Debug, thiserror::Error)]
+pub enum GuideError {
+    /// A number of DDIM steps that there is no pass for.
+    #[error("expected 1 to {largest} DDIM steps, found {found}")]
+    #[allow(missing_docs)]
+    Steps { found: usize, largest: usize },
+    /// A guidance option that makes no sense.
+    #[error("guidance: {0}")]
+    Guidance(String),
+    /// The observer stopped the run.
+    #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
+    Stopped(Box<Stopped>),
+    /// Numbers left the range of 32-bit floats, or were never in it.
+    #[error(
+        "the {quantity} of {component} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}, motion {motion} of the batch); lower the learning rate or ask for a smaller change",
+        step = .index + 1
+    )]
+    NotFinite {
+        /// Loss or gradient.
+        quantity: Quantity,
+        /// The Laban component it belongs to.
+        component: Component,
+        /// The step, from 0.
+        index: usize,
+        /// How many steps the pass has.
+        steps: usize,
+        /// The step's timestep.
+        timestep: usize,
+        /// The motion's place in the batch, from 0.
+        motion: usize,
+    },
+}
+
+/// A number that guidance follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// The Laban loss.
+    Loss,
+    /// Its gradient with respect to the sentence embedding.
+    Gradient,
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Quantity::Loss => "Laban loss",
+            Quantity::Gradient => "gradient of the Laban loss",
+        })
+    }
+}
+
+/// What a stopped run has.
+#[derive(Clone, Debug)]
+pub struct Stopped {
+    /// The pass that was stopped.
+    pub pass: Pass,
+    /// The last step that was made, from 0.
+    pub index: usize,
+    /// How many steps the pass has.
+    pub steps: usize,
+    /// The clean motion as predicted at that step, normalised, `[batch, frames, features]`.
+    pub prediction: Tensor<3>,
+    /// The Laban loss of each motion at every step that was made; guided pass only.
+    pub loss: Vec<Vec<f32>>,
+}

@@ -1,0 +1,123 @@
+//! Options of the guided pass.
+
+use lamogen_laban::{Divisor, LabanOptions};
+
+use crate::error::GuideError;
+use crate::schedule::TRAINING_STEPS;
+
+/// When a step's update of the embedding takes effect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Update {
+    /// At once: the network is evaluated again with the new embedding (paper, section "Step 2").
+    #[default]
+    Immediate,
+    /// From the next step on: the evaluation that the gradient came from makes the step. Saves a
+    /// third of the work.
+    Lagged,
+}
+
+/// How the sentence embedding is moved. The default is [`Guidance::fast`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guidance {
+    /// Adam's learning rate.
+    pub learning_rate: f64,
+    /// Adam's decay of the first and second moment, which carry over from step to step.
+    pub betas: [f32; 2],
+    /// Adam's epsilon.
+    pub epsilon: f32,
+    /// Updates of the embedding at each DDIM step (the paper's K).
+    pub updates_per_step: usize,
+    /// When they take effect.
+    pub update: Update,
+    /// What the loss divides by.
+    pub divisor: Divisor,
+    /// Weight in the loss of components that the scale changes; the others weigh 1. Above 1,
+    /// targets are reached more exactly and the other components move more.
+    pub emphasis: f32,
+    /// How Laban features are measured.
+    pub laban: LabanOptions,
+}
+
+/// Guidance options together with the number of DDIM steps that they were chosen for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// The paper's numbers: 1000 steps, learning rate 0.005, loss relative to each frame.
+    Paper,
+    /// 100 steps, learning rate 0.05, loss relative to the mean over time: a tenth of the work, and
+    /// on the embedded model more selective than the paper's numbers.
+    #[default]
+    Fast,
+}
+
+impl Preset {
+    /// DDIM steps of each pass.
+    pub fn steps(self) -> usize {
+        match self {
+            Preset::Paper => TRAINING_STEPS,
+            Preset::Fast => 100,
+        }
+    }
+
+    /// The guidance options.
+    pub fn guidance(self) -> Guidance {
+        match self {
+            Preset::Paper => Guidance::paper(),
+            Preset::Fast => Guidance::fast(),
+        }
+    }
+}
+
+impl Guidance {
+    /// The paper's numbers (appendix, section "Hyperparameters"); meant for 1000 DDIM steps.
+    pub fn paper() -> Self {
+        Guidance {
+            learning_rate: 0.005,
+            betas: [0.7, 0.9],
+            epsilon: 1e-8,
+            updates_per_step: 1,
+            update: Update::Immediate,
+            divisor: Divisor::Frame,
+            emphasis: 1.0,
+            laban: LabanOptions::default(),
+        }
+    }
+
+    /// Ten times fewer steps, ten times as long, with all frames weighing alike.
+    pub fn fast() -> Self {
+        Guidance {
+            learning_rate: 0.05,
+            divisor: Divisor::Mean,
+            ..Guidance::paper()
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), GuideError> {
+        let problem = |expected: &str, found: &dyn std::fmt::Debug| {
+            Err(GuideError::Guidance(format!(
+                "expected {expected}, found {found:?}"
+            )))
+        };
+        if !self.learning_rate.is_finite() || self.learning_rate < 0.0 {
+            return problem("a finite learning rate of at least 0", &self.learning_rate);
+        }
+        if !self.betas.iter().all(|beta| (0.0..1.0).contains(beta)) {
+            return problem("betas from 0 to below 1", &self.betas);
+        }
+        if !self.epsilon.is_finite() || self.epsilon <= 0.0 {
+            return problem("a finite epsilon above 0", &self.epsilon);
+        }
+        if self.updates_per_step == 0 {
+            return problem("at least one update a step", &self.updates_per_step);
+        }
+        if !self.emphasis.is_finite() || self.emphasis < 0.0 {
+            return problem("a finite emphasis of at least 0", &self.emphasis);
+        }
+        Ok(())
+    }
+}
+
+impl Default for Guidance {
+    fn default() -> Self {
+        Guidance::fast()
+    }
+}

@@ -1,0 +1,289 @@
+//! The guided pass.
+
+use burn::optim::{Adam, AdamConfig, AdamState, Optimizer};
+use burn::tensor::Tensor;
+use lamogen_laban::{COMPONENTS, Component, LabanFeatures, Scale, Target};
+use lamogen_model::Denoiser;
+use lamogen_motion::joints;
+
+use crate::error::{GuideError, Quantity, Stopped};
+use crate::guidance::{Guidance, Update};
+use crate::observer::{Observer, Pass, Step};
+use crate::sampler::{Batch, Pose, Sampler};
+
+/// What the guided pass gives.
+#[derive(Clone, Debug)]
+pub struct Guided {
+    /// The motions, normalised, `[batch, frames, features]`.
+    pub motion: Tensor<3>,
+    /// Their Laban features, `[batch, frames, 4]`.
+    pub features: Tensor<3>,
+    /// Laban features of the baseline, `[batch, frames, 4]`.
+    pub baseline_features: Tensor<3>,
+    /// Laban features to reach, `[batch, frames, 4]`.
+    pub target_features: Tensor<3>,
+    /// The Laban loss of each motion at every step: `[step][motion]`.
+    pub loss: Vec<Vec<f32>>,
+}
+
+/// The sentence embedding on its way.
+struct Optimised {
+    embedding: Tensor<2>,
+    adam: Adam,
+    state: Option<AdamState<2>>,
+}
+
+/// The network's output and the Laban loss `[batch, 4]` of the motion it speaks of.
+struct Evaluation {
+    output: Tensor<3>,
+    loss: Tensor<2>,
+}
+
+/// An evaluation with the gradient of its loss; nothing of it on the tape.
+struct Gradient {
+    output: Tensor<3>,
+    /// Of each motion, summed over components.
+    loss: Vec<f32>,
+    /// With respect to the embedding.
+    embedding: Tensor<2>,
+}
+
+/// What stays the same through the pass.
+struct Goal<'s, 'a, D> {
+    sampler: &'s Sampler<'a, D>,
+    features: LabanFeatures,
+    target: Target,
+}
+
+impl<D: Denoiser> Sampler<'_, D> {
+    /// Pass 2: from the same noise towards the scaled Laban features of the baseline (paper,
+    /// section "Step 2: Laban-Guided Generation").
+    ///
+    /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there is one
+    /// scale for each motion.
+    ///
+    /// # Errors
+    ///
+    /// If an option makes no sense, the observer stops the run, or a loss or gradient is not
+    /// finite.
+    ///
+    /// # Panics
+    ///
+    /// If the numbers of motions differ.
+    pub fn guided(
+        &self,
+        batch: &Batch<D::Context>,
+        baseline: Tensor<3>,
+        scales: &[Scale],
+        guidance: &Guidance,
+        observer: &mut dyn Observer,
+    ) -> Result<Guided, GuideError> {
+        guidance.check()?;
+        let [_, frames, _] = baseline.dims();
+        let features =
+            LabanFeatures::new(&guidance.laban, frames, &batch.lengths, &baseline.device());
+        let baseline_features = features.measure(self.joints(baseline));
+        let target = Target::new(
+            baseline_features.clone(),
+            &batch.lengths,
+            scales,
+            guidance.divisor,
+            guidance.emphasis,
+        );
+        let goal = Goal {
+            sampler: self,
+            features,
+            target,
+        };
+        let (motion, loss) = goal.pursue(batch, guidance, observer)?;
+        Ok(Guided {
+            features: goal.features.measure(self.joints(motion.clone())),
+            target_features: goal.target.features(),
+            motion,
+            baseline_features,
+            loss,
+        })
+    }
+
+    fn joints(&self, normalized: Tensor<3>) -> Tensor<4> {
+        joints(self.normalization.denormalize(normalized))
+    }
+}
+
+impl<D: Denoiser> Goal<'_, '_, D> {
+    fn pursue(
+        &self,
+        batch: &Batch<D::Context>,
+        guidance: &Guidance,
+        observer: &mut dyn Observer,
+    ) -> Result<(Tensor<3>, Vec<Vec<f32>>), GuideError> {
+        let sampler = self.sampler;
+        let mut pose = sampler.start(batch);
+        let mut optimised = Optimised::new(batch.prompt.embedding.clone(), guidance);
+        let mut trace = Vec::new();
+        for (index, step) in sampler.steps().iter().enumerate() {
+            let mut gradient = self.gradient(&pose, index, &optimised.embedding)?;
+            for _ in 1..guidance.updates_per_step {
+                optimised.update(gradient.embedding, guidance.learning_rate);
+                gradient = self.gradient(&pose, index, &optimised.embedding)?;
+            }
+            optimised.update(gradient.embedding.clone(), guidance.learning_rate);
+            let output = match guidance.update {
+                Update::Lagged => gradient.output,
+                Update::Immediate => sampler.evaluate(&pose, index, optimised.embedding.clone()),
+            };
+            let prediction = sampler.clean(&pose.x, output.clone(), step);
+            pose.x = sampler.advance(pose.x, &prediction, output, step);
+            let observed = observer.step(&Step {
+                pass: Pass::Guided,
+                index,
+                steps: sampler.steps().len(),
+                timestep: step.timestep,
+                loss: Some(&gradient.loss),
+                gradient: Some(&gradient.embedding),
+                embedding: &optimised.embedding,
+                prediction: &prediction,
+            });
+            trace.push(gradient.loss);
+            if observed.is_break() {
+                return Err(GuideError::Stopped(Box::new(Stopped {
+                    pass: Pass::Guided,
+                    index,
+                    steps: sampler.steps().len(),
+                    prediction,
+                    loss: trace,
+                })));
+            }
+        }
+        Ok((pose.x, trace))
+    }
+
+    fn gradient(
+        &self,
+        pose: &Pose<'_, D::Context>,
+        index: usize,
+        embedding: &Tensor<2>,
+    ) -> Result<Gradient, GuideError> {
+        let leaf = embedding.clone().autodiff().require_grad();
+        let Evaluation { output, loss } = self.evaluate(pose, index, leaf.clone());
+        let output = output.inner();
+        let values = host(loss.clone().inner());
+        if let Some(place) = values.iter().position(|value| !value.is_finite()) {
+            let (motion, component) = (place / COMPONENTS, Component::ALL[place % COMPONENTS]);
+            return Err(self.not_finite(Quantity::Loss, component, index, motion));
+        }
+        let gradient = leaf
+            .grad_remove(&mut loss.sum().backward())
+            .expect("the loss depends on the embedding");
+        if let Some(motion) = first_not_finite(&gradient) {
+            let component = self.blame(pose, index, embedding, motion);
+            return Err(self.not_finite(Quantity::Gradient, component, index, motion));
+        }
+        Ok(Gradient {
+            output,
+            loss: values
+                .chunks_exact(COMPONENTS)
+                .map(|components| components.iter().sum())
+                .collect(),
+            embedding: gradient,
+        })
+    }
+
+    fn evaluate(
+        &self,
+        pose: &Pose<'_, D::Context>,
+        index: usize,
+        embedding: Tensor<2>,
+    ) -> Evaluation {
+        let sampler = self.sampler;
+        let output = sampler.evaluate(pose, index, embedding);
+        let clean = sampler.clean(&pose.x, output.clone(), &sampler.steps()[index]);
+        let features = self.features.measure(sampler.joints(clean));
+        Evaluation {
+            output,
+            loss: self.target.loss(features),
+        }
+    }
+
+    /// The component whose gradient is not finite for a motion; the first where each is finite
+    /// alone and only their sum is not.
+    fn blame(
+        &self,
+        pose: &Pose<'_, D::Context>,
+        index: usize,
+        embedding: &Tensor<2>,
+        motion: usize,
+    ) -> Component {
+        Component::ALL
+            .into_iter()
+            .find(|component| {
+                let leaf = embedding.clone().autodiff().require_grad();
+                let loss = self.evaluate(pose, index, leaf.clone()).loss;
+                let loss = loss.narrow(0, motion, 1).narrow(1, component.index(), 1);
+                leaf.grad(&loss.sum().backward())
+                    .is_some_and(|gradient| first_not_finite(&gradient).is_some())
+            })
+            .unwrap_or(Component::Weight)
+    }
+
+    fn not_finite(
+        &self,
+        quantity: Quantity,
+        component: Component,
+        index: usize,
+        motion: usize,
+    ) -> GuideError {
+        let steps = self.sampler.steps();
+        GuideError::NotFinite {
+            quantity,
+            component,
+            index,
+            steps: steps.len(),
+            timestep: steps[index].timestep,
+            motion,
+        }
+    }
+}
+
+impl Optimised {
+    fn new(embedding: Tensor<2>, guidance: &Guidance) -> Self {
+        let [first, second] = guidance.betas;
+        let adam = AdamConfig::new()
+            .with_beta_1(first)
+            .with_beta_2(second)
+            // burn's own default is 1e-5.
+            .with_epsilon(guidance.epsilon)
+            .build();
+        Optimised {
+            embedding,
+            adam,
+            state: None,
+        }
+    }
+
+    fn update(&mut self, gradient: Tensor<2>, learning_rate: f64) {
+        let (embedding, state) = self.adam.step(
+            learning_rate,
+            self.embedding.clone(),
+            gradient,
+            self.state.take(),
+        );
+        self.embedding = embedding;
+        self.state = state;
+    }
+}
+
+/// The first row that holds infinities or NaN.
+fn first_not_finite(rows: &Tensor<2>) -> Option<usize> {
+    // Zero times anything finite is zero.
+    let marks = host((rows.clone() * 0.0).sum_dim(1));
+    marks.iter().position(|mark| !mark.is_finite())
+}
+
+fn host(tensor: Tensor<2>) -> Vec<f32> {
+    tensor
+        .into_data()
+        .convert::<f32>()
+        .try_into_vec()
+        .expect("converted to f32")
+}

@@ -1,0 +1,65 @@
+//! Watching and stopping a run.
+
+use std::fmt;
+use std::ops::ControlFlow;
+
+use burn::tensor::Tensor;
+
+/// One of the two passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Pass {
+    /// The first, from text alone.
+    Baseline,
+    /// The second, towards the target.
+    Guided,
+}
+
+impl fmt::Display for Pass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Pass::Baseline => "baseline",
+            Pass::Guided => "guided",
+        })
+    }
+}
+
+/// A step that has just been made.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'a> {
+    /// The pass it belongs to.
+    pub pass: Pass,
+    /// Its number in the pass, from 0.
+    pub index: usize,
+    /// How many steps the pass has.
+    pub steps: usize,
+    /// The timestep that the network saw.
+    pub timestep: usize,
+    /// The Laban loss of each motion of the batch, before the step's last update; guided pass only.
+    pub loss: Option<&'a [f32]>,
+    /// The gradient of the last update, `[batch, d_condition]`; guided pass only.
+    pub gradient: Option<&'a Tensor<2>>,
+    /// The sentence embedding after the step, `[batch, d_condition]`.
+    pub embedding: &'a Tensor<2>,
+    /// The clean motion as predicted at this step, normalised, `[batch, frames, features]`.
+    pub prediction: &'a Tensor<3>,
+}
+
+/// Receives every step of a run and may stop it.
+///
+/// Closures are observers; `()` watches nothing.
+pub trait Observer {
+    /// Called after a step; [`ControlFlow::Break`] stops the run.
+    fn step(&mut self, step: &Step<'_>) -> ControlFlow<()>;
+}
+
+impl<F: FnMut(&Step<'_>) -> ControlFlow<()>> Observer for F {
+    fn step(&mut self, step: &Step<'_>) -> ControlFlow<()> {
+        self(step)
+    }
+}
+
+impl Observer for () {
+    fn step(&mut self, _step: &Step<'_>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}

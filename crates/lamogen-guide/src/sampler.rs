@@ -1,0 +1,160 @@
+//! DDIM sampling: the first pass, and the steps that both passes are made of.
+
+use burn::tensor::Tensor;
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Prediction, Prompt};
+use lamogen_motion::Normalization;
+
+use crate::error::{GuideError, Stopped};
+use crate::observer::{Observer, Pass, Step};
+use crate::schedule::{DdimStep, Schedule};
+
+/// A deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
+/// Generation").
+pub struct Sampler<'a, D> {
+    pub(crate) model: &'a D,
+    pub(crate) normalization: &'a Normalization,
+    steps: Vec<DdimStep>,
+    time: Tensor<2>,
+}
+
+/// What the motions of a batch start from.
+#[derive(Clone, Debug)]
+pub struct Batch<C> {
+    /// The encoded prompts.
+    pub prompt: Prompt<C>,
+    /// Start noise `[batch, frames, features]`; both passes start from it.
+    pub noise: Tensor<3>,
+    /// Frames of each motion; what is beyond them is padding.
+    pub lengths: Vec<usize>,
+}
+
+/// A batch within a pass: where it is and what the network needs beside the embedding.
+pub(crate) struct Pose<'a, C> {
+    pub(crate) x: Tensor<3>,
+    pub(crate) context: &'a C,
+    pub(crate) mask: FrameMask,
+}
+
+impl<'a, D: Denoiser> Sampler<'a, D> {
+    /// A sampler that makes `steps` steps a pass. `normalization` is that of the model's features.
+    ///
+    /// # Errors
+    ///
+    /// If there are no steps, or more than 1000.
+    pub fn new(
+        model: &'a D,
+        normalization: &'a Normalization,
+        steps: usize,
+    ) -> Result<Self, GuideError> {
+        let steps = Schedule::linear().ddim(steps)?;
+        let timesteps: Vec<usize> = steps.iter().map(|step| step.timestep).collect();
+        Ok(Sampler {
+            model,
+            normalization,
+            time: model.embed_timesteps(&timesteps),
+            steps,
+        })
+    }
+
+    /// The steps of a pass.
+    pub fn steps(&self) -> &[DdimStep] {
+        &self.steps
+    }
+
+    /// Pass 1: the motions that the text alone gives, normalised, `[batch, frames, features]`.
+    ///
+    /// # Errors
+    ///
+    /// If the observer stops the run.
+    pub fn baseline(
+        &self,
+        batch: &Batch<D::Context>,
+        observer: &mut dyn Observer,
+    ) -> Result<Tensor<3>, GuideError> {
+        let embedding = &batch.prompt.embedding;
+        let mut pose = self.start(batch);
+        for (index, step) in self.steps.iter().enumerate() {
+            let output = self.evaluate(&pose, index, embedding.clone());
+            let prediction = self.clean(&pose.x, output.clone(), step);
+            pose.x = self.advance(pose.x, &prediction, output, step);
+            let observed = observer.step(&Step {
+                pass: Pass::Baseline,
+                index,
+                steps: self.steps.len(),
+                timestep: step.timestep,
+                loss: None,
+                gradient: None,
+                embedding,
+                prediction: &prediction,
+            });
+            if observed.is_break() {
+                return Err(GuideError::Stopped(Box::new(Stopped {
+                    pass: Pass::Baseline,
+                    index,
+                    steps: self.steps.len(),
+                    prediction,
+                    loss: Vec::new(),
+                })));
+            }
+        }
+        Ok(pose.x)
+    }
+
+    pub(crate) fn start<'b>(&self, batch: &'b Batch<D::Context>) -> Pose<'b, D::Context> {
+        let [size, frames, _] = batch.noise.dims();
+        assert_eq!(
+            [size, size],
+            [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
+            "noise, lengths and prompts must be of as many motions"
+        );
+        Pose {
+            x: batch.noise.clone(),
+            context: &batch.prompt.context,
+            mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
+        }
+    }
+
+    /// The network's output at a step.
+    pub(crate) fn evaluate(
+        &self,
+        pose: &Pose<'_, D::Context>,
+        index: usize,
+        embedding: Tensor<2>,
+    ) -> Tensor<3> {
+        let input = DenoiserInput {
+            x_t: pose.x.clone(),
+            time: self.time.clone().narrow(0, index, 1),
+            embedding,
+            mask: pose.mask.clone(),
+        };
+        self.model.denoise(input, pose.context)
+    }
+
+    /// The clean motion that an output speaks of.
+    pub(crate) fn clean(&self, x: &Tensor<3>, output: Tensor<3>, step: &DdimStep) -> Tensor<3> {
+        match self.model.prediction() {
+            Prediction::Sample => output,
+            Prediction::Epsilon => {
+                (x.clone() - output * (1.0 - step.alpha).sqrt()) / step.alpha.sqrt()
+            }
+        }
+    }
+
+    /// `x` at the next timestep.
+    pub(crate) fn advance(
+        &self,
+        x: Tensor<3>,
+        clean: &Tensor<3>,
+        output: Tensor<3>,
+        step: &DdimStep,
+    ) -> Tensor<3> {
+        if step.next_alpha == 1.0 {
+            return clean.clone();
+        }
+        let noise = match self.model.prediction() {
+            Prediction::Epsilon => output,
+            Prediction::Sample => (x - output * step.alpha.sqrt()) / (1.0 - step.alpha).sqrt(),
+        };
+        clean.clone() * step.next_alpha.sqrt() + noise * (1.0 - step.next_alpha).sqrt()
+    }
+}

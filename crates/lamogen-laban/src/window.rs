@@ -1,0 +1,97 @@
+//! A Gaussian window drawn along the frames of a batch.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use crate::smoothing::Gaussian;
+
+/// Smooths series of given lengths. Before a motion's first frame the first repeats, after its
+/// last the last, so that padding cannot leak in.
+#[derive(Clone, Debug)]
+pub(crate) struct Window {
+    /// Row of `[batch * frames, …]` that stands at each place of the extended series.
+    rows: Tensor<1, Int>,
+    /// The kernel along the diagonal, `[1, frames, frames + 2 * reach]`: each sum runs over the
+    /// taps in their order, as a convolution's does. Differences of smoothed positions magnify the
+    /// last bit, so the order is worth keeping.
+    band: Tensor<3>,
+}
+
+impl Window {
+    /// A window over `frames` frames of motions of the given lengths; a length of 0 counts as 1.
+    pub(crate) fn new(
+        gaussian: &Gaussian,
+        frames: usize,
+        lengths: impl Iterator<Item = usize>,
+        device: &Device,
+    ) -> Self {
+        let kernel = gaussian.kernel();
+        let reach = kernel.len() / 2;
+        let extended = frames + 2 * reach;
+        let rows: Vec<i32> = lengths
+            .enumerate()
+            .flat_map(|(motion, length)| {
+                let last = length.max(1) - 1;
+                (0..extended)
+                    .map(move |t| (motion * frames + t.saturating_sub(reach).min(last)) as i32)
+            })
+            .collect();
+        let mut band = vec![0.0; frames * extended];
+        for (t, row) in band.chunks_exact_mut(extended).enumerate() {
+            row[t..t + kernel.len()].copy_from_slice(&kernel);
+        }
+        Window {
+            rows: Tensor::from_data(rows.as_slice(), device),
+            band: Tensor::from_data(TensorData::new(band, [1, frames, extended]), device),
+        }
+    }
+
+    /// Smooths `[batch, frames, channels]` along the frames.
+    pub(crate) fn smooth(&self, x: Tensor<3>) -> Tensor<3> {
+        let [batch, frames, channels] = x.dims();
+        let extended = self.band.dims()[2];
+        let x = x
+            .reshape([batch * frames, channels])
+            .select(0, self.rows.clone())
+            .reshape([batch, extended, channels]);
+        self.band.clone().matmul(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn smooth(series: &[f32], length: usize) -> Vec<f32> {
+        let device = Device::flex();
+        let frames = series.len();
+        let window = Window::new(&Gaussian::PAPER, frames, [length].into_iter(), &device);
+        let data = TensorData::new(series.to_vec(), [1, frames, 1]);
+        let smoothed = window.smooth(Tensor::from_data(data, &device));
+        smoothed.into_data().try_to_vec().unwrap()
+    }
+
+    #[test]
+    fn smoothing_keeps_a_still_pose_still() {
+        for value in smooth(&[2.0; 9], 9) {
+            assert!((value - 2.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_impulse_becomes_the_kernel() {
+        let mut impulse = [0.0; 15];
+        impulse[7] = 1.0;
+        assert_eq!(smooth(&impulse, 15)[2..13], Gaussian::PAPER.kernel());
+    }
+
+    #[test]
+    fn the_ends_repeat_and_padding_does_not_leak() {
+        let mut series = [0.0; 12];
+        series[7] = 1.0;
+        let alone = smooth(&series[..8], 8);
+        let tail: f32 = Gaussian::PAPER.kernel()[5..].iter().sum();
+        assert!((alone[7] - tail).abs() < 1e-6);
+        series[8..].fill(1e6);
+        assert_eq!(smooth(&series, 8)[..8], alone);
+    }
+}

@@ -1,0 +1,61 @@
+//! Weights in files: PyTorch checkpoints and safetensors.
+
+mod keys;
+mod read;
+mod write;
+
+pub(crate) use keys::{Keyed, Keys};
+pub use read::Checkpoint;
+pub use write::Precision;
+
+use std::io;
+use std::path::PathBuf;
+
+/// What can go wrong between a file and a network.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file cannot be opened, read or written.
+    #[error("{path}: {source}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, source: io::Error },
+    /// The file is no checkpoint, or is cut short.
+    #[error("{path}: not a readable checkpoint: {problem}")]
+    #[allow(missing_docs)]
+    Format { path: PathBuf, problem: String },
+    /// A tensor that the network needs is not there.
+    #[error("{path}: tensor `{key}` is missing; expected shape {expected:?}{others}", others = and_more(*.others))]
+    #[allow(missing_docs)]
+    Missing {
+        path: PathBuf,
+        key: String,
+        expected: Vec<usize>,
+        /// How many more tensors are missing or misshapen.
+        others: usize,
+    },
+    /// A tensor has another shape than the network's sizes ask for.
+    #[error("{path}: tensor `{key}` has shape {found:?}; the model config asks for {expected:?}{others}", others = and_more(*.others))]
+    #[allow(missing_docs)]
+    Shape {
+        path: PathBuf,
+        key: String,
+        expected: Vec<usize>,
+        found: Vec<usize>,
+        /// How many more tensors are missing or misshapen.
+        others: usize,
+    },
+    /// A tensor holds no floats.
+    #[error("{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits")]
+    #[allow(missing_docs)]
+    Type {
+        path: PathBuf,
+        key: String,
+        found: String,
+    },
+}
+
+fn and_more(count: usize) -> String {
+    match count {
+        0 => String::new(),
+        count => format!(" (and {count} more do not fit)"),
+    }
+}

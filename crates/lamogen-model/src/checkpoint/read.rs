@@ -1,0 +1,342 @@
+//! Reading checkpoints, tensor by tensor.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use burn::tensor::{DType, Device, TensorData};
+use pytorch_reader::{PytorchError, PytorchReader};
+use safetensors::tensor::{Dtype, Metadata};
+
+use super::CheckpointError;
+use super::keys::{Exchange, Keyed, Keys};
+use crate::config::ModelConfig;
+use crate::network::MotionDiffuse;
+
+/// The key of the network's weights in MotionDiffuse's `latest.tar`.
+const ENCODER: &str = "encoder";
+
+/// An opened checkpoint: its tensors by key, not yet read.
+///
+/// Opening parses names and shapes only; the numbers are read one tensor at a time when a network
+/// is loaded. Tensors that the network does not have (CLIP's image tower, an optimiser's state) are
+/// never read.
+pub struct Checkpoint {
+    path: PathBuf,
+    container: Container,
+    metadata: HashMap<String, String>,
+}
+
+enum Container {
+    Pytorch(HashMap<String, pytorch_reader::Tensor>),
+    Safetensors {
+        index: Metadata,
+        start: u64,
+        bytes: Bytes,
+    },
+}
+
+enum Bytes {
+    File(Mutex<File>),
+    Embedded(&'static [u8]),
+}
+
+impl Checkpoint {
+    /// Opens a checkpoint: safetensors where the name ends so, else any file that `torch.save`
+    /// wrote, with the weights under the key `encoder` as MotionDiffuse has them.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is cut short, or is no such checkpoint.
+    pub fn open(path: impl AsRef<Path>) -> Result<Checkpoint, CheckpointError> {
+        let path = path.as_ref();
+        match path.extension() {
+            Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
+                Self::open_safetensors(path)
+            }
+            _ => Self::open_pytorch(path),
+        }
+    }
+
+    /// A safetensors file that is part of the program; `name` stands in error messages.
+    ///
+    /// # Errors
+    ///
+    /// If the bytes are no safetensors file.
+    pub fn embedded(bytes: &'static [u8], name: &str) -> Result<Checkpoint, CheckpointError> {
+        let path = Path::new(name);
+        let (index, start) = safetensors_index(&mut &bytes[..], bytes.len() as u64, path)?;
+        Ok(Self::safetensors(
+            path,
+            index,
+            start,
+            Bytes::Embedded(bytes),
+        ))
+    }
+
+    /// Free text stored with the weights, such as `license` (safetensors only).
+    pub fn metadata(&self, key: &str) -> Option<&str> {
+        self.metadata.get(key).map(String::as_str)
+    }
+
+    /// The keys of all tensors, sorted.
+    pub fn keys(&self) -> Vec<String> {
+        let mut keys: Vec<String> = match &self.container {
+            Container::Pytorch(tensors) => tensors.keys().cloned().collect(),
+            Container::Safetensors { index, .. } => index.tensors().into_keys().collect(),
+        };
+        keys.sort_unstable();
+        keys
+    }
+
+    /// The network of the given sizes with this checkpoint's weights.
+    ///
+    /// # Errors
+    ///
+    /// If a tensor is missing, has another shape, holds no floats or cannot be read.
+    ///
+    /// # Panics
+    ///
+    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    pub fn load(
+        &self,
+        config: &ModelConfig,
+        device: &Device,
+    ) -> Result<MotionDiffuse, CheckpointError> {
+        let mut network = MotionDiffuse::new(config, device);
+        let mut reader = Reader {
+            checkpoint: self,
+            problem: None,
+        };
+        network.keys(&mut Keys::new(device.clone(), &mut reader));
+        match reader.problem {
+            None => Ok(network),
+            Some(problem) => Err(problem),
+        }
+    }
+
+    fn open_pytorch(path: &Path) -> Result<Checkpoint, CheckpointError> {
+        // The reader reports a missing file like any other trouble; tell them apart first.
+        File::open(path).map_err(|source| io_error(path, source))?;
+        let reader = PytorchReader::with_top_level_key(path, ENCODER);
+        let reader = reader.map_err(|error| match error {
+            PytorchError::KeyNotFound(_) => format_error(
+                path,
+                format!("expected the weights under the key `{ENCODER}`, which is not there"),
+            ),
+            error => format_error(path, error.to_string()),
+        })?;
+        Ok(Checkpoint {
+            path: path.to_owned(),
+            container: Container::Pytorch(reader.into_tensors()),
+            metadata: HashMap::new(),
+        })
+    }
+
+    fn open_safetensors(path: &Path) -> Result<Checkpoint, CheckpointError> {
+        let io = |source| io_error(path, source);
+        let mut file = File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        let (index, start) = safetensors_index(&mut file, length, path)?;
+        let bytes = Bytes::File(Mutex::new(file));
+        Ok(Self::safetensors(path, index, start, bytes))
+    }
+
+    fn safetensors(path: &Path, index: Metadata, start: u64, bytes: Bytes) -> Checkpoint {
+        Checkpoint {
+            path: path.to_owned(),
+            metadata: index.metadata().clone().unwrap_or_default(),
+            container: Container::Safetensors {
+                index,
+                start,
+                bytes,
+            },
+        }
+    }
+
+    fn shape(&self, key: &str) -> Option<&[usize]> {
+        match &self.container {
+            Container::Pytorch(tensors) => tensors.get(key).map(pytorch_reader::Tensor::shape),
+            Container::Safetensors { index, .. } => index.info(key).map(|info| &*info.shape),
+        }
+    }
+
+    /// The numbers of a tensor that is there, in 32 bits.
+    fn read(&self, key: &str) -> Result<TensorData, CheckpointError> {
+        let (shape, dtype, bytes) = match &self.container {
+            Container::Pytorch(tensors) => {
+                let tensor = &tensors[key];
+                (tensor.shape(), pytorch_type(tensor.dtype()), tensor.read())
+            }
+            Container::Safetensors {
+                index,
+                start,
+                bytes,
+            } => {
+                let info = index.info(key).expect("the tensor is there");
+                let (from, to) = info.data_offsets;
+                let bytes = bytes.read(start + from as u64, to - from);
+                (&*info.shape, safetensors_type(info.dtype), bytes)
+            }
+        };
+        let dtype = dtype.map_err(|found| CheckpointError::Type {
+            path: self.path.clone(),
+            key: key.to_owned(),
+            found,
+        })?;
+        let bytes = bytes.map_err(|error| match error.kind() {
+            io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => {
+                format_error(&self.path, error.to_string())
+            }
+            _ => io_error(&self.path, error),
+        })?;
+        let data = TensorData::try_from_bytes(
+            burn::tensor::Bytes::from_bytes_vec(bytes),
+            shape.to_vec(),
+            dtype,
+        )
+        .map_err(|error| format_error(&self.path, format!("tensor `{key}`: {error}")))?;
+        Ok(data.convert::<f32>())
+    }
+}
+
+impl Bytes {
+    fn read(&self, from: u64, length: usize) -> io::Result<Vec<u8>> {
+        match self {
+            Bytes::Embedded(bytes) => Ok(bytes[from as usize..][..length].to_vec()),
+            Bytes::File(file) => {
+                let mut file = file
+                    .lock()
+                    .expect("no reader panics while it holds the file");
+                file.seek(SeekFrom::Start(from))?;
+                let mut bytes = vec![0; length];
+                file.read_exact(&mut bytes)?;
+                Ok(bytes)
+            }
+        }
+    }
+}
+
+/// The header of a safetensors file of a given length, and where its numbers start.
+fn safetensors_index(
+    reader: &mut impl Read,
+    length: u64,
+    path: &Path,
+) -> Result<(Metadata, u64), CheckpointError> {
+    let truncated = |what: &str| format_error(path, format!("the file ends within {what}"));
+    let mut size = [0; 8];
+    if length < 8 {
+        return Err(truncated("the header"));
+    }
+    reader
+        .read_exact(&mut size)
+        .map_err(|source| io_error(path, source))?;
+    let size = u64::from_le_bytes(size);
+    if size > length - 8 {
+        return Err(truncated("the header"));
+    }
+    let mut header = vec![0; size as usize];
+    reader
+        .read_exact(&mut header)
+        .map_err(|source| io_error(path, source))?;
+    let index: Metadata = serde_json::from_slice(&header)
+        .map_err(|error| format_error(path, format!("the header is no safetensors: {error}")))?;
+    let start = 8 + size;
+    if start + index.data_len() as u64 > length {
+        return Err(truncated("its tensors"));
+    }
+    Ok((index, start))
+}
+
+fn pytorch_type(dtype: pytorch_reader::DType) -> Result<DType, String> {
+    use pytorch_reader::DType as Stored;
+    match dtype {
+        Stored::F64 => Ok(DType::F64),
+        Stored::F32 => Ok(DType::F32),
+        Stored::F16 => Ok(DType::F16),
+        Stored::BF16 => Ok(DType::BF16),
+        other => Err(format!("{other:?}")),
+    }
+}
+
+fn safetensors_type(dtype: Dtype) -> Result<DType, String> {
+    match dtype {
+        Dtype::F64 => Ok(DType::F64),
+        Dtype::F32 => Ok(DType::F32),
+        Dtype::F16 => Ok(DType::F16),
+        Dtype::BF16 => Ok(DType::BF16),
+        other => Err(format!("{other:?}")),
+    }
+}
+
+/// Gives a network the tensors of a checkpoint; keeps the first problem and counts the rest.
+struct Reader<'a> {
+    checkpoint: &'a Checkpoint,
+    problem: Option<CheckpointError>,
+}
+
+impl Reader<'_> {
+    fn fetch(&self, key: &str, expected: &[usize]) -> Result<Option<TensorData>, CheckpointError> {
+        let (path, key_name) = (self.checkpoint.path.clone(), key.to_owned());
+        let expected_shape = expected.to_vec();
+        match self.checkpoint.shape(key) {
+            None => Err(CheckpointError::Missing {
+                path,
+                key: key_name,
+                expected: expected_shape,
+                others: 0,
+            }),
+            Some(found) if found != expected => Err(CheckpointError::Shape {
+                path,
+                key: key_name,
+                expected: expected_shape,
+                found: found.to_vec(),
+                others: 0,
+            }),
+            // Nothing more is read once the load has failed.
+            Some(_) if self.problem.is_some() => Ok(None),
+            Some(_) => self.checkpoint.read(key).map(Some),
+        }
+    }
+}
+
+impl Exchange for Reader<'_> {
+    fn tensor(
+        &mut self,
+        key: &str,
+        shape: &[usize],
+        _current: &dyn Fn() -> TensorData,
+    ) -> Option<TensorData> {
+        match (self.fetch(key, shape), &mut self.problem) {
+            (Ok(data), _) => data,
+            (Err(error), problem @ None) => {
+                *problem = Some(error);
+                None
+            }
+            (Err(_), Some(first)) => {
+                if let CheckpointError::Missing { others, .. }
+                | CheckpointError::Shape { others, .. } = first
+                {
+                    *others += 1;
+                }
+                None
+            }
+        }
+    }
+}
+
+fn io_error(path: &Path, source: io::Error) -> CheckpointError {
+    CheckpointError::Io {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+fn format_error(path: &Path, problem: String) -> CheckpointError {
+    CheckpointError::Format {
+        path: path.to_owned(),
+        problem,
+    }
+}

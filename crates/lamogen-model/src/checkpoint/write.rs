@@ -1,0 +1,90 @@
+//! Writing safetensors.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use burn::tensor::{DType, TensorData};
+use safetensors::tensor::{Dtype, TensorView};
+
+use super::CheckpointError;
+use super::keys::{Exchange, Keyed, Keys};
+use crate::denoiser::Denoiser;
+use crate::network::MotionDiffuse;
+
+/// Bits of a stored number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 32 bits.
+    #[default]
+    F32,
+    /// 16 bits: half the size.
+    F16,
+}
+
+impl MotionDiffuse {
+    /// Writes the weights as safetensors, under the keys of the public checkpoint. `metadata` is
+    /// free text that travels with them, such as `license`. The file appears whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written.
+    pub fn save(
+        &self,
+        path: impl AsRef<Path>,
+        precision: Precision,
+        metadata: HashMap<String, String>,
+    ) -> Result<(), CheckpointError> {
+        let path = path.as_ref();
+        let mut writer = Writer {
+            precision,
+            tensors: Vec::new(),
+        };
+        self.clone()
+            .keys(&mut Keys::new(self.device(), &mut writer));
+        let views = writer.tensors.iter().map(|(key, data)| {
+            let dtype = match data.dtype() {
+                DType::F16 => Dtype::F16,
+                _ => Dtype::F32,
+            };
+            let view = TensorView::new(dtype, data.shape().to_vec(), data.as_bytes());
+            (key, view.expect("as many bytes as the shape asks for"))
+        });
+        let io = |source| CheckpointError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let folder = match path.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let temporary = tempfile::Builder::new()
+            .suffix(".safetensors")
+            .tempfile_in(folder)
+            .map_err(io)?;
+        safetensors::serialize_to_file(views, Some(metadata), temporary.path())
+            .map_err(|error| io(std::io::Error::other(error)))?;
+        temporary.persist(path).map_err(|error| io(error.error))?;
+        Ok(())
+    }
+}
+
+struct Writer {
+    precision: Precision,
+    tensors: Vec<(String, TensorData)>,
+}
+
+impl Exchange for Writer {
+    fn tensor(
+        &mut self,
+        key: &str,
+        _shape: &[usize],
+        current: &dyn Fn() -> TensorData,
+    ) -> Option<TensorData> {
+        let data = match self.precision {
+            Precision::F32 => current().convert::<f32>(),
+            Precision::F16 => current().convert::<half::f16>(),
+        };
+        self.tensors.push((key.to_owned(), data));
+        None
+    }
+}

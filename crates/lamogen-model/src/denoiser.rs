@@ -1,0 +1,133 @@
+//! What guidance needs to know of a network.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+
+use crate::config::Prediction;
+
+/// A text-to-motion denoiser that can be sampled from and guided.
+///
+/// The work is split by what it depends on, so that nothing is computed twice:
+/// [`encode`](Denoiser::encode) once a prompt, [`embed_timesteps`](Denoiser::embed_timesteps) once a
+/// timestep, and [`denoise`](Denoiser::denoise) at every step. Guidance moves the embedding of
+/// [`Prompt`] and differentiates `denoise` with respect to it; the weights are never tracked.
+pub trait Denoiser {
+    /// What the network keeps of a prompt beside its embedding.
+    type Context: Clone;
+
+    /// What [`denoise`](Denoiser::denoise) returns.
+    fn prediction(&self) -> Prediction;
+
+    /// Pose features a frame.
+    fn pose_features(&self) -> usize;
+
+    /// The longest motion, in frames.
+    fn max_frames(&self) -> usize;
+
+    /// Where the weights are.
+    fn device(&self) -> Device;
+
+    /// Everything that depends on the prompts alone.
+    ///
+    /// # Shapes
+    ///
+    /// - `tokens`: `[batch, context_length]`, the end token being the largest id of each row
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context>;
+
+    /// Everything that depends on the timesteps alone: `[timesteps, d_condition]`.
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2>;
+
+    /// One evaluation: noise or clean motion (see [`prediction`](Denoiser::prediction)),
+    /// `[batch, frames, features]`. What stands past a motion's length has no meaning.
+    fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
+}
+
+/// An encoded batch of prompts.
+#[derive(Clone, Debug)]
+pub struct Prompt<C> {
+    /// The projected sentence embedding `e`, `[batch, d_condition]`, which guidance moves.
+    pub embedding: Tensor<2>,
+    /// What else the network keeps of the prompts.
+    pub context: C,
+}
+
+/// What a step gives to the network.
+#[derive(Clone, Debug)]
+pub struct DenoiserInput {
+    /// The noisy motion, normalised, `[batch, frames, features]`.
+    pub x_t: Tensor<3>,
+    /// The embedded timestep, `[1, d_condition]` for all or `[batch, d_condition]` for each.
+    pub time: Tensor<2>,
+    /// The sentence embedding, `[batch, d_condition]`.
+    pub embedding: Tensor<2>,
+    /// Which frames are part of each motion.
+    pub mask: FrameMask,
+}
+
+/// Which frames of a padded batch are part of its motions.
+#[derive(Clone, Debug)]
+pub struct FrameMask {
+    lengths: Vec<usize>,
+    frames: usize,
+    padding: Option<Padding>,
+}
+
+/// The padding of a batch as tensors `[batch, frames, 1]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Padding {
+    /// 1 where a frame is part of its motion, else 0.
+    pub(crate) keep: Tensor<3>,
+    /// 0 where a frame is part of its motion, else a million: no softmax over frames sees it.
+    pub(crate) penalty: Tensor<3>,
+}
+
+impl FrameMask {
+    /// The mask of motions of given lengths, padded to `frames` frames.
+    ///
+    /// # Panics
+    ///
+    /// If a length is 0 or above `frames`, or there is none.
+    pub fn new(lengths: &[usize], frames: usize, device: &Device) -> Self {
+        assert!(
+            !lengths.is_empty() && lengths.iter().all(|&length| (1..=frames).contains(&length)),
+            "expected lengths from 1 to {frames}, found {lengths:?}"
+        );
+        let fill = |inside: f32, outside: f32| {
+            let values: Vec<f32> = lengths
+                .iter()
+                .flat_map(|&length| {
+                    (0..frames).map(move |t| if t < length { inside } else { outside })
+                })
+                .collect();
+            Tensor::from_data(TensorData::new(values, [lengths.len(), frames, 1]), device)
+        };
+        let padded = lengths.iter().any(|&length| length < frames);
+        FrameMask {
+            lengths: lengths.to_vec(),
+            frames,
+            padding: padded.then(|| Padding {
+                keep: fill(1.0, 0.0),
+                penalty: fill(0.0, 1e6),
+            }),
+        }
+    }
+
+    /// 1 where a frame is part of its motion, else 0: `[batch, frames, 1]`. `None` where no motion
+    /// is padded, so that no work is spent on it.
+    pub fn keep(&self) -> Option<Tensor<3>> {
+        self.padding.as_ref().map(|padding| padding.keep.clone())
+    }
+
+    pub(crate) fn padding(&self) -> Option<&Padding> {
+        self.padding.as_ref()
+    }
+
+    /// Length of each motion in frames.
+    pub fn lengths(&self) -> &[usize] {
+        &self.lengths
+    }
+
+    /// Number of frames with padding.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+}

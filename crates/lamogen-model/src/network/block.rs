@@ -1,0 +1,57 @@
+//! One decoder block.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+
+use super::cross_attention::CrossAttention;
+use super::feed_forward::FeedForward;
+use super::modulation::Modulation;
+use super::self_attention::SelfAttention;
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::ModelConfig;
+use crate::denoiser::FrameMask;
+
+/// Stylization layers of a block, in the order in which their modulations come.
+pub(super) const STYLIZATIONS: [&str; 3] = ["sa_block", "ca_block", "ffn"];
+
+/// Self-attention, attention to the text, feed-forward.
+#[derive(Module, Debug)]
+pub(super) struct DecoderBlock {
+    self_attention: SelfAttention,
+    pub(super) cross_attention: CrossAttention,
+    feed_forward: FeedForward,
+}
+
+impl DecoderBlock {
+    pub(super) fn new(config: &ModelConfig, device: &Device) -> Self {
+        DecoderBlock {
+            self_attention: SelfAttention::new(config, device),
+            cross_attention: CrossAttention::new(config, device),
+            feed_forward: FeedForward::new(config, device),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `x` and output: `[batch, frames, latent]`
+    /// - `context`: `[batch, heads, d, d]`
+    pub(super) fn forward(
+        &self,
+        x: Tensor<3>,
+        context: Tensor<4>,
+        mask: &FrameMask,
+        [first, second, third]: [Modulation; STYLIZATIONS.len()],
+    ) -> Tensor<3> {
+        let x = self.self_attention.forward(x, first, mask);
+        let x = self.cross_attention.forward(x, context, second);
+        self.feed_forward.forward(x, third)
+    }
+}
+
+impl Keyed for DecoderBlock {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.nested(STYLIZATIONS[0], &mut self.self_attention);
+        keys.nested(STYLIZATIONS[1], &mut self.cross_attention);
+        keys.nested(STYLIZATIONS[2], &mut self.feed_forward);
+    }
+}

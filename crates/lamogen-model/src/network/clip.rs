@@ -1,0 +1,108 @@
+//! The text tower of CLIP (Radford et al. 2021).
+
+use burn::module::{Initializer, Module, Param};
+use burn::nn::{Embedding, EmbeddingConfig, LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::sigmoid;
+use burn::tensor::{Device, Int, Tensor};
+
+use super::text_attention::TextAttention;
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::ClipTextConfig;
+
+/// Token ids to token features, each token seeing itself and those before it.
+#[derive(Module, Debug)]
+pub(super) struct ClipText {
+    token_embedding: Embedding,
+    positional_embedding: Param<Tensor<2>>,
+    blocks: Vec<ClipBlock>,
+    norm: LayerNorm,
+}
+
+#[derive(Module, Debug)]
+struct ClipBlock {
+    attention: TextAttention,
+    attention_norm: LayerNorm,
+    expand: Linear,
+    contract: Linear,
+    mlp_norm: LayerNorm,
+}
+
+impl ClipText {
+    pub(super) fn new(config: &ClipTextConfig, device: &Device) -> Self {
+        let normal = |std| Initializer::Normal { mean: 0.0, std };
+        let width = config.width;
+        ClipText {
+            token_embedding: EmbeddingConfig::new(config.vocab_size, width)
+                .with_initializer(normal(0.02))
+                .init(device),
+            positional_embedding: normal(0.01).init([config.context_length, width], device),
+            blocks: (0..config.layers)
+                .map(|_| ClipBlock {
+                    attention: TextAttention::new(width, config.heads, device),
+                    attention_norm: LayerNormConfig::new(width).init(device),
+                    expand: LinearConfig::new(width, 4 * width).init(device),
+                    contract: LinearConfig::new(4 * width, width).init(device),
+                    mlp_norm: LayerNormConfig::new(width).init(device),
+                })
+                .collect(),
+            norm: LayerNormConfig::new(width).init(device),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `tokens`: `[batch, tokens]`
+    /// - output: `[batch, tokens, width]`, normalised
+    pub(super) fn forward(&self, tokens: Tensor<2, Int>) -> Tensor<3> {
+        let [_, count] = tokens.dims();
+        let positions = self.positional_embedding.val().narrow(0, 0, count);
+        let mask = causal_mask(count, &tokens.device());
+        let mut x = self.token_embedding.forward(tokens) + positions.unsqueeze();
+        for block in &self.blocks {
+            x = block.forward(x, mask.clone());
+        }
+        self.norm.forward(x)
+    }
+}
+
+impl ClipBlock {
+    fn forward(&self, x: Tensor<3>, mask: Tensor<4>) -> Tensor<3> {
+        let attended = self
+            .attention
+            .forward(self.attention_norm.forward(x.clone()), Some(mask));
+        let x = x + attended;
+        let hidden = self.expand.forward(self.mlp_norm.forward(x.clone()));
+        let hidden = hidden.clone() * sigmoid(hidden * 1.702);
+        x + self.contract.forward(hidden)
+    }
+}
+
+/// Minus infinity above the diagonal: no token sees a later one.
+fn causal_mask(count: usize, device: &Device) -> Tensor<4> {
+    let rows: Vec<f32> = (0..count * count)
+        .map(|i| match i % count > i / count {
+            true => f32::NEG_INFINITY,
+            false => 0.0,
+        })
+        .collect();
+    Tensor::<1>::from_data(rows.as_slice(), device).reshape([1, 1, count, count])
+}
+
+impl Keyed for ClipText {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.embedding("token_embedding", &mut self.token_embedding);
+        keys.matrix("positional_embedding", &mut self.positional_embedding);
+        keys.each("transformer.resblocks", &mut self.blocks);
+        keys.norm("ln_final", &mut self.norm);
+    }
+}
+
+impl Keyed for ClipBlock {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.nested("attn", &mut self.attention);
+        keys.norm("ln_1", &mut self.attention_norm);
+        keys.linear("mlp.c_fc", &mut self.expand);
+        keys.linear("mlp.c_proj", &mut self.contract);
+        keys.norm("ln_2", &mut self.mlp_norm);
+    }
+}

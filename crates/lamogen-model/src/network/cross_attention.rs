@@ -1,0 +1,84 @@
+//! Efficient attention of the frames to the text.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::softmax;
+use burn::tensor::{Device, Tensor};
+
+use super::modulation::Modulation;
+use super::self_attention::context;
+use super::stylization::Stylization;
+use super::{merge_heads, split_heads};
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::ModelConfig;
+
+/// Linear attention to the tokens, whose side depends on the prompt alone.
+#[derive(Module, Debug)]
+pub(super) struct CrossAttention {
+    norm: LayerNorm,
+    text_norm: LayerNorm,
+    query: Linear,
+    key: Linear,
+    value: Linear,
+    output: Stylization,
+    heads: usize,
+}
+
+/// What the blocks attend to in the text: one `[batch, heads, d, d]` a block.
+#[derive(Clone, Debug)]
+pub struct CrossAttentionContext(pub(super) Vec<Tensor<4>>);
+
+impl CrossAttention {
+    pub(super) fn new(config: &ModelConfig, device: &Device) -> Self {
+        let (width, text) = (config.latent_dim, config.text_latent_dim);
+        CrossAttention {
+            norm: LayerNormConfig::new(width).init(device),
+            text_norm: LayerNormConfig::new(text).init(device),
+            query: LinearConfig::new(width, width).init(device),
+            key: LinearConfig::new(text, width).init(device),
+            value: LinearConfig::new(text, width).init(device),
+            output: Stylization::new(width, device),
+            heads: config.num_heads,
+        }
+    }
+
+    /// The text's side, once a prompt.
+    ///
+    /// # Shapes
+    ///
+    /// - `text`: `[batch, tokens, text_latent_dim]`
+    /// - output: `[batch, heads, d, d]`
+    pub(super) fn context(&self, text: Tensor<3>) -> Tensor<4> {
+        let text = self.text_norm.forward(text);
+        let heads = |x| split_heads(x, self.heads);
+        context(
+            heads(self.key.forward(text.clone())),
+            heads(self.value.forward(text)),
+        )
+    }
+
+    /// # Shapes
+    ///
+    /// - `x` and output: `[batch, frames, latent]`
+    pub(super) fn forward(
+        &self,
+        x: Tensor<3>,
+        context: Tensor<4>,
+        modulation: Modulation,
+    ) -> Tensor<3> {
+        let query = self.query.forward(self.norm.forward(x.clone()));
+        let y = softmax(split_heads(query, self.heads), 3).matmul(context);
+        x + self.output.forward(merge_heads(y), modulation)
+    }
+}
+
+impl Keyed for CrossAttention {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.norm("norm", &mut self.norm);
+        keys.norm("text_norm", &mut self.text_norm);
+        keys.linear("query", &mut self.query);
+        keys.linear("key", &mut self.key);
+        keys.linear("value", &mut self.value);
+        keys.nested("proj_out", &mut self.output);
+    }
+}

@@ -1,0 +1,31 @@
+//! The layers of MotionDiffuse and of its text encoder.
+
+mod block;
+mod clip;
+mod cross_attention;
+mod feed_forward;
+mod modulation;
+mod motion_diffuse;
+mod self_attention;
+mod stylization;
+mod text_attention;
+mod text_encoder;
+mod time_embedding;
+
+pub use cross_attention::CrossAttentionContext;
+pub use motion_diffuse::MotionDiffuse;
+
+use burn::tensor::Tensor;
+
+/// Splits the channels among heads: `[batch, positions, width]` → `[batch, heads, positions, width / heads]`.
+fn split_heads(x: Tensor<3>, heads: usize) -> Tensor<4> {
+    let [batch, positions, width] = x.dims();
+    x.reshape([batch, positions, heads, width / heads])
+        .swap_dims(1, 2)
+}
+
+/// Undoes [`split_heads`].
+fn merge_heads(x: Tensor<4>) -> Tensor<3> {
+    let [batch, heads, positions, width] = x.dims();
+    x.swap_dims(1, 2).reshape([batch, positions, heads * width])
+}

@@ -1,0 +1,149 @@
+//! The whole network.
+
+use burn::module::{Initializer, Module, Param};
+use burn::nn::{Linear, LinearConfig};
+use burn::tensor::{Device, Int, Tensor};
+
+use super::block::{DecoderBlock, STYLIZATIONS};
+use super::cross_attention::CrossAttentionContext;
+use super::modulation::Modulations;
+use super::text_encoder::TextEncoder;
+use super::time_embedding::TimeEmbedding;
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::{ModelConfig, Prediction};
+use crate::denoiser::{Denoiser, DenoiserInput, Prompt};
+
+/// MotionDiffuse (Zhang et al. 2022, arXiv 2208.15001): a transformer decoder over frames with
+/// efficient attention, steered by stylization layers, with its text encoder.
+#[derive(Module, Debug)]
+pub struct MotionDiffuse {
+    text: TextEncoder,
+    time: TimeEmbedding,
+    pose_embedding: Linear,
+    frame_embedding: Param<Tensor<2>>,
+    modulations: Modulations,
+    blocks: Vec<DecoderBlock>,
+    output: Linear,
+    #[module(skip)]
+    config: ModelConfig,
+}
+
+impl MotionDiffuse {
+    /// A network with fresh weights.
+    ///
+    /// # Panics
+    ///
+    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    pub fn new(config: &ModelConfig, device: &Device) -> Self {
+        if let Some(problem) = config.problem() {
+            panic!("{problem}");
+        }
+        let (latent, condition) = (config.latent_dim, config.condition_dim());
+        let layers = config.num_layers * STYLIZATIONS.len();
+        let standard = Initializer::Normal {
+            mean: 0.0,
+            std: 1.0,
+        };
+        MotionDiffuse {
+            text: TextEncoder::new(config, device),
+            time: TimeEmbedding::new(latent, condition, device),
+            pose_embedding: LinearConfig::new(config.input_feats, latent).init(device),
+            frame_embedding: standard.init([config.num_frames, latent], device),
+            modulations: Modulations::new(layers, latent, condition, device),
+            blocks: (0..config.num_layers)
+                .map(|_| DecoderBlock::new(config, device))
+                .collect(),
+            output: LinearConfig::new(latent, config.input_feats).init(device),
+            config: config.clone(),
+        }
+    }
+
+    /// Sizes of the network.
+    pub fn config(&self) -> &ModelConfig {
+        &self.config
+    }
+
+    /// The text encoder alone.
+    ///
+    /// # Shapes
+    ///
+    /// - `tokens`: `[batch, tokens]`, the end token being the largest id
+    /// - sentence embedding: `[batch, d_condition]`
+    /// - token features: `[batch, tokens, text_latent_dim]`
+    pub fn encode_text(&self, tokens: Tensor<2, Int>) -> (Tensor<2>, Tensor<3>) {
+        self.text.forward(tokens)
+    }
+}
+
+impl Denoiser for MotionDiffuse {
+    type Context = CrossAttentionContext;
+
+    fn prediction(&self) -> Prediction {
+        self.config.prediction
+    }
+
+    fn pose_features(&self) -> usize {
+        self.config.input_feats
+    }
+
+    fn max_frames(&self) -> usize {
+        self.config.num_frames
+    }
+
+    fn device(&self) -> Device {
+        self.output.weight.device()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<CrossAttentionContext> {
+        let (embedding, text) = self.encode_text(tokens);
+        let context = self
+            .blocks
+            .iter()
+            .map(|block| block.cross_attention.context(text.clone()))
+            .collect();
+        Prompt {
+            embedding,
+            context: CrossAttentionContext(context),
+        }
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        self.time.forward(timesteps)
+    }
+
+    fn denoise(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
+        let [_, frames, _] = input.x_t.dims();
+        let condition = input.time + input.embedding;
+        let mut modulations = self.modulations.forward(condition);
+        let positions = self.frame_embedding.val().narrow(0, 0, frames);
+        let mut x = self.pose_embedding.forward(input.x_t) + positions.unsqueeze();
+        for (block, context) in self.blocks.iter().zip(&context.0) {
+            let modulations = std::array::from_fn(|_| {
+                modulations
+                    .next()
+                    .expect("one modulation a stylization layer")
+            });
+            x = block.forward(x, context.clone(), &input.mask, modulations);
+        }
+        self.output.forward(x)
+    }
+}
+
+impl Keyed for MotionDiffuse {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.flat(&mut self.text);
+        keys.nested("time_embed", &mut self.time);
+        keys.linear("joint_embed", &mut self.pose_embedding);
+        keys.matrix("sequence_embedding", &mut self.frame_embedding);
+        let modulations: Vec<String> = (0..self.blocks.len())
+            .flat_map(|block| {
+                STYLIZATIONS.map(|layer| {
+                    format!("temporal_decoder_blocks.{block}.{layer}.proj_out.emb_layers.1")
+                })
+            })
+            .collect();
+        keys.side_by_side(&modulations, &mut self.modulations.project);
+        keys.each("temporal_decoder_blocks", &mut self.blocks);
+        keys.linear("out", &mut self.output);
+    }
+}

@@ -1,0 +1,78 @@
+//! Efficient attention of the frames to each other.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::softmax;
+use burn::tensor::{Device, Tensor};
+
+use super::modulation::Modulation;
+use super::stylization::Stylization;
+use super::{merge_heads, split_heads};
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::ModelConfig;
+use crate::denoiser::FrameMask;
+
+/// Linear attention (Shen et al. 2021): a softmax over channels for the queries and over frames
+/// for the keys, so that cost grows with the frames and not with their square.
+#[derive(Module, Debug)]
+pub(super) struct SelfAttention {
+    norm: LayerNorm,
+    query: Linear,
+    key: Linear,
+    value: Linear,
+    output: Stylization,
+    heads: usize,
+}
+
+impl SelfAttention {
+    pub(super) fn new(config: &ModelConfig, device: &Device) -> Self {
+        let width = config.latent_dim;
+        let linear = || LinearConfig::new(width, width).init(device);
+        SelfAttention {
+            norm: LayerNormConfig::new(width).init(device),
+            query: linear(),
+            key: linear(),
+            value: linear(),
+            output: Stylization::new(width, device),
+            heads: config.num_heads,
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `x` and output: `[batch, frames, latent]`
+    pub(super) fn forward(
+        &self,
+        x: Tensor<3>,
+        modulation: Modulation,
+        mask: &FrameMask,
+    ) -> Tensor<3> {
+        let normed = self.norm.forward(x.clone());
+        let query = self.query.forward(normed.clone());
+        let mut key = self.key.forward(normed.clone());
+        let mut value = self.value.forward(normed);
+        if let Some(padding) = mask.padding() {
+            key = key - padding.penalty.clone();
+            value = value * padding.keep.clone();
+        }
+        let heads = |x| split_heads(x, self.heads);
+        let context = context(heads(key), heads(value));
+        let y = softmax(heads(query), 3).matmul(context);
+        x + self.output.forward(merge_heads(y), modulation)
+    }
+}
+
+/// What is attended to, summed up: `[batch, heads, positions, d]` twice → `[batch, heads, d, d]`.
+pub(super) fn context(key: Tensor<4>, value: Tensor<4>) -> Tensor<4> {
+    softmax(key, 2).swap_dims(2, 3).matmul(value)
+}
+
+impl Keyed for SelfAttention {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.norm("norm", &mut self.norm);
+        keys.linear("query", &mut self.query);
+        keys.linear("key", &mut self.key);
+        keys.linear("value", &mut self.value);
+        keys.nested("proj_out", &mut self.output);
+    }
+}

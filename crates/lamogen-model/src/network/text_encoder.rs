@@ -1,0 +1,106 @@
+//! MotionDiffuse's text encoder: CLIP's token features, refined by a small transformer.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::gelu;
+use burn::tensor::{Device, Int, Tensor};
+
+use super::clip::ClipText;
+use super::text_attention::TextAttention;
+use crate::checkpoint::{Keyed, Keys};
+use crate::config::ModelConfig;
+
+/// Token ids to the projected sentence embedding and the token features.
+#[derive(Module, Debug)]
+pub(super) struct TextEncoder {
+    clip: ClipText,
+    narrow: Option<Linear>,
+    layers: Vec<TextLayer>,
+    norm: LayerNorm,
+    project: Linear,
+}
+
+/// A transformer encoder layer that normalises after each part (`torch.nn.TransformerEncoderLayer`).
+#[derive(Module, Debug)]
+struct TextLayer {
+    attention: TextAttention,
+    attention_norm: LayerNorm,
+    expand: Linear,
+    contract: Linear,
+    mlp_norm: LayerNorm,
+}
+
+impl TextEncoder {
+    pub(super) fn new(config: &ModelConfig, device: &Device) -> Self {
+        let width = config.text_latent_dim;
+        TextEncoder {
+            clip: ClipText::new(&config.clip, device),
+            narrow: (width != config.clip.width)
+                .then(|| LinearConfig::new(config.clip.width, width).init(device)),
+            layers: (0..config.num_text_layers)
+                .map(|_| TextLayer {
+                    attention: TextAttention::new(width, config.text_num_heads, device),
+                    attention_norm: LayerNormConfig::new(width).init(device),
+                    expand: LinearConfig::new(width, config.text_ff_size).init(device),
+                    contract: LinearConfig::new(config.text_ff_size, width).init(device),
+                    mlp_norm: LayerNormConfig::new(width).init(device),
+                })
+                .collect(),
+            norm: LayerNormConfig::new(width).init(device),
+            project: LinearConfig::new(width, config.condition_dim()).init(device),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `tokens`: `[batch, tokens]`, the end token being the largest id
+    /// - sentence embedding: `[batch, d_condition]`
+    /// - token features: `[batch, tokens, text_latent_dim]`
+    pub(super) fn forward(&self, tokens: Tensor<2, Int>) -> (Tensor<2>, Tensor<3>) {
+        let [batch, _] = tokens.dims();
+        let end = tokens.clone().argmax(1);
+        let mut x = self.clip.forward(tokens);
+        if let Some(narrow) = &self.narrow {
+            x = narrow.forward(x);
+        }
+        for layer in &self.layers {
+            x = layer.forward(x);
+        }
+        let x = self.norm.forward(x);
+        let [_, _, width] = x.dims();
+        let end = end.reshape([batch, 1, 1]).repeat_dim(2, width);
+        let sentence = x.clone().gather(1, end).reshape([batch, width]);
+        (self.project.forward(sentence), x)
+    }
+}
+
+impl TextLayer {
+    fn forward(&self, x: Tensor<3>) -> Tensor<3> {
+        let attended = self.attention.forward(x.clone(), None);
+        let x = self.attention_norm.forward(x + attended);
+        let hidden = self.contract.forward(gelu(self.expand.forward(x.clone())));
+        self.mlp_norm.forward(x + hidden)
+    }
+}
+
+impl Keyed for TextEncoder {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.nested("clip", &mut self.clip);
+        if let Some(narrow) = &mut self.narrow {
+            keys.linear("text_pre_proj", narrow);
+        }
+        keys.each("textTransEncoder.layers", &mut self.layers);
+        keys.norm("text_ln", &mut self.norm);
+        keys.linear("text_proj.0", &mut self.project);
+    }
+}
+
+impl Keyed for TextLayer {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.nested("self_attn", &mut self.attention);
+        keys.norm("norm1", &mut self.attention_norm);
+        keys.linear("linear1", &mut self.expand);
+        keys.linear("linear2", &mut self.contract);
+        keys.norm("norm2", &mut self.mlp_norm);
+    }
+}

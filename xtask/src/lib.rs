@@ -1,0 +1,3 @@
+//! Development tasks of lamogen, as a library so that tests can run them too.
+
+pub mod parity;
