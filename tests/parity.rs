@@ -3,27 +3,38 @@
 use std::path::Path;
 
 use burn::tensor::Device;
+use xtask::parity::{Comparison, run};
 
-#[test]
-fn a_network_that_predicts_noise_agrees_with_the_reference() {
-    agrees("tiny");
-}
+/// What a case holds, but for the two rivals of the paper that are not there yet.
+const COVERED: usize = 15;
 
 #[test]
 fn a_network_that_predicts_motion_agrees_with_the_reference() {
-    agrees("tiny_sample");
+    for (name, result) in results("tiny_sample") {
+        assert!(result.is_within_tolerance(), "{name}: {result:?}");
+    }
 }
 
-fn agrees(case: &str) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden");
-    let rows = xtask::parity::run(&folder.join(case), &Device::flex()).unwrap();
-    let covered: Vec<_> = rows
-        .iter()
-        .filter_map(|row| Some((&row.name, row.result?)))
-        .collect();
-    // All that the case holds but the two rivals of the paper.
-    assert_eq!(covered.len(), 15, "{covered:?}");
-    for (name, result) in covered {
+#[test]
+fn a_network_that_predicts_noise_agrees_with_the_reference() {
+    for (name, result) in results("tiny") {
         assert!(result.passes(), "{name}: {result:?}");
+        // Rounding must not excuse anything but what is behind the amplified first step.
+        let magnified = ["out.e_grad", "out.trace_loss", "out.trace_e", "out.guided_mean"];
+        assert!(
+            result.is_within_tolerance() || (magnified.contains(&&*name) && result.error < 1e-2),
+            "{name}: {result:?}"
+        );
     }
+}
+
+fn results(case: &str) -> Vec<(String, Comparison)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden");
+    let rows = run(&folder.join(case), &Device::flex()).unwrap();
+    let results: Vec<_> = rows
+        .into_iter()
+        .filter_map(|row| Some((row.name, row.result?)))
+        .collect();
+    assert_eq!(results.len(), COVERED, "{results:?}");
+    results
 }
