@@ -200,7 +200,7 @@ impl Network {
         let [batch, width] = prompt.embedding.dims();
         let largest: f32 = prompt.embedding.clone().abs().max().into_scalar();
         for seed in 0..ROUNDING_RUNS {
-            // Three standard deviations are as large as the largest difference seen.
+            // Three standard deviations are as much as the largest difference seen.
             let directions: Vec<f32> = noise(seed, batch, width)
                 .into_iter()
                 .map(|x| x / 3.0 * largest * size as f32)
@@ -218,7 +218,8 @@ impl Network {
                 else {
                     continue;
                 };
-                let distance = moved.distance(actual.values.iter().copied());
+                // Both programs round, so they may be twice as far apart.
+                let distance = 2.0 * moved.distance(actual.values.iter().copied());
                 result.rounding = Some(result.rounding.unwrap_or(0.0).max(distance));
             }
         }
