@@ -20,7 +20,12 @@ fn a_network_that_predicts_noise_agrees_with_the_reference() {
     for (name, result) in results("tiny") {
         assert!(result.passes(), "{name}: {result:?}");
         // Rounding must not excuse anything but what is behind the amplified first step.
-        let magnified = ["out.e_grad", "out.trace_loss", "out.trace_e", "out.guided_mean"];
+        let magnified = [
+            "out.e_grad",
+            "out.trace_loss",
+            "out.trace_e",
+            "out.guided_mean",
+        ];
         assert!(
             result.is_within_tolerance() || (magnified.contains(&&*name) && result.error < 1e-2),
             "{name}: {result:?}"

@@ -1,3 +1,4 @@
 //! Development tasks of lamogen, as a library so that tests can run them too.
 
+pub mod embed;
 pub mod parity;

@@ -27,6 +27,20 @@ enum Task {
         #[arg(long)]
         strict: bool,
     },
+    /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
+    Embed {
+        /// Folder with config.json, model.safetensors, tokenizer.json, mean.npy and std.npy.
+        from: PathBuf,
+        /// Folder to write to.
+        #[arg(long, default_value = "crates/lamogen-compact/model")]
+        to: PathBuf,
+        /// Licence of the weights, as an SPDX identifier.
+        #[arg(long, default_value = "CC-BY-NC-4.0")]
+        license: String,
+        /// Whom to name when the weights or what they make is passed on.
+        #[arg(long)]
+        attribution: String,
+    },
 }
 
 fn main() -> ExitCode {
@@ -37,12 +51,26 @@ fn main() -> ExitCode {
             strict,
         } => match xtask::parity::run(&folder, &Device::flex()) {
             Ok(rows) => report(&rows, strict),
-            Err(error) => {
-                eprintln!("error: {error}");
-                ExitCode::FAILURE
+            Err(error) => fail(&error),
+        },
+        Task::Embed {
+            from,
+            to,
+            license,
+            attribution,
+        } => match xtask::embed::run(&from, &to, license, attribution) {
+            Ok(bytes) => {
+                println!("{bytes} bytes of weights in {}", to.display());
+                ExitCode::SUCCESS
             }
+            Err(error) => fail(&*error),
         },
     }
+}
+
+fn fail(error: &dyn std::error::Error) -> ExitCode {
+    eprintln!("error: {error}");
+    ExitCode::FAILURE
 }
 
 fn report(rows: &[xtask::parity::Row], strict: bool) -> ExitCode {

@@ -23,6 +23,11 @@ pub trait Denoiser {
     /// The longest motion, in frames.
     fn max_frames(&self) -> usize;
 
+    /// The shortest motion, in frames.
+    fn min_frames(&self) -> usize {
+        1
+    }
+
     /// Where the weights are.
     fn device(&self) -> Device;
 

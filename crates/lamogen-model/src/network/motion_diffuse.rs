@@ -90,6 +90,10 @@ impl Denoiser for MotionDiffuse {
         self.config.num_frames
     }
 
+    fn min_frames(&self) -> usize {
+        self.config.min_frames.min(self.config.num_frames)
+    }
+
     fn device(&self) -> Device {
         self.output.weight.device()
     }

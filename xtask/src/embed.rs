@@ -1,0 +1,41 @@
+//! From a model folder to the files that the crate lamogen-compact embeds.
+
+use std::collections::HashMap;
+use std::error::Error;
+use std::path::Path;
+
+use burn::tensor::Device;
+use lamogen_model::{Checkpoint, ModelConfig, Precision};
+
+/// Files that are taken as they are.
+const COPIED: [&str; 4] = ["config.json", "tokenizer.json", "mean.npy", "std.npy"];
+
+/// Writes the folder's weights in 16 bits with their licence beside, and copies the rest. Answers
+/// with the size of the weights' file.
+///
+/// # Errors
+///
+/// If a file is missing, damaged or cannot be written.
+pub fn run(
+    from: &Path,
+    to: &Path,
+    license: String,
+    attribution: String,
+) -> Result<u64, Box<dyn Error>> {
+    let config = ModelConfig::from_file(from.join("config.json"))?;
+    let checkpoint = Checkpoint::open(from.join("model.safetensors"))?;
+    let model = checkpoint.load(&config, &Device::flex())?;
+    std::fs::create_dir_all(to).map_err(|error| format!("{}: {error}", to.display()))?;
+    let weights = to.join("model.safetensors");
+    let metadata = HashMap::from([
+        ("license".to_owned(), license),
+        ("attribution".to_owned(), attribution),
+    ]);
+    model.save(&weights, Precision::F16, metadata)?;
+    for name in COPIED {
+        let (from, to) = (from.join(name), to.join(name));
+        let bytes = std::fs::read(&from).map_err(|error| format!("{}: {error}", from.display()))?;
+        std::fs::write(&to, bytes).map_err(|error| format!("{}: {error}", to.display()))?;
+    }
+    Ok(std::fs::metadata(weights)?.len())
+}
