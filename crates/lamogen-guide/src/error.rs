@@ -41,6 +41,16 @@ pub enum GuideError {
     },
 }
 
+impl GuideError {
+    /// The motion of the batch that the error is about, if it is about one.
+    pub fn motion(&self) -> Option<usize> {
+        match self {
+            GuideError::NotFinite { motion, .. } => Some(*motion),
+            _ => None,
+        }
+    }
+}
+
 /// A number that guidance follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {

@@ -91,7 +91,12 @@ impl Guidance {
         }
     }
 
-    pub(crate) fn check(&self) -> Result<(), GuideError> {
+    /// Whether the options make sense.
+    ///
+    /// # Errors
+    ///
+    /// If a number is out of range; the message says which.
+    pub fn check(&self) -> Result<(), GuideError> {
         let problem = |expected: &str, found: &dyn std::fmt::Debug| {
             Err(GuideError::Guidance(format!(
                 "expected {expected}, found {found:?}"

@@ -1,1 +1,50 @@
-//! From a sentence and a few words of Laban movement analysis to human motion
+//! From a sentence and a few words of Laban movement analysis to human motion.
+//!
+//! ```no_run
+//! use lamogen::{Component, Device, LaMoGen, Request, Summary, Tag};
+//!
+//! fn main() -> Result<(), Box<dyn std::error::Error>> {
+//!     let model = LaMoGen::embedded(&Device::flex())?;
+//!     let request = Request::new("a person jumps").tags([Tag::Strong, Tag::Sudden]).seed(7);
+//!     let result = model.generate(&request)?;
+//!
+//!     let before = result.baseline_laban.summary(Summary::Maximum);
+//!     let after = result.guided_laban.summary(Summary::Maximum);
+//!     println!("Weight {} -> {}", before[Component::Weight.index()], after[Component::Weight.index()]);
+//!     result.guided.save_joints("jump.npy")?;
+//!     Ok(())
+//! }
+//! ```
+//!
+//! lamogen implements LaMoGen (arXiv 2509.24469): a pretrained text-to-motion diffusion model is
+//! steered while it samples. A first pass gives the motion that the text alone describes; its Laban
+//! features, scaled by the tags, are the target; a second pass from the same noise moves the
+//! sentence embedding until the motion reaches them. Nothing is retrained and no reference clip is
+//! needed.
+//!
+//! The parts are crates of their own, re-exported here: [`motion`], [`laban`], [`model`], [`guide`].
+
+mod error;
+mod generation;
+mod groups;
+mod licence;
+mod load;
+mod request;
+
+pub use error::{Error, LoadError, RequestError, Stopped, Unfinished};
+pub use generation::{Generation, LaMoGen, Progress};
+pub use licence::Licence;
+pub use request::{Length, Request};
+
+pub use burn::tensor::Device;
+pub use lamogen_guide::{Guidance, Pass, Preset, Step, Update};
+pub use lamogen_laban::{
+    COMPONENTS, Component, Divisor, EndEffectors, Gaussian, LabanOptions, LabanSeries, Scale,
+    Smoothing, Summary, Tag,
+};
+pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+
+pub use lamogen_guide as guide;
+pub use lamogen_laban as laban;
+pub use lamogen_model as model;
+pub use lamogen_motion as motion;

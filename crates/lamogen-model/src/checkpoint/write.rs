@@ -57,10 +57,14 @@ impl MotionDiffuse {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
-        let temporary = tempfile::Builder::new()
-            .suffix(".safetensors")
-            .tempfile_in(folder)
-            .map_err(io)?;
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            // Temporary files are private; the finished one should be as readable as any other.
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o644));
+        }
+        let temporary = builder.tempfile_in(folder).map_err(io)?;
         safetensors::serialize_to_file(views, Some(metadata), temporary.path())
             .map_err(|error| io(std::io::Error::other(error)))?;
         temporary.persist(path).map_err(|error| io(error.error))?;

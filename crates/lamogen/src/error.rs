@@ -1,0 +1,151 @@
+//! What can go wrong, from loading a model to the last frame.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use lamogen_guide::{GuideError, Pass};
+use lamogen_laban::ScaleError;
+use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
+use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
+
+use crate::generation::Generation;
+use crate::request::Length;
+
+/// Why a model cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The folder has no weights.
+    #[error("{folder}: expected weights in model.safetensors or latest.tar, found {found}")]
+    #[allow(missing_docs)]
+    NoWeights { folder: PathBuf, found: String },
+    /// The network's poses are not HumanML3D's.
+    #[error(
+        "{path}: expected a network of {POSE_FEATURES} pose features (input_feats), found {found}"
+    )]
+    #[allow(missing_docs)]
+    PoseFeatures { path: PathBuf, found: usize },
+    /// The config.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The weights.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The tokenizer.
+    #[error(transparent)]
+    Tokenizer(#[from] TokenizerError),
+    /// Mean or standard deviation.
+    #[error(transparent)]
+    Normalization(#[from] NormalizationError),
+}
+
+/// Why a motion cannot be generated.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A request makes no sense.
+    #[error("request {prompt:?}: {source}")]
+    #[allow(missing_docs)]
+    Request {
+        prompt: String,
+        source: RequestError,
+    },
+    /// The observer stopped the run.
+    #[error("{0}")]
+    Stopped(Box<Stopped>),
+    /// The guided pass failed.
+    #[error("request {prompt:?}: {source}")]
+    #[allow(missing_docs)]
+    Guide { prompt: String, source: GuideError },
+    /// The network gave something that is no motion.
+    #[error("request {prompt:?}: the {pass} motion is not usable: {source}")]
+    #[allow(missing_docs)]
+    Motion {
+        prompt: String,
+        pass: Pass,
+        source: MotionError,
+    },
+}
+
+/// What makes no sense in a request.
+#[derive(Debug, thiserror::Error)]
+pub enum RequestError {
+    /// No words.
+    #[error("the prompt is empty; expected a sentence such as \"a person jumps\"")]
+    EmptyPrompt,
+    /// A length that the model cannot do.
+    #[error(
+        "expected {shortest} to {longest} frames ({:.1} to {:.1} s), found {}",
+        *.shortest as f32 / FRAMES_PER_SECOND,
+        *.longest as f32 / FRAMES_PER_SECOND,
+        length(.found)
+    )]
+    #[allow(missing_docs)]
+    Length {
+        found: Length,
+        shortest: usize,
+        longest: usize,
+    },
+    /// Tags and factors at once.
+    #[error("expected tags or a scale, found both")]
+    TagsAndScale,
+    /// Tags that contradict each other.
+    #[error(transparent)]
+    Scale(#[from] ScaleError),
+    /// Steps or guidance options.
+    #[error(transparent)]
+    Guidance(#[from] GuideError),
+    /// A prompt that the tokenizer cannot encode.
+    #[error(transparent)]
+    Tokenizer(#[from] TokenizerError),
+}
+
+fn length(length: &Length) -> String {
+    match length {
+        Length::Seconds(seconds) => format!("{seconds} s"),
+        Length::Frames(frames) => format!("{frames} frames"),
+    }
+}
+
+/// What a stopped run has.
+#[derive(Clone, Debug)]
+pub struct Stopped {
+    /// The pass that was stopped.
+    pub pass: Pass,
+    /// The last step that was made, from 0.
+    pub index: usize,
+    /// How many steps the pass has.
+    pub steps: usize,
+    /// What was finished before, with its place among the requests.
+    pub finished: Vec<(usize, Generation)>,
+    /// What was being made.
+    pub unfinished: Vec<Unfinished>,
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "stopped by the observer after step {} of {} of the {} pass",
+            self.index + 1,
+            self.steps,
+            self.pass
+        )?;
+        match self.finished.len() {
+            0 => Ok(()),
+            1 => write!(f, "; 1 request was finished before"),
+            count => write!(f, "; {count} requests were finished before"),
+        }
+    }
+}
+
+/// A request that was being worked on when the run was stopped.
+#[derive(Clone, Debug)]
+pub struct Unfinished {
+    /// Its place among the requests, from 0.
+    pub request: usize,
+    /// The motion of the text alone, if that pass was finished.
+    pub baseline: Option<Motion>,
+    /// The clean motion as the stopped pass last predicted it, if it is a motion.
+    pub prediction: Option<Motion>,
+    /// The Laban loss at every step that was made.
+    pub loss: Vec<f32>,
+}

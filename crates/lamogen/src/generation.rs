@@ -1,0 +1,351 @@
+//! From requests to motions.
+
+use std::ops::ControlFlow;
+
+use burn::tensor::{Int, Tensor, TensorData};
+use lamogen_guide::{Batch, GuideError, Pass, Preset, Sampler, Step, noise};
+use lamogen_laban::{COMPONENTS, LabanFeatures, LabanSeries, Scale};
+use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
+use lamogen_motion::{Motion, Normalization, joints};
+
+use crate::error::{Error, Stopped, Unfinished};
+use crate::groups::{Group, Job, sort};
+use crate::licence::Licence;
+use crate::request::Request;
+
+/// A text-to-motion model that Laban tags can steer.
+pub struct LaMoGen<D = MotionDiffuse> {
+    network: D,
+    tokenizer: Tokenizer,
+    normalization: Normalization,
+    licence: Option<Licence>,
+    preset: Preset,
+    batch_size: usize,
+}
+
+/// A finished request.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Generation {
+    /// How many tokens of the prompt did not fit the model and were left out.
+    pub cut_tokens: usize,
+    /// The factors that the tags stand for.
+    pub scale: Scale,
+    /// The motion of the text alone.
+    pub baseline: Motion,
+    /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
+    /// second pass is left out and this is the baseline.
+    pub guided: Motion,
+    /// Laban features of the baseline.
+    pub baseline_laban: LabanSeries,
+    /// Laban features of the guided motion.
+    pub guided_laban: LabanSeries,
+    /// Laban features to reach: the baseline's, scaled.
+    pub target: LabanSeries,
+    /// The Laban loss at every step of the guided pass.
+    pub loss: Vec<f32>,
+}
+
+/// How far a call has come.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// Steps made, over all passes and batches.
+    pub done: usize,
+    /// Steps in all.
+    pub total: usize,
+    /// The step just made.
+    pub step: &'a Step<'a>,
+}
+
+impl<D: Denoiser> LaMoGen<D> {
+    pub(crate) fn from_parts(
+        network: D,
+        tokenizer: Tokenizer,
+        normalization: Normalization,
+    ) -> Self {
+        LaMoGen {
+            network,
+            tokenizer,
+            normalization,
+            licence: None,
+            preset: Preset::default(),
+            batch_size: 8,
+        }
+    }
+
+    pub(crate) fn with_licence(self, licence: Option<Licence>) -> Self {
+        LaMoGen { licence, ..self }
+    }
+
+    /// Sets what requests run with that say nothing else.
+    pub fn with_preset(self, preset: Preset) -> Self {
+        LaMoGen { preset, ..self }
+    }
+
+    /// Sets how many motions run together in [`generate_all`](Self::generate_all); 8 by default.
+    /// More need more memory, and are faster on a GPU.
+    ///
+    /// # Panics
+    ///
+    /// If it is 0.
+    pub fn with_batch_size(self, batch_size: usize) -> Self {
+        assert!(batch_size > 0, "a batch has at least one motion");
+        LaMoGen { batch_size, ..self }
+    }
+
+    /// The licence of the weights, if their file states one. PyTorch checkpoints do not.
+    pub fn licence(&self) -> Option<&Licence> {
+        self.licence.as_ref()
+    }
+
+    /// The network.
+    pub fn network(&self) -> &D {
+        &self.network
+    }
+
+    /// Generates a motion.
+    ///
+    /// # Errors
+    ///
+    /// If the request makes no sense, or numbers become infinite on the way.
+    pub fn generate(&self, request: &Request) -> Result<Generation, Error> {
+        self.generate_with(request, &mut |_| ControlFlow::Continue(()))
+    }
+
+    /// As [`generate`](Self::generate); `observer` sees every step and may stop the run.
+    ///
+    /// # Errors
+    ///
+    /// As [`generate`](Self::generate), and [`Error::Stopped`] with what there is if stopped.
+    pub fn generate_with(
+        &self,
+        request: &Request,
+        observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<Generation, Error> {
+        let mut all = self.generate_all_with(std::slice::from_ref(request), observer)?;
+        Ok(all.pop().expect("one request gives one motion"))
+    }
+
+    /// Generates several motions, those with the same steps and guidance options together. Each is
+    /// the motion that [`generate`](Self::generate) gives.
+    ///
+    /// # Errors
+    ///
+    /// As [`generate`](Self::generate). All requests are checked before the first is run.
+    pub fn generate_all(&self, requests: &[Request]) -> Result<Vec<Generation>, Error> {
+        self.generate_all_with(requests, &mut |_| ControlFlow::Continue(()))
+    }
+
+    /// As [`generate_all`](Self::generate_all); `observer` sees every step and may stop the run.
+    ///
+    /// # Errors
+    ///
+    /// As [`generate_all`](Self::generate_all), and [`Error::Stopped`] with what there is if
+    /// stopped.
+    pub fn generate_all_with(
+        &self,
+        requests: &[Request],
+        observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<Vec<Generation>, Error> {
+        let groups = self.groups(requests)?;
+        let total = groups.iter().map(Group::cost).sum();
+        let mut done = 0;
+        let mut watch = |step: &Step<'_>| {
+            done += 1;
+            observer(&Progress { done, total, step })
+        };
+        let mut finished: Vec<(usize, Generation)> = Vec::new();
+        for group in &groups {
+            match self.run(group, requests, &mut watch) {
+                Ok(generations) => {
+                    let places = group.jobs.iter().map(|job| job.request);
+                    finished.extend(places.zip(generations));
+                }
+                Err(Error::Stopped(mut stopped)) => {
+                    finished.sort_by_key(|&(request, _)| request);
+                    stopped.finished = finished;
+                    return Err(Error::Stopped(stopped));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        finished.sort_by_key(|&(request, _)| request);
+        Ok(finished.into_iter().map(|(_, motion)| motion).collect())
+    }
+
+    fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
+        let mut groups = Vec::new();
+        for request in requests.iter().enumerate() {
+            sort(
+                &mut groups,
+                request,
+                &self.network,
+                &self.tokenizer,
+                (self.preset, self.batch_size),
+            )
+            .map_err(|source| Error::Request {
+                prompt: request.1.prompt.clone(),
+                source,
+            })?;
+        }
+        Ok(groups)
+    }
+
+    fn run(
+        &self,
+        group: &Group,
+        requests: &[Request],
+        watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+    ) -> Result<Vec<Generation>, Error> {
+        let mut watch = |step: &Step<'_>| watch(step);
+        let prompt_of = |job: &Job| requests[job.request].prompt.clone();
+        let failed = |source, baseline: Option<&Tensor<3>>| match source {
+            GuideError::Stopped(stopped) => {
+                Error::Stopped(Box::new(self.stopped(group, *stopped, baseline)))
+            }
+            source => Error::Guide {
+                prompt: prompt_of(&group.jobs[source.motion().unwrap_or(0)]),
+                source,
+            },
+        };
+        let batch = self.batch(group);
+        let sampler = Sampler::new(&self.network, &self.normalization, group.steps)
+            .map_err(|error| failed(error, None))?;
+        let baseline = sampler
+            .baseline(&batch, &mut watch)
+            .map_err(|error| failed(error, None))?;
+        let guided = match group.is_guided {
+            false => None,
+            true => {
+                let scales: Vec<Scale> = group.jobs.iter().filter_map(|job| job.scale).collect();
+                let guided = sampler.guided(
+                    &batch,
+                    baseline.clone(),
+                    &scales,
+                    &group.guidance,
+                    &mut watch,
+                );
+                Some(guided.map_err(|error| failed(error, Some(&baseline)))?)
+            }
+        };
+        let baseline_features = match &guided {
+            Some(guided) => guided.baseline_features.clone(),
+            None => self.measure(&baseline, group),
+        };
+        group
+            .jobs
+            .iter()
+            .enumerate()
+            .map(|(index, job)| {
+                let motion = |tensor: &Tensor<3>, pass| {
+                    self.motion(tensor, index, job.frames)
+                        .map_err(|source| Error::Motion {
+                            prompt: prompt_of(job),
+                            pass,
+                            source,
+                        })
+                };
+                let series = |tensor: &Tensor<3>| {
+                    let rows = tensor.clone().narrow(0, index, 1).narrow(1, 0, job.frames);
+                    LabanSeries::from_tensor(rows.reshape([job.frames, COMPONENTS]))
+                };
+                let baseline = motion(&baseline, Pass::Baseline)?;
+                let baseline_laban = series(&baseline_features);
+                Ok(match &guided {
+                    None => Generation {
+                        cut_tokens: job.cut,
+                        scale: Scale::NEUTRAL,
+                        guided: baseline.clone(),
+                        baseline,
+                        guided_laban: baseline_laban.clone(),
+                        target: baseline_laban.clone(),
+                        baseline_laban,
+                        loss: Vec::new(),
+                    },
+                    Some(guided) => Generation {
+                        cut_tokens: job.cut,
+                        scale: job.scale.unwrap_or_default(),
+                        guided: motion(&guided.motion, Pass::Guided)?,
+                        baseline,
+                        guided_laban: series(&guided.features),
+                        target: series(&guided.target_features),
+                        baseline_laban,
+                        loss: guided.loss.iter().map(|losses| losses[index]).collect(),
+                    },
+                })
+            })
+            .collect()
+    }
+
+    /// Encoded prompts and start noise, padded to the longest motion.
+    fn batch(&self, group: &Group) -> Batch<D::Context> {
+        let device = self.network.device();
+        let (size, features) = (group.jobs.len(), self.network.pose_features());
+        let lengths: Vec<usize> = group.jobs.iter().map(|job| job.frames).collect();
+        let frames = lengths.iter().copied().max().unwrap_or(0);
+        let ids: Vec<i32> = group
+            .jobs
+            .iter()
+            .flat_map(|job| &job.ids)
+            .map(|&id| id as i32)
+            .collect();
+        let ids = TensorData::new(ids, [size, self.tokenizer.context_length()]);
+        let noise: Vec<f32> = group
+            .jobs
+            .iter()
+            .flat_map(|job| noise(job.seed, frames, features))
+            .collect();
+        let noise = TensorData::new(noise, [size, frames, features]);
+        Batch {
+            prompt: self
+                .network
+                .encode(Tensor::<2, Int>::from_data(ids, &device)),
+            noise: Tensor::from_data(noise, &device),
+            lengths,
+        }
+    }
+
+    fn measure(&self, normalized: &Tensor<3>, group: &Group) -> Tensor<3> {
+        let [_, frames, _] = normalized.dims();
+        let lengths: Vec<usize> = group.jobs.iter().map(|job| job.frames).collect();
+        let options = &group.guidance.laban;
+        LabanFeatures::new(options, frames, &lengths, &normalized.device())
+            .measure(joints(self.normalization.denormalize(normalized.clone())))
+    }
+
+    fn motion(
+        &self,
+        normalized: &Tensor<3>,
+        index: usize,
+        frames: usize,
+    ) -> Result<Motion, lamogen_motion::MotionError> {
+        let [_, _, features] = normalized.dims();
+        let rows = normalized.clone().narrow(0, index, 1).narrow(1, 0, frames);
+        let rows = self.normalization.denormalize(rows);
+        Motion::from_features(rows.reshape([frames, features]))
+    }
+
+    fn stopped(
+        &self,
+        group: &Group,
+        stopped: lamogen_guide::Stopped,
+        baseline: Option<&Tensor<3>>,
+    ) -> Stopped {
+        let unfinished = group.jobs.iter().enumerate().map(|(index, job)| {
+            let motion = |tensor| self.motion(tensor, index, job.frames).ok();
+            Unfinished {
+                request: job.request,
+                baseline: baseline.and_then(motion),
+                prediction: motion(&stopped.prediction),
+                loss: stopped.loss.iter().map(|losses| losses[index]).collect(),
+            }
+        });
+        Stopped {
+            pass: stopped.pass,
+            index: stopped.index,
+            steps: stopped.steps,
+            finished: Vec::new(),
+            unfinished: unfinished.collect(),
+        }
+    }
+}

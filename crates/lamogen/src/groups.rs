@@ -1,0 +1,88 @@
+//! Which requests run together.
+
+use lamogen_guide::{Guidance, Preset, Schedule};
+use lamogen_laban::Scale;
+use lamogen_model::{Denoiser, Tokenizer};
+
+use crate::error::RequestError;
+use crate::request::Request;
+
+/// A request that has been checked against a model.
+#[derive(Clone, Debug)]
+pub(crate) struct Job {
+    /// Its place among the requests.
+    pub(crate) request: usize,
+    pub(crate) ids: Vec<u32>,
+    pub(crate) cut: usize,
+    pub(crate) frames: usize,
+    pub(crate) seed: u64,
+    /// `None` where no tags or factors are given: the text alone.
+    pub(crate) scale: Option<Scale>,
+}
+
+/// Jobs that are one batch: they agree in what all motions of a batch must share.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    pub(crate) steps: usize,
+    pub(crate) guidance: Guidance,
+    pub(crate) is_guided: bool,
+    pub(crate) jobs: Vec<Job>,
+}
+
+impl Group {
+    /// Passes of the network that the group takes, in steps.
+    pub(crate) fn cost(&self) -> usize {
+        self.steps * (1 + usize::from(self.is_guided))
+    }
+}
+
+/// Checks a request and finds the group that it can join.
+pub(crate) fn sort(
+    groups: &mut Vec<Group>,
+    (index, request): (usize, &Request),
+    model: &impl Denoiser,
+    tokenizer: &Tokenizer,
+    (default, largest): (Preset, usize),
+) -> Result<(), RequestError> {
+    if request.prompt.trim().is_empty() {
+        return Err(RequestError::EmptyPrompt);
+    }
+    let scale = match (&request.tags[..], request.scale) {
+        ([], scale) => scale,
+        (tags, None) => Some(Scale::from_tags(tags)?),
+        (_, Some(_)) => return Err(RequestError::TagsAndScale),
+    };
+    let preset = request.preset.unwrap_or(default);
+    let steps = request.steps.unwrap_or(preset.steps());
+    Schedule::linear().ddim(steps)?;
+    let guidance = request.guidance.clone().unwrap_or(preset.guidance());
+    guidance.check()?;
+    let tokens = tokenizer.encode(&request.prompt)?;
+    let job = Job {
+        request: index,
+        ids: tokens.ids,
+        cut: tokens.cut,
+        frames: request
+            .length
+            .frames(model.min_frames(), model.max_frames())?,
+        seed: request.seed,
+        scale,
+    };
+    let is_guided = scale.is_some();
+    let joins = |group: &&mut Group| {
+        group.steps == steps
+            && group.is_guided == is_guided
+            && group.guidance == guidance
+            && group.jobs.len() < largest
+    };
+    match groups.iter_mut().find(joins) {
+        Some(group) => group.jobs.push(job),
+        None => groups.push(Group {
+            steps,
+            guidance,
+            is_guided,
+            jobs: vec![job],
+        }),
+    }
+    Ok(())
+}

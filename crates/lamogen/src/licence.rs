@@ -1,0 +1,63 @@
+//! Under which terms weights may be used.
+
+use std::fmt;
+
+use lamogen_model::Checkpoint;
+
+/// The licence that a weight file states. It is not that of lamogen's code.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Licence {
+    /// Its name, as an SPDX identifier where there is one: `CC-BY-NC-4.0`.
+    pub name: String,
+    /// Whom to name when the weights, or what they make, are passed on.
+    pub attribution: Option<String>,
+}
+
+impl Licence {
+    /// What a checkpoint says of itself; PyTorch checkpoints say nothing.
+    pub(crate) fn of(checkpoint: &Checkpoint) -> Option<Licence> {
+        Some(Licence {
+            name: checkpoint.metadata("license")?.to_owned(),
+            attribution: checkpoint.metadata("attribution").map(str::to_owned),
+        })
+    }
+
+    /// Whether commercial use is excluded, as far as the name tells.
+    pub fn is_non_commercial(&self) -> bool {
+        let name = self.name.to_lowercase();
+        name.split(|c: char| !c.is_alphanumeric())
+            .any(|part| part == "nc")
+            || name.contains("non-commercial")
+            || name.contains("noncommercial")
+    }
+}
+
+impl fmt::Display for Licence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)?;
+        if self.is_non_commercial() {
+            f.write_str(", not for commercial use")?;
+        }
+        if let Some(attribution) = &self.attribution {
+            write!(f, ". To be named: {attribution}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn non_commercial_licences_are_told_by_their_names() {
+        let licence = |name: &str| Licence {
+            name: name.into(),
+            attribution: None,
+        };
+        assert!(licence("CC-BY-NC-4.0").is_non_commercial());
+        assert!(licence("S-Lab Non-Commercial License").is_non_commercial());
+        assert!(!licence("MIT").is_non_commercial());
+        assert!(!licence("CC-BY-SYNC-1.0").is_non_commercial());
+    }
+}

@@ -1,0 +1,170 @@
+//! What is asked for.
+
+use lamogen_guide::{Guidance, Preset};
+use lamogen_laban::{Scale, Tag};
+use lamogen_motion::FRAMES_PER_SECOND;
+
+use crate::error::RequestError;
+
+/// How long a motion shall be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Length {
+    /// In seconds, rounded to frames.
+    Seconds(f32),
+    /// In frames, 20 a second.
+    Frames(usize),
+}
+
+/// A motion to generate: a sentence, and how its motion shall differ from what the sentence alone
+/// gives.
+///
+/// ```
+/// use lamogen::{Request, Tag};
+///
+/// let request = Request::new("a person waves with the right hand")
+///     .tags([Tag::Light, Tag::Sustained])
+///     .seconds(4.0)
+///     .seed(7);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Request {
+    pub(crate) prompt: String,
+    pub(crate) length: Length,
+    pub(crate) seed: u64,
+    pub(crate) tags: Vec<Tag>,
+    pub(crate) scale: Option<Scale>,
+    pub(crate) preset: Option<Preset>,
+    pub(crate) steps: Option<usize>,
+    pub(crate) guidance: Option<Guidance>,
+}
+
+impl Request {
+    /// A motion of 3 seconds with seed 0 and no tags.
+    pub fn new(prompt: impl Into<String>) -> Self {
+        Request {
+            prompt: prompt.into(),
+            length: Length::Seconds(3.0),
+            seed: 0,
+            tags: Vec::new(),
+            scale: None,
+            preset: None,
+            steps: None,
+            guidance: None,
+        }
+    }
+
+    /// Sets the length in seconds.
+    pub fn seconds(self, seconds: f32) -> Self {
+        self.length(Length::Seconds(seconds))
+    }
+
+    /// Sets the length in frames.
+    pub fn frames(self, frames: usize) -> Self {
+        self.length(Length::Frames(frames))
+    }
+
+    /// Sets the length.
+    pub fn length(self, length: Length) -> Self {
+        Request { length, ..self }
+    }
+
+    /// Sets the seed of the start noise. The same seed gives the same motion.
+    pub fn seed(self, seed: u64) -> Self {
+        Request { seed, ..self }
+    }
+
+    /// Adds a tag.
+    pub fn tag(mut self, tag: Tag) -> Self {
+        self.tags.push(tag);
+        self
+    }
+
+    /// Adds tags, at most one for each component.
+    pub fn tags(mut self, tags: impl IntoIterator<Item = Tag>) -> Self {
+        self.tags.extend(tags);
+        self
+    }
+
+    /// Sets the factors on the four components, instead of tags.
+    pub fn scale(self, scale: Scale) -> Self {
+        Request {
+            scale: Some(scale),
+            ..self
+        }
+    }
+
+    /// Sets steps and guidance together; each can still be set apart.
+    pub fn preset(self, preset: Preset) -> Self {
+        Request {
+            preset: Some(preset),
+            ..self
+        }
+    }
+
+    /// Sets the DDIM steps of each pass, 1 to 1000.
+    pub fn steps(self, steps: usize) -> Self {
+        Request {
+            steps: Some(steps),
+            ..self
+        }
+    }
+
+    /// Sets the options of the guided pass.
+    pub fn guidance(self, guidance: Guidance) -> Self {
+        Request {
+            guidance: Some(guidance),
+            ..self
+        }
+    }
+}
+
+impl Length {
+    /// Frames, if they are within what a model can do.
+    pub(crate) fn frames(self, shortest: usize, longest: usize) -> Result<usize, RequestError> {
+        let frames = match self {
+            Length::Frames(frames) => Some(frames),
+            Length::Seconds(seconds) if seconds.is_finite() && seconds >= 0.0 => {
+                Some((seconds * FRAMES_PER_SECOND).round() as usize)
+            }
+            Length::Seconds(_) => None,
+        };
+        match frames {
+            Some(frames) if (shortest..=longest).contains(&frames) => Ok(frames),
+            _ => Err(RequestError::Length {
+                found: self,
+                shortest,
+                longest,
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_become_frames() {
+        assert_eq!(Length::Seconds(3.0).frames(40, 196).unwrap(), 60);
+        assert_eq!(Length::Seconds(9.8).frames(40, 196).unwrap(), 196);
+        assert_eq!(Length::Frames(40).frames(40, 196).unwrap(), 40);
+    }
+
+    #[test]
+    fn lengths_that_the_model_cannot_do_are_refused() {
+        for length in [
+            Length::Frames(0),
+            Length::Frames(39),
+            Length::Frames(197),
+            Length::Seconds(0.0),
+            Length::Seconds(-3.0),
+            Length::Seconds(f32::NAN),
+            Length::Seconds(f32::INFINITY),
+            Length::Seconds(1e30),
+        ] {
+            let message = length.frames(40, 196).unwrap_err().to_string();
+            assert!(message.contains("40 to 196 frames"), "{message}");
+            assert!(message.contains("2.0 to 9.8 s"), "{message}");
+        }
+    }
+}
