@@ -1,32 +1,138 @@
-//! temp
-use lamogen::*;
-fn main() {
-    let m = LaMoGen::embedded(&Device::flex()).unwrap();
-    for p in [
-        "a person jumps",
-        "a person walks forward",
-        "a person waves with the right hand",
+//! A sentence and Laban tags become a motion, on the model that lamogen carries.
+//!
+//! `cargo run --release --example guided_jump -- --help`
+
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use lamogen::{Component, Device, Generation, LaMoGen, Request, Summary, Tag};
+use lamogen_view::{Curve, Row, curves, save, strip};
+
+/// Generates a motion from a sentence, once as the text alone gives it and once as the tags ask.
+#[derive(Parser)]
+struct Arguments {
+    /// What the person does.
+    #[arg(long, default_value = "a person jumps")]
+    prompt: String,
+    /// How: light or strong, sustained or sudden, bound or free, near or far; may be repeated.
+    #[arg(long = "tag", default_values = ["strong", "sudden"])]
+    tags: Vec<Tag>,
+    /// Length of the motion in seconds, 2 to 9.8.
+    #[arg(long, default_value_t = 3.0)]
+    seconds: f32,
+    /// DDIM steps of each of the two passes, 1 to 1000.
+    #[arg(long, default_value_t = 100)]
+    steps: usize,
+    /// Seed of the start noise.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Folder for the files.
+    #[arg(long, default_value = "target/guided_jump")]
+    out: PathBuf,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    // A folder that cannot be written to should be known before the work, not after.
+    std::fs::create_dir_all(&arguments.out)
+        .map_err(|error| format!("{}: {error}", arguments.out.display()))?;
+    let model = LaMoGen::embedded(&Device::flex())?;
+    if let Some(licence) = model.licence() {
+        eprintln!("Weights: {licence}");
+    }
+    let request = Request::new(&arguments.prompt)
+        .tags(arguments.tags.iter().copied())
+        .seconds(arguments.seconds)
+        .steps(arguments.steps)
+        .seed(arguments.seed);
+    let style = "{msg:9} {bar:40} {pos}/{len} steps, {elapsed}";
+    let bar = ProgressBar::no_length().with_style(ProgressStyle::with_template(style)?);
+    let result = model.generate_with(&request, &mut |progress| {
+        bar.set_length(progress.total as u64);
+        bar.set_message(progress.step.pass.to_string());
+        bar.set_position(progress.done as u64);
+        ControlFlow::Continue(())
+    })?;
+    bar.finish();
+    if result.cut_tokens > 0 {
+        eprintln!(
+            "The prompt is too long: its last {} tokens were left out.",
+            result.cut_tokens
+        );
+    }
+    print_table(&result);
+    write_files(arguments, &result)
+}
+
+fn print_table(result: &Generation) {
+    for (summary, name) in [
+        (Summary::Maximum, "maximum over time"),
+        (Summary::Mean, "mean over time"),
     ] {
-        for t in Tag::ALL {
-            let t0 = std::time::Instant::now();
-            let r = m.generate(&Request::new(p).tag(t).seed(7)).unwrap();
-            let (b, g) = (
-                r.baseline_laban.summary(Summary::Maximum),
-                r.guided_laban.summary(Summary::Maximum),
-            );
-            let (bm, gm) = (
-                r.baseline_laban.summary(Summary::Mean),
-                r.guided_laban.summary(Summary::Mean),
-            );
+        let [baseline, target, guided] =
+            [&result.baseline_laban, &result.target, &result.guided_laban]
+                .map(|s| s.summary(summary));
+        println!(
+            "\n{name:18} {:>10} {:>10} {:>10} {:>9} {:>9}",
+            "baseline", "target", "guided", "asked", "change"
+        );
+        for component in Component::ALL {
+            let [baseline, target, guided] =
+                [baseline, target, guided].map(|s| s[component.index()]);
+            let change = |value: f32| 100.0 * (value / baseline - 1.0);
             println!(
-                "{p:20} {t:10} max {:?} mean {:?} d {:.3} loss {:.2}->{:.2} {:?}",
-                std::array::from_fn::<_, 4, _>(|i| (g[i] / b[i] * 100.0).round() / 100.0),
-                std::array::from_fn::<_, 4, _>(|i| (gm[i] / bm[i] * 100.0).round() / 100.0),
-                r.guided.distance(&r.baseline),
-                r.loss[0],
-                r.loss.last().unwrap(),
-                t0.elapsed()
+                "{component:18} {baseline:10.4} {target:10.4} {guided:10.4} {:+8.0}% {:+8.0}%",
+                change(target),
+                change(guided)
             );
         }
     }
+    println!(
+        "\nThe two motions are {:.2} m apart on average.",
+        result.guided.distance(&result.baseline)
+    );
+}
+
+fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn Error>> {
+    let out = |name: &str| arguments.out.join(name);
+    result.baseline.save_joints(out("baseline.npy"))?;
+    result.guided.save_joints(out("guided.npy"))?;
+    let tags: Vec<String> = arguments.tags.iter().map(Tag::to_string).collect();
+    let tags = tags.join(", ");
+    let rows = [
+        Row {
+            label: "text alone",
+            motion: &result.baseline,
+        },
+        Row {
+            label: &tags,
+            motion: &result.guided,
+        },
+    ];
+    save(out("strip.svg"), &strip(&rows, 10))?;
+    let title = format!("{}: {tags}", arguments.prompt);
+    let lines = [
+        Curve::baseline(&result.baseline_laban),
+        Curve::target(&result.target),
+        Curve::guided(&result.guided_laban),
+    ];
+    save(out("curves.svg"), &curves(&title, &lines)?)?;
+    println!(
+        "Files in {}: baseline.npy and guided.npy (joints in metres, frames × 22 × 3), strip.svg, curves.svg",
+        arguments.out.display()
+    );
+    Ok(())
 }

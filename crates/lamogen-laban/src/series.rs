@@ -53,7 +53,10 @@ impl LabanSeries {
     }
 
     /// One component over time.
-    pub fn component(&self, component: Component) -> impl ExactSizeIterator<Item = f32> + '_ {
+    pub fn component(
+        &self,
+        component: Component,
+    ) -> impl ExactSizeIterator<Item = f32> + Clone + '_ {
         self.frames.iter().map(move |row| row[component.index()])
     }
 

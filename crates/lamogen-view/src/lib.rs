@@ -1,1 +1,21 @@
-//! Pictures of motion: stick-figure strips and Laban curves
+//! Pictures of motion, as SVG: strips of stick figures, and Laban features over time.
+
+mod curves;
+mod strip;
+
+pub use curves::{Curve, CurveError, curves};
+pub use strip::{Row, strip};
+
+use std::io::Write;
+use std::path::Path;
+
+/// Writes a picture whole or not at all.
+///
+/// # Errors
+///
+/// If the file cannot be written; the message names it.
+pub fn save(path: impl AsRef<Path>, svg: &str) -> std::io::Result<()> {
+    let path = path.as_ref();
+    lamogen_motion::write_atomically(path, |file| file.write_all(svg.as_bytes()))
+        .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display())))
+}

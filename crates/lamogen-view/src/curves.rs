@@ -1,0 +1,167 @@
+//! Laban features over time.
+
+use lamogen_laban::{Component, LabanSeries};
+use lamogen_motion::FRAMES_PER_SECOND;
+use plotters::prelude::*;
+
+/// One curve in each of the four panels.
+#[derive(Clone, Copy, Debug)]
+pub struct Curve<'a> {
+    /// What the legend calls it.
+    pub label: &'a str,
+    /// The features it shows.
+    pub series: &'a LabanSeries,
+    /// Its colour, red, green, blue.
+    pub colour: [u8; 3],
+    /// Whether it is dashed, as a target is.
+    pub dashed: bool,
+}
+
+impl<'a> Curve<'a> {
+    /// A grey curve: where things were.
+    pub fn baseline(series: &'a LabanSeries) -> Self {
+        Curve {
+            label: "baseline",
+            series,
+            colour: [107, 114, 128],
+            dashed: false,
+        }
+    }
+
+    /// A dashed curve: what was asked for.
+    pub fn target(series: &'a LabanSeries) -> Self {
+        Curve {
+            label: "target",
+            series,
+            colour: [22, 101, 52],
+            dashed: true,
+        }
+    }
+
+    /// A red curve: what came out.
+    pub fn guided(series: &'a LabanSeries) -> Self {
+        Curve {
+            label: "guided",
+            series,
+            colour: [194, 65, 12],
+            dashed: false,
+        }
+    }
+}
+
+/// A picture that cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[error("the curves cannot be drawn: {0}")]
+pub struct CurveError(String);
+
+const SIZE: (u32, u32) = (1100, 760);
+
+/// Draws Weight, Time, Flow and Shape over time, a panel each, as an SVG document.
+///
+/// # Errors
+///
+/// If the picture cannot be drawn; numbers that are not finite are left out.
+pub fn curves(title: &str, curves: &[Curve<'_>]) -> Result<String, CurveError> {
+    let mut svg = String::new();
+    draw(&mut svg, title, curves).map_err(|error| CurveError(error.to_string()))?;
+    Ok(svg)
+}
+
+fn draw(
+    svg: &mut String,
+    title: &str,
+    curves: &[Curve<'_>],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    area.fill(&WHITE)?;
+    let area = area.titled(title, ("sans-serif", 22))?;
+    let panels = area.split_evenly((2, 2));
+    for (component, panel) in Component::ALL.into_iter().zip(&panels) {
+        let values = || curves.iter().flat_map(|c| c.series.component(component));
+        let largest = values().filter(|x| x.is_finite()).fold(0.0, f32::max);
+        let frames = curves.iter().map(|c| c.series.frames().len()).max();
+        let seconds = frames.unwrap_or(1).saturating_sub(1).max(1) as f32 / FRAMES_PER_SECOND;
+        let mut chart = ChartBuilder::on(panel)
+            .caption(
+                format!("{component} ({})", unit(component)),
+                ("sans-serif", 17),
+            )
+            .margin(10)
+            .x_label_area_size(34)
+            .y_label_area_size(58)
+            .build_cartesian_2d(0.0..seconds, 0.0..largest.max(1e-6) * 1.05)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(229, 231, 235))
+            .x_desc("seconds")
+            .label_style(("sans-serif", 12))
+            .draw()?;
+        for curve in curves {
+            let [red, green, blue] = curve.colour;
+            let style = RGBColor(red, green, blue).stroke_width(2);
+            let points = curve
+                .series
+                .component(component)
+                .enumerate()
+                .map(|(frame, value)| (frame as f32 / FRAMES_PER_SECOND, value))
+                .filter(|(_, value)| value.is_finite());
+            let drawn = match curve.dashed {
+                true => chart.draw_series(DashedLineSeries::new(points, 6, 4, style))?,
+                false => chart.draw_series(LineSeries::new(points, style))?,
+            };
+            drawn
+                .label(curve.label)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        }
+        chart
+            .configure_series_labels()
+            .background_style(WHITE.mix(0.8))
+            .border_style(RGBColor(209, 213, 219))
+            .position(SeriesLabelPosition::UpperRight)
+            .label_font(("sans-serif", 12))
+            .draw()?;
+    }
+    area.present()?;
+    Ok(())
+}
+
+fn unit(component: Component) -> &'static str {
+    match component {
+        Component::Weight => "m² per frame²",
+        Component::Time => "m per frame²",
+        Component::Flow => "m per frame³",
+        Component::Shape => "m³",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lamogen_laban::LabanOptions;
+    use lamogen_motion::{JOINTS, Motion};
+
+    #[test]
+    fn four_panels_are_drawn_with_a_legend() {
+        let frames = (0..20)
+            .map(|t| std::array::from_fn(|j| [j as f32 * 0.1, (t * j) as f32 * 0.01, 0.3]))
+            .collect::<Vec<[[f32; 3]; JOINTS]>>();
+        let motion = Motion::from_joints(frames).unwrap();
+        let series = LabanSeries::of(&motion, &LabanOptions::default());
+        let all = [
+            Curve::baseline(&series),
+            Curve::target(&series),
+            Curve::guided(&series),
+        ];
+        let svg = curves("a person <jumps>", &all).unwrap();
+        for component in Component::ALL {
+            assert!(svg.contains(&format!("{component} (")), "{component}");
+        }
+        assert!(svg.contains("baseline") && svg.contains("a person &lt;jumps&gt;"));
+    }
+
+    #[test]
+    fn nothing_to_draw_is_no_error() {
+        assert!(curves("empty", &[]).is_ok());
+    }
+}
