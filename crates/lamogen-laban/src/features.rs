@@ -250,7 +250,8 @@ mod tests {
             for part in Component::ALL {
                 let (before, after) = (component(&before, part), component(&after, part));
                 let change = largest(after - before.clone()) / largest(before);
-                assert!(change < 1e-4, "{part}: {change}");
+                // Positions of some metres are rounded to a quarter of a micrometre.
+                assert!(change < 5e-4, "{part}: {change}");
             }
         }
     }

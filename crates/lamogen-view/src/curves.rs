@@ -110,9 +110,13 @@ fn draw(
                 true => chart.draw_series(DashedLineSeries::new(points, 6, 4, style))?,
                 false => chart.draw_series(LineSeries::new(points, style))?,
             };
-            drawn
-                .label(curve.label)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+            // A dashed line shows a gap in the legend too.
+            let gap = if curve.dashed { 4 } else { 0 };
+            drawn.label(curve.label).legend(move |(x, y)| {
+                EmptyElement::at((x, y))
+                    + PathElement::new([(0, 0), (9 - gap / 2, 0)], style)
+                    + PathElement::new([(9 + gap / 2, 0), (18, 0)], style)
+            });
         }
         chart
             .configure_series_labels()

@@ -21,8 +21,8 @@ const SCALE: f32 = 110.0;
 const PLACE: f32 = 1.25;
 /// Room above and below the figures, in metres.
 const MARGIN: f32 = 0.18;
-/// Pixels for labels, left of the figures and below each row.
-const LABELS: f32 = 96.0;
+/// Pixels for the label above and the times below each row.
+const LABEL: f32 = 30.0;
 const TIMES: f32 = 22.0;
 
 /// Colours of the five chains: right leg, left leg, spine, right arm, left arm. The right side is
@@ -42,9 +42,9 @@ pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
         .map(|point| project(*point, [0.0; 3])[1])
         .fold(1.6, f32::max)
         + MARGIN;
-    let height = (top + MARGIN) * SCALE;
-    let width = LABELS + poses as f32 * PLACE * SCALE;
-    let total = rows.len() as f32 * (height + TIMES);
+    let height = LABEL + (top + MARGIN) * SCALE + TIMES;
+    let width = poses as f32 * PLACE * SCALE;
+    let total = rows.len() as f32 * height;
     let mut document = Document::new()
         .set("viewBox", (0, 0, width.ceil() as i32, total.ceil() as i32))
         .set("width", width.ceil())
@@ -57,30 +57,25 @@ pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
                 .set("fill", "white"),
         );
     for (index, row) in rows.iter().enumerate() {
-        let ground = index as f32 * (height + TIMES) + top * SCALE;
+        let above = index as f32 * height;
+        let ground = above + LABEL + top * SCALE;
         document = document
             .add(
                 Line::new()
-                    .set("x1", LABELS)
+                    .set("x1", 0)
                     .set("x2", width)
                     .set("y1", ground)
                     .set("y2", ground)
                     .set("stroke", "#d1d5db"),
             )
-            .add(label(
-                row.label,
-                10.0,
-                ground - 0.8 * SCALE,
-                17.0,
-                "#111827",
-            ));
+            .add(label(row.label, 12.0, above + 22.0, 17.0, "#111827"));
         for pose in 0..poses {
             let last = row.motion.frames() - 1;
             let frame = match poses {
                 1 => last / 2,
                 poses => (pose * last + (poses - 1) / 2) / (poses - 1),
             };
-            let middle = LABELS + (pose as f32 + 0.5) * PLACE * SCALE;
+            let middle = (pose as f32 + 0.5) * PLACE * SCALE;
             let seconds = frame as f32 / FRAMES_PER_SECOND;
             document = figure(document, row.motion, frame, [middle, ground]).add(label(
                 &format!("{seconds:.2} s"),
@@ -135,8 +130,8 @@ fn project([x, y, z]: [f32; 3], root: [f32; 3]) -> [f32; 2] {
     let (x, z) = (x - root[0], z - root[2]);
     let (turn_sin, turn_cos) = FRAC_PI_6.sin_cos();
     let (tilt_sin, tilt_cos) = 0.12f32.sin_cos();
-    let (right, away) = (x * turn_cos + z * turn_sin, z * turn_cos - x * turn_sin);
-    [right, y * tilt_cos - away * tilt_sin]
+    let (right, towards) = (x * turn_cos + z * turn_sin, z * turn_cos - x * turn_sin);
+    [right, y * tilt_cos - towards * tilt_sin]
 }
 
 fn label(text: &str, x: f32, y: f32, size: f32, colour: &str) -> Text {

@@ -1,0 +1,289 @@
+//! Guidance of a network that is not MotionDiffuse, small enough to foresee what it does.
+
+use std::ops::ControlFlow;
+
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_guide::{Batch, Guidance, GuideError, Pass, Quantity, Sampler, Step, Update, noise};
+use lamogen_laban::{Component, Scale};
+use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
+use lamogen_motion::{Normalization, POSE_FEATURES, npy};
+
+const FRAMES: usize = 24;
+
+/// Says that the motion is a fixed swing, as large as the embedding.
+struct Swing {
+    swing: Tensor<3>,
+    /// How the embedding becomes a size.
+    size: fn(Tensor<2>) -> Tensor<2>,
+}
+
+impl Swing {
+    fn new(size: fn(Tensor<2>) -> Tensor<2>) -> Self {
+        let device = Device::flex();
+        let values: Vec<f32> = (0..FRAMES * POSE_FEATURES)
+            .map(|i| {
+                let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
+                let still = (feature as f32 * 1.7).sin();
+                match feature {
+                    0..3 => 0.0,
+                    _ => still + (0.6 * frame as f32 + feature as f32).sin(),
+                }
+            })
+            .collect();
+        let swing = Tensor::<1>::from_floats(values.as_slice(), &device);
+        Swing {
+            swing: swing.reshape([1, FRAMES, POSE_FEATURES]),
+            size,
+        }
+    }
+}
+
+impl Denoiser for Swing {
+    type Context = ();
+
+    fn prediction(&self) -> Prediction {
+        Prediction::Sample
+    }
+
+    fn pose_features(&self) -> usize {
+        POSE_FEATURES
+    }
+
+    fn max_frames(&self) -> usize {
+        FRAMES
+    }
+
+    fn device(&self) -> Device {
+        Device::flex()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+        Prompt {
+            embedding: tokens.float(),
+            context: (),
+        }
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        Tensor::zeros([timesteps.len(), 1], &self.device())
+    }
+
+    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+        let size = (self.size)(input.embedding).unsqueeze_dim::<3>(2);
+        self.swing.clone() * size
+    }
+}
+
+fn normalization() -> Normalization {
+    let folder = tempfile::tempdir().unwrap();
+    let (mean, std) = (
+        folder.path().join("mean.npy"),
+        folder.path().join("std.npy"),
+    );
+    npy::write(&mean, &[0.0; POSE_FEATURES], &[POSE_FEATURES]).unwrap();
+    npy::write(&std, &[1.0; POSE_FEATURES], &[POSE_FEATURES]).unwrap();
+    Normalization::from_files(mean, std, POSE_FEATURES, &Device::flex()).unwrap()
+}
+
+fn batch(network: &Swing, sizes: &[i32]) -> Batch<()> {
+    let device = Device::flex();
+    let tokens = Tensor::<1, Int>::from_data(sizes, &device).reshape([sizes.len(), 1]);
+    let start: Vec<f32> = (0..sizes.len() as u64)
+        .flat_map(|seed| noise(seed, FRAMES, POSE_FEATURES))
+        .collect();
+    Batch {
+        prompt: network.encode(tokens),
+        noise: Tensor::<1>::from_floats(start.as_slice(), &device).reshape([
+            sizes.len(),
+            FRAMES,
+            POSE_FEATURES,
+        ]),
+        lengths: vec![FRAMES; sizes.len()],
+    }
+}
+
+fn weight(factor: f32) -> Scale {
+    Scale::new([factor, 1.0, 1.0, 1.0]).unwrap()
+}
+
+fn largest(tensor: Tensor<3>) -> f32 {
+    tensor.abs().max().into_scalar()
+}
+
+#[test]
+fn guidance_lowers_the_loss_of_any_denoiser() {
+    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let sampler = Sampler::new(&network, &normalization, 40).unwrap();
+    let batch = batch(&network, &[1, 2]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    assert!(largest(baseline.clone().narrow(0, 1, 1) - network.swing.clone() * 2.0) < 1e-4);
+    // Four times the Weight is twice the swing, which asks for more Time, Flow and Shape too; the
+    // emphasis decides for Weight.
+    for update in [Update::Immediate, Update::Lagged] {
+        let guidance = Guidance {
+            emphasis: 1e4,
+            update,
+            ..Guidance::fast()
+        };
+        let scales = [weight(4.0), weight(1.0)];
+        let guided = sampler
+            .guided(&batch, baseline.clone(), &scales, &guidance, &mut ())
+            .unwrap();
+        let (first, last) = (&guided.loss[0], guided.loss.last().unwrap());
+        assert!(last[0] < 0.05 * first[0], "{update:?}: {first:?} {last:?}");
+        let ratio = largest(guided.motion.clone().narrow(0, 0, 1)) / largest(network.swing.clone());
+        assert!((1.8..2.2).contains(&ratio), "{update:?}: {ratio}");
+        // The second motion was asked to stay, and does.
+        let stayed = guided.motion.narrow(0, 1, 1) - baseline.clone().narrow(0, 1, 1);
+        assert!(largest(stayed) < 1e-3, "{update:?}");
+    }
+}
+
+#[test]
+fn several_updates_a_step_go_further() {
+    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let sampler = Sampler::new(&network, &normalization, 4).unwrap();
+    let batch = batch(&network, &[1]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let last_loss = |updates_per_step| {
+        let guidance = Guidance {
+            updates_per_step,
+            emphasis: 1e4,
+            ..Guidance::fast()
+        };
+        let guided = sampler.guided(&batch, baseline.clone(), &[weight(4.0)], &guidance, &mut ());
+        guided.unwrap().loss[3][0]
+    };
+    assert!(last_loss(5) < 0.5 * last_loss(1));
+}
+
+#[test]
+fn without_a_learning_rate_the_guided_motion_is_the_baseline() {
+    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&network, &[1]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let guidance = Guidance {
+        learning_rate: 0.0,
+        ..Guidance::paper()
+    };
+    let guided = sampler
+        .guided(&batch, baseline.clone(), &[weight(1.5)], &guidance, &mut ())
+        .unwrap();
+    assert_eq!(largest(guided.motion - baseline), 0.0);
+}
+
+#[test]
+fn an_observer_sees_every_step_and_may_stop() {
+    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&network, &[1]);
+    let mut seen = Vec::new();
+    let mut watch = |step: &Step<'_>| {
+        seen.push((step.pass, step.index, step.timestep, step.loss.is_some()));
+        match (step.pass, step.index) {
+            (Pass::Guided, 6) => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    };
+    let baseline = sampler.baseline(&batch, &mut watch).unwrap();
+    let guidance = Guidance::fast();
+    let error = sampler
+        .guided(&batch, baseline, &[weight(1.5)], &guidance, &mut watch)
+        .unwrap_err();
+    assert_eq!(seen.len(), 17);
+    assert_eq!(seen[0], (Pass::Baseline, 0, 900, false));
+    assert_eq!(seen[9], (Pass::Baseline, 9, 0, false));
+    assert_eq!(seen[16], (Pass::Guided, 6, 300, true));
+    let message = error.to_string();
+    assert!(
+        message.contains("step 7 of 10 of the guided pass"),
+        "{message}"
+    );
+    let GuideError::Stopped(stopped) = error else {
+        panic!("{message}");
+    };
+    assert_eq!(stopped.loss.len(), 7);
+    assert_eq!(stopped.prediction.dims(), [1, FRAMES, POSE_FEATURES]);
+}
+
+#[test]
+fn a_loss_beyond_all_numbers_names_its_component_step_and_motion() {
+    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&network, &[1, 1]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scales = [weight(1.5), Scale::new([1.0, 1.0, 1e30, 1.0]).unwrap()];
+    let error = sampler
+        .guided(&batch, baseline, &scales, &Guidance::fast(), &mut ())
+        .unwrap_err();
+    let message = error.to_string();
+    assert!(
+        matches!(
+            error,
+            GuideError::NotFinite {
+                quantity: Quantity::Loss,
+                component: Component::Flow,
+                index: 0,
+                timestep: 900,
+                motion: 1,
+                ..
+            }
+        ),
+        "{message}"
+    );
+    assert!(
+        message.contains("Laban loss of Flow") && message.contains("step 1 of 10"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_gradient_beyond_all_numbers_names_its_component() {
+    // The root of 0 is 0, and its slope infinite.
+    let (network, normalization) = (Swing::new(|e| (e - 1.0).sqrt() + 1.0), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&network, &[1]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let error = sampler
+        .guided(&batch, baseline, &[weight(1.5)], &Guidance::fast(), &mut ())
+        .unwrap_err();
+    let message = error.to_string();
+    assert!(
+        matches!(
+            error,
+            GuideError::NotFinite {
+                quantity: Quantity::Gradient,
+                component: Component::Weight,
+                index: 0,
+                motion: 0,
+                ..
+            }
+        ),
+        "{message}"
+    );
+    assert!(
+        message.contains("gradient of the Laban loss of Weight"),
+        "{message}"
+    );
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused() {
+    type Change = fn(&mut Guidance);
+    let changes: [(Change, &str); 7] = [
+        (|g| g.learning_rate = f64::NAN, "learning rate"),
+        (|g| g.learning_rate = -0.1, "-0.1"),
+        (|g| g.betas = [0.7, 1.0], "betas"),
+        (|g| g.epsilon = 0.0, "epsilon"),
+        (|g| g.updates_per_step = 0, "update"),
+        (|g| g.emphasis = f32::INFINITY, "emphasis"),
+        (|g| g.emphasis = -1.0, "emphasis"),
+    ];
+    for (change, part) in changes {
+        let mut guidance = Guidance::default();
+        change(&mut guidance);
+        let message = guidance.check().unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}

@@ -1,0 +1,232 @@
+//! Checkpoints as users have them: whole, damaged, and of another model.
+//!
+//! tests/data holds one network of 4,992 numbers as `torch.save` writes it: `zip.tar`, the older
+//! format `legacy.tar` (both with CLIP's image tower beside, as the public checkpoint), and
+//! `no_encoder.pt`, the bare weights.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_model::{
+    Checkpoint, CheckpointError, Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse,
+    Precision,
+};
+use safetensors::tensor::{Dtype, TensorView};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
+}
+
+fn config() -> ModelConfig {
+    ModelConfig::from_file(data("config.json")).unwrap()
+}
+
+fn load(path: &Path) -> Result<MotionDiffuse, CheckpointError> {
+    Checkpoint::open(path)?.load(&config(), &Device::flex())
+}
+
+fn message(result: Result<MotionDiffuse, CheckpointError>) -> String {
+    result.expect_err("the file is damaged").to_string()
+}
+
+/// What a network says about a fixed input.
+fn output(model: &MotionDiffuse) -> Vec<f32> {
+    let device = Device::flex();
+    let prompt = model.encode(Tensor::<2, Int>::from_data([[1, 7, 19, 0, 0]], &device));
+    let x_t = Tensor::<1, Int>::arange(0..72, &device)
+        .float()
+        .sin()
+        .reshape([1, 6, 12]);
+    let input = DenoiserInput {
+        x_t,
+        time: model.embed_timesteps(&[321]),
+        embedding: prompt.embedding,
+        mask: FrameMask::new(&[5], 6, &device),
+    };
+    model
+        .denoise(input, &prompt.context)
+        .into_data()
+        .try_to_vec()
+        .unwrap()
+}
+
+#[test]
+fn zip_and_legacy_pickles_hold_the_same_network() {
+    let zip = output(&load(&data("zip.tar")).unwrap());
+    assert_eq!(zip, output(&load(&data("legacy.tar")).unwrap()));
+    assert!(zip.iter().all(|x| x.is_finite()) && zip.iter().any(|&x| x != 0.0));
+}
+
+#[test]
+fn clips_image_tower_is_known_and_left_alone() {
+    let checkpoint = Checkpoint::open(data("legacy.tar")).unwrap();
+    assert!(
+        checkpoint
+            .keys()
+            .iter()
+            .any(|key| key == "clip.visual.proj")
+    );
+    checkpoint.load(&config(), &Device::flex()).unwrap();
+}
+
+#[test]
+fn safetensors_keep_every_bit_or_half_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = load(&data("zip.tar")).unwrap();
+    let before = output(&model);
+    for (precision, tolerance) in [(Precision::F32, 0.0), (Precision::F16, 2e-2)] {
+        let path = folder.path().join("model.safetensors");
+        let metadata = HashMap::from([("license".to_owned(), "MIT".to_owned())]);
+        model.save(&path, precision, metadata).unwrap();
+        let checkpoint = Checkpoint::open(&path).unwrap();
+        assert_eq!(checkpoint.metadata("license"), Some("MIT"));
+        assert_eq!(checkpoint.metadata("author"), None);
+        let after = output(&checkpoint.load(&config(), &Device::flex()).unwrap());
+        for (before, after) in before.iter().zip(after) {
+            assert!((before - after).abs() <= tolerance, "{before} {after}");
+        }
+    }
+    // Only the finished file is left.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn saved_keys_are_those_of_the_public_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let model = load(&data("zip.tar")).unwrap();
+    model.save(&path, Precision::F32, HashMap::new()).unwrap();
+    let mut original = Checkpoint::open(data("zip.tar")).unwrap().keys();
+    original.retain(|key| !["clip.visual.proj", "clip.logit_scale"].contains(&&**key));
+    assert_eq!(Checkpoint::open(&path).unwrap().keys(), original);
+}
+
+#[test]
+fn fresh_weights_save_and_load() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fresh.safetensors");
+    let model = MotionDiffuse::new(&config(), &Device::flex());
+    model.save(&path, Precision::F32, HashMap::new()).unwrap();
+    assert_eq!(output(&model), output(&load(&path).unwrap()));
+}
+
+#[test]
+fn a_truncated_file_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = load(&data("zip.tar")).unwrap();
+    let whole = folder.path().join("whole.safetensors");
+    model.save(&whole, Precision::F32, HashMap::new()).unwrap();
+    for (source, name) in [
+        (data("zip.tar"), "cut.tar"),
+        (data("legacy.tar"), "cut_legacy.tar"),
+        (whole, "cut.safetensors"),
+    ] {
+        let bytes = std::fs::read(source).unwrap();
+        for length in [0, 5, 100, bytes.len() / 2, bytes.len() - 1] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, &bytes[..length]).unwrap();
+            let message = message(load(&path));
+            assert!(message.contains(name), "{length}: {message}");
+            assert!(
+                message.contains("not a readable checkpoint"),
+                "{length}: {message}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_no_checkpoint_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["notes.tar", "notes.safetensors"] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, "Dear diary, today I trained a network. ".repeat(20)).unwrap();
+        let message = message(load(&path));
+        assert!(message.contains(name), "{message}");
+        assert!(message.contains("not a readable checkpoint"), "{message}");
+    }
+    let message = message(load(&folder.path().join("nothing.tar")));
+    assert!(
+        message.contains("nothing.tar") && message.contains("No such file"),
+        "{message}"
+    );
+}
+
+#[test]
+fn weights_without_the_key_encoder_are_refused() {
+    let message = message(load(&data("no_encoder.pt")));
+    assert!(message.contains("`encoder`"), "{message}");
+}
+
+#[test]
+fn a_tensor_of_another_shape_is_named_with_both_shapes() {
+    let mut config = config();
+    config.ff_size = 16;
+    let checkpoint = Checkpoint::open(data("zip.tar")).unwrap();
+    let message = message(checkpoint.load(&config, &Device::flex()));
+    assert!(
+        message.contains("temporal_decoder_blocks.0.ffn.linear1.weight"),
+        "{message}"
+    );
+    assert!(
+        message.contains("[8, 8]") && message.contains("[16, 8]"),
+        "{message}"
+    );
+    // The bias of the first layer and the weight of the second do not fit either.
+    assert!(message.contains("2 more"), "{message}");
+}
+
+#[test]
+fn a_missing_tensor_is_named() {
+    let mut config = config();
+    config.num_layers = 2;
+    let checkpoint = Checkpoint::open(data("zip.tar")).unwrap();
+    let message = message(checkpoint.load(&config, &Device::flex()));
+    assert!(
+        message.contains("temporal_decoder_blocks.1.") && message.contains("missing"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_tensor_of_integers_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let model = load(&data("zip.tar")).unwrap();
+    model.save(&path, Precision::F32, HashMap::new()).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let views: Vec<_> = tensors
+        .iter()
+        .map(|(key, view)| match key {
+            "out.bias" => (
+                key,
+                TensorView::new(Dtype::I32, view.shape().to_vec(), view.data()).unwrap(),
+            ),
+            _ => (key, view),
+        })
+        .collect();
+    let path = folder.path().join("integers.safetensors");
+    safetensors::serialize_to_file(views, None, &path).unwrap();
+    let message = message(load(&path));
+    assert!(
+        message.contains("`out.bias`") && message.contains("I32"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_folder_that_is_not_there_keeps_nothing() {
+    let model = MotionDiffuse::new(&config(), &Device::flex());
+    let error = model
+        .save(
+            "no/such/folder/model.safetensors",
+            Precision::F32,
+            HashMap::new(),
+        )
+        .unwrap_err();
+    assert!(error.to_string().contains("no/such/folder"), "{error}");
+}

@@ -1,0 +1,83 @@
+//! The embedded model's tokenizer against ids of the Hugging Face library in Python.
+
+use lamogen_model::{Tokenizer, TokenizerError};
+
+const JSON: &[u8] = include_bytes!("../../lamogen-compact/model/tokenizer.json");
+const VOCABULARY: usize = 1024;
+const CONTEXT: usize = 32;
+
+fn tokenizer() -> Tokenizer {
+    Tokenizer::from_json(JSON, "tokenizer.json", VOCABULARY, CONTEXT).unwrap()
+}
+
+#[test]
+fn ids_are_those_of_the_python_library() {
+    for (prompt, expected) in [
+        ("a person jumps", &[1022, 276, 283, 523, 1023][..]),
+        (
+            "A Person JUMPS, twice!",
+            &[1022, 276, 283, 523, 277, 1020, 1023],
+        ),
+        ("   spaced   out  ", &[1022, 659, 380, 69, 260, 431, 1023]),
+        (
+            "Ünïcode 😀 run",
+            &[
+                1022, 128, 121, 78, 128, 108, 505, 68, 258, 173, 254, 247, 386, 269, 1023,
+            ],
+        ),
+    ] {
+        let tokens = tokenizer().encode(prompt).unwrap();
+        assert_eq!(tokens.ids.len(), CONTEXT);
+        assert_eq!(tokens.ids[..expected.len()], *expected, "{prompt}");
+        assert!(
+            tokens.ids[expected.len()..].iter().all(|&id| id == 0),
+            "{prompt}"
+        );
+        assert_eq!(tokens.cut, 0);
+    }
+}
+
+#[test]
+fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
+    let tokens = tokenizer().encode(&"walks ".repeat(40)).unwrap();
+    let mut expected = vec![321; CONTEXT];
+    expected[0] = 1022;
+    expected[CONTEXT - 1] = 1023;
+    assert_eq!(tokens.ids, expected);
+    assert_eq!(tokens.cut, 40 - 30);
+    // As long as fits.
+    assert_eq!(tokenizer().encode(&"walks ".repeat(30)).unwrap().cut, 0);
+}
+
+#[test]
+fn ids_beyond_the_embedding_are_refused() {
+    let error = Tokenizer::from_json(JSON, "folder/tokenizer.json", 1000, CONTEXT).unwrap_err();
+    assert!(matches!(error, TokenizerError::Vocabulary { .. }));
+    let message = error.to_string();
+    for part in ["folder/tokenizer.json", "1023", "999"] {
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn what_is_no_tokenizer_is_named() {
+    let error = Tokenizer::from_json(b"{\"a\": 1}", "folder/tokenizer.json", VOCABULARY, CONTEXT);
+    assert!(
+        error
+            .unwrap_err()
+            .to_string()
+            .contains("folder/tokenizer.json")
+    );
+    let error = Tokenizer::from_file("no/tokenizer.json", VOCABULARY, CONTEXT).unwrap_err();
+    assert!(error.to_string().contains("no/tokenizer.json"));
+}
+
+#[test]
+fn a_tokenizer_without_an_end_token_is_refused() {
+    let mut json: serde_json::Value = serde_json::from_slice(JSON).unwrap();
+    json["post_processor"] = serde_json::Value::Null;
+    let json = json.to_string();
+    let error = Tokenizer::from_json(json.as_bytes(), "tokenizer.json", VOCABULARY, CONTEXT);
+    let message = error.unwrap_err().to_string();
+    assert!(message.contains("1023"), "{message}");
+}
