@@ -110,7 +110,10 @@ fn fresh_weights_save_and_load() {
     let path = folder.path().join("fresh.safetensors");
     let model = MotionDiffuse::new(&config(), &Device::flex());
     model.save(&path, Precision::F32, HashMap::new()).unwrap();
-    assert_eq!(output(&model), output(&load(&path).unwrap()));
+    // Loaded weights lie transposed in memory, which may round a product another way.
+    for (before, after) in output(&model).iter().zip(output(&load(&path).unwrap())) {
+        assert!((before - after).abs() < 1e-5, "{before} {after}");
+    }
 }
 
 #[test]

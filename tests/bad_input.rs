@@ -1,0 +1,306 @@
+//! Whatever a user gets wrong is said clearly, and nothing panics.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use lamogen::motion::npy;
+use lamogen::{Device, Error, Guidance, LaMoGen, Pass, Request, Scale, Tag};
+use tempfile::TempDir;
+
+fn refusal(request: Request) -> String {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let error = model
+        .generate(&request)
+        .expect_err("the request makes no sense");
+    assert!(matches!(error, Error::Request { .. }), "{error}");
+    error.to_string()
+}
+
+fn says(message: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in: {message}");
+    }
+}
+
+fn jump() -> Request {
+    Request::new("a person jumps")
+        .tag(Tag::Strong)
+        .frames(40)
+        .steps(5)
+}
+
+#[test]
+fn an_empty_prompt() {
+    for prompt in ["", "  \n\t"] {
+        says(&refusal(Request::new(prompt)), &["prompt is empty"]);
+    }
+}
+
+#[test]
+fn a_prompt_longer_than_the_context_is_cut_and_says_so() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let long = Request::new("a person walks and ".repeat(20))
+        .frames(40)
+        .steps(2);
+    assert!(model.generate(&long).unwrap().cut_tokens > 20);
+    assert_eq!(model.generate(&jump()).unwrap().cut_tokens, 0);
+}
+
+#[test]
+fn a_length_that_the_model_cannot_do() {
+    for (request, found) in [
+        (jump().frames(0), "0 frames"),
+        (jump().frames(39), "39 frames"),
+        (jump().frames(197), "197 frames"),
+        (jump().seconds(0.0), "0 s"),
+        (jump().seconds(60.0), "60 s"),
+        (jump().seconds(-1.0), "-1 s"),
+        (jump().seconds(f32::NAN), "NaN s"),
+    ] {
+        says(
+            &refusal(request),
+            &["a person jumps", "40 to 196 frames", "2.0 to 9.8 s", found],
+        );
+    }
+}
+
+#[test]
+fn no_steps_and_too_many() {
+    for steps in [0, 1001, usize::MAX] {
+        says(
+            &refusal(jump().steps(steps)),
+            &["1 to 1000", &steps.to_string()],
+        );
+    }
+}
+
+#[test]
+fn tags_that_contradict_each_other() {
+    says(
+        &refusal(jump().tag(Tag::Light)),
+        &["strong", "light", "Weight"],
+    );
+    says(&refusal(jump().scale(Scale::NEUTRAL)), &["tags or a scale"]);
+}
+
+#[test]
+fn guidance_that_makes_no_sense() {
+    let guidance = Guidance {
+        learning_rate: f64::NAN,
+        ..Guidance::fast()
+    };
+    says(
+        &refusal(jump().guidance(guidance)),
+        &["learning rate", "NaN"],
+    );
+}
+
+#[test]
+fn one_bad_request_stops_a_batch_before_its_work() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let mut steps = 0;
+    let requests = [jump(), jump().frames(1)];
+    let error = model
+        .generate_all_with(&requests, &mut |_| {
+            steps += 1;
+            ControlFlow::Continue(())
+        })
+        .unwrap_err();
+    says(&error.to_string(), &["found 1 frames"]);
+    assert_eq!(steps, 0);
+    assert!(model.generate_all(&[]).unwrap().is_empty());
+}
+
+#[test]
+fn a_target_beyond_all_numbers() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let scale = Scale::new([1.0, 1.0, 1.0, 1e30]).unwrap();
+    let request = Request::new("a person jumps")
+        .scale(scale)
+        .frames(40)
+        .steps(5);
+    let error = model.generate(&request).unwrap_err();
+    says(
+        &error.to_string(),
+        &["a person jumps", "Laban loss of Shape", "step 1 of 5"],
+    );
+}
+
+#[test]
+fn a_stopped_run_returns_what_it_has() {
+    let model = LaMoGen::embedded(&Device::flex())
+        .unwrap()
+        .with_batch_size(1);
+    let requests = [jump(), jump().seed(2)];
+    let mut seen = Vec::new();
+    let error = model
+        .generate_all_with(&requests, &mut |progress| {
+            seen.push((progress.done, progress.total));
+            match progress.done {
+                17 => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        })
+        .unwrap_err();
+    assert_eq!(seen.len(), 17);
+    assert_eq!((seen[0], seen[16]), ((1, 20), (17, 20)));
+    says(
+        &error.to_string(),
+        &[
+            "stopped",
+            "step 2 of 5 of the guided pass",
+            "1 request was finished",
+        ],
+    );
+    let Error::Stopped(stopped) = error else {
+        panic!("{error}");
+    };
+    assert_eq!((stopped.pass, stopped.index), (Pass::Guided, 1));
+    let (place, finished) = &stopped.finished[0];
+    assert_eq!((*place, finished.guided.frames()), (0, 40));
+    let unfinished = &stopped.unfinished[0];
+    assert_eq!(unfinished.request, 1);
+    assert_eq!(unfinished.loss.len(), 2);
+    assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 40);
+    assert_eq!(unfinished.prediction.as_ref().unwrap().frames(), 40);
+}
+
+/// The embedded model as a user's folder.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in [
+        ("config.json", lamogen_compact::CONFIG),
+        ("model.safetensors", lamogen_compact::WEIGHTS),
+        ("tokenizer.json", lamogen_compact::TOKENIZER),
+        ("mean.npy", lamogen_compact::MEAN),
+        ("std.npy", lamogen_compact::STD),
+    ] {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    folder
+}
+
+fn load(folder: &Path) -> Result<LaMoGen, String> {
+    LaMoGen::load(folder, &Device::flex()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_whole_folder_is_the_embedded_model() {
+    let folder = folder();
+    let loaded = load(folder.path()).unwrap();
+    let embedded = LaMoGen::embedded(&Device::flex()).unwrap();
+    assert_eq!(loaded.licence(), embedded.licence());
+    let request = jump().preset(lamogen::Preset::Fast).steps(5);
+    let [loaded, embedded] = [loaded, embedded].map(|model| model.generate(&request).unwrap());
+    assert_eq!(loaded.guided, embedded.guided);
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    for name in ["config.json", "tokenizer.json", "mean.npy", "std.npy"] {
+        let folder = folder();
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+        says(&load(folder.path()).err().unwrap(), &[name, "No such file"]);
+    }
+    let folder = folder();
+    std::fs::remove_file(folder.path().join("model.safetensors")).unwrap();
+    let message = load(folder.path()).err().unwrap();
+    says(
+        &message,
+        &[
+            "model.safetensors or latest.tar",
+            "found config.json, mean.npy",
+        ],
+    );
+    says(
+        &load(Path::new("no/such/folder")).err().unwrap(),
+        &["no/such/folder"],
+    );
+}
+
+#[test]
+fn a_truncated_checkpoint_and_one_that_is_none() {
+    let folder = folder();
+    let path = folder.path().join("model.safetensors");
+    std::fs::write(&path, &lamogen_compact::WEIGHTS[..1_000_000]).unwrap();
+    says(
+        &load(folder.path()).err().unwrap(),
+        &["model.safetensors", "ends within"],
+    );
+    std::fs::remove_file(path).unwrap();
+    std::fs::write(folder.path().join("latest.tar"), "not weights").unwrap();
+    says(
+        &load(folder.path()).err().unwrap(),
+        &["latest.tar", "not a readable checkpoint"],
+    );
+}
+
+#[test]
+fn weights_of_other_sizes_than_the_config() {
+    let folder = folder();
+    let config = String::from_utf8(lamogen_compact::CONFIG.to_vec()).unwrap();
+    let wider = config.replace("\"ff_size\": 256", "\"ff_size\": 512");
+    assert_ne!(config, wider);
+    std::fs::write(folder.path().join("config.json"), wider).unwrap();
+    let message = load(folder.path()).err().unwrap();
+    says(
+        &message,
+        &[
+            "model.safetensors",
+            "linear1.weight",
+            "[256, 128]",
+            "[512, 128]",
+        ],
+    );
+    let other = config.replace("\"input_feats\": 263", "\"input_feats\": 251");
+    std::fs::write(folder.path().join("config.json"), other).unwrap();
+    says(
+        &load(folder.path()).err().unwrap(),
+        &["config.json", "263", "251"],
+    );
+}
+
+#[test]
+fn a_tokenizer_with_ids_beyond_the_embedding() {
+    let folder = folder();
+    let config = String::from_utf8(lamogen_compact::CONFIG.to_vec()).unwrap();
+    let smaller = config.replace("\"vocab_size\": 1024", "\"vocab_size\": 1000");
+    std::fs::write(folder.path().join("config.json"), smaller).unwrap();
+    says(
+        &load(folder.path()).err().unwrap(),
+        &["tokenizer.json", "1023", "999"],
+    );
+}
+
+#[test]
+fn statistics_of_another_length_or_without_sense() {
+    let folder = folder();
+    let path = folder.path().join("std.npy");
+    for (values, parts) in [
+        (vec![1.0; 251], ["std.npy", "263", "251"]),
+        (
+            vec![0.0; 263],
+            ["std.npy", "feature 0 (root yaw)", "found 0"],
+        ),
+        (vec![f32::NAN; 263], ["std.npy", "above 0", "NaN"]),
+    ] {
+        npy::write(&path, &values, &[values.len()]).unwrap();
+        says(&load(folder.path()).err().unwrap(), &parts);
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_to() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let result = model.generate(&jump()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file.txt");
+    std::fs::write(&file, "in the way").unwrap();
+    let error = result
+        .guided
+        .save_joints(file.join("jump.npy"))
+        .unwrap_err();
+    says(&error.to_string(), &["file.txt", "jump.npy"]);
+    let error = lamogen_view::save(file.join("strip.svg"), "<svg/>").unwrap_err();
+    says(&error.to_string(), &["file.txt", "strip.svg"]);
+}
