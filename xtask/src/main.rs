@@ -16,6 +16,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
+    /// Run everything that must pass: format, lints, tests, docs and the example.
+    Test,
     /// Compare with a golden case of the PyTorch reference; exit 1 if a value is too far off.
     Parity {
         /// Folder with config.json, latest.tar, mean.npy, std.npy and case.safetensors.
@@ -45,6 +47,7 @@ enum Task {
 
 fn main() -> ExitCode {
     match Arguments::parse().task {
+        Task::Test => xtask::test::run(),
         Task::Parity {
             folder,
             device: _,

@@ -48,3 +48,8 @@ pub use lamogen_guide as guide;
 pub use lamogen_laban as laban;
 pub use lamogen_model as model;
 pub use lamogen_motion as motion;
+
+/// The README's program, compiled with the doc tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
