@@ -35,7 +35,7 @@ fn a_network_that_predicts_noise_agrees_with_the_reference() {
 
 fn results(case: &str) -> Vec<(String, Comparison)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden");
-    let rows = run(&folder.join(case), &Device::flex()).unwrap();
+    let rows = run(&folder.join(case), &Device::flex(), &mut |_| {}).unwrap();
     let results: Vec<_> = rows
         .into_iter()
         .filter_map(|row| Some((row.name, row.result?)))

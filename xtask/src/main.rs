@@ -1,10 +1,11 @@
 //! Development tasks of lamogen: `cargo xtask --help`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use burn::tensor::Device;
 use clap::{Parser, Subcommand};
+use indicatif::ProgressBar;
 use xtask::parity::Row;
 
 #[derive(Parser)]
@@ -52,10 +53,7 @@ fn main() -> ExitCode {
             folder,
             device: _,
             strict,
-        } => match xtask::parity::run(&folder, &Device::flex()) {
-            Ok(rows) => report(&rows, strict),
-            Err(error) => fail(&error),
-        },
+        } => parity(&folder, strict),
         Task::Embed {
             from,
             to,
@@ -68,6 +66,20 @@ fn main() -> ExitCode {
             }
             Err(error) => fail(&*error),
         },
+    }
+}
+
+fn parity(folder: &Path, strict: bool) -> ExitCode {
+    let spinner = ProgressBar::new_spinner();
+    let result = xtask::parity::run(folder, &Device::flex(), &mut |step| {
+        let (pass, index, steps) = (step.pass, step.index + 1, step.steps);
+        spinner.set_message(format!("{pass} pass, step {index} of {steps}"));
+        spinner.tick();
+    });
+    spinner.finish_and_clear();
+    match result {
+        Ok(rows) => report(&rows, strict),
+        Err(error) => fail(&error),
     }
 }
 

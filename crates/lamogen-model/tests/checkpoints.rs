@@ -195,6 +195,16 @@ fn a_missing_tensor_is_named() {
 }
 
 #[test]
+fn a_network_that_is_smaller_than_its_weights_is_no_silent_cut() {
+    let mut config = config();
+    config.num_layers = 0;
+    let checkpoint = Checkpoint::open(data("zip.tar")).unwrap();
+    let message = message(checkpoint.load(&config, &Device::flex()));
+    assert!(message.contains("temporal_decoder_blocks.0."), "{message}");
+    assert!(message.contains("not part of a network"), "{message}");
+}
+
+#[test]
 fn a_tensor_of_integers_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");

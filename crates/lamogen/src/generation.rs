@@ -349,3 +349,16 @@ impl<D: Denoiser> LaMoGen<D> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_can_be_shared_between_threads() {
+        fn shared<T: Send + Sync>() {}
+        shared::<LaMoGen>();
+        shared::<Generation>();
+        shared::<Error>();
+    }
+}

@@ -43,6 +43,15 @@ pub enum CheckpointError {
         /// How many more tensors are missing or misshapen.
         others: usize,
     },
+    /// A tensor that a network of these sizes does not have.
+    #[error("{path}: tensor `{key}` is not part of a network of the config's sizes{others}; do config and weights belong together?", others = and_more(*.others))]
+    #[allow(missing_docs)]
+    Unknown {
+        path: PathBuf,
+        key: String,
+        /// How many more tensors are unknown.
+        others: usize,
+    },
     /// A tensor holds no floats.
     #[error("{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits")]
     #[allow(missing_docs)]

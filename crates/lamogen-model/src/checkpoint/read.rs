@@ -1,6 +1,6 @@
 //! Reading checkpoints, tensor by tensor.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -18,11 +18,18 @@ use crate::network::MotionDiffuse;
 /// The key of the network's weights in MotionDiffuse's `latest.tar`.
 const ENCODER: &str = "encoder";
 
+/// Whether a key is one of CLIP's that text-to-motion networks carry along and do not use: the image
+/// tower and what compares images with texts.
+fn is_clips_own(key: &str) -> bool {
+    ["clip.visual.", "clip.text_projection", "clip.logit_scale"]
+        .iter()
+        .any(|unused| key.starts_with(unused))
+}
+
 /// An opened checkpoint: its tensors by key, not yet read.
 ///
 /// Opening parses names and shapes only; the numbers are read one tensor at a time when a network
-/// is loaded. Tensors that the network does not have (CLIP's image tower, an optimiser's state) are
-/// never read.
+/// is loaded. CLIP's image tower and an optimiser's state are never read.
 pub struct Checkpoint {
     path: PathBuf,
     container: Container,
@@ -95,7 +102,9 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// If a tensor is missing, has another shape, holds no floats or cannot be read.
+    /// If a tensor is missing, has another shape, holds no floats or cannot be read, or if there is
+    /// one that a network of these sizes does not have (CLIP's image tower, `clip.visual.*`, may be
+    /// there).
     ///
     /// # Panics
     ///
@@ -108,13 +117,25 @@ impl Checkpoint {
         let mut network = MotionDiffuse::new(config, device);
         let mut reader = Reader {
             checkpoint: self,
+            asked: HashSet::new(),
             problem: None,
         };
         network.keys(&mut Keys::new(device.clone(), &mut reader));
-        match reader.problem {
+        match reader.problem.or_else(|| self.unknown(&reader.asked)) {
             None => Ok(network),
             Some(problem) => Err(problem),
         }
+    }
+
+    /// The tensors that nobody asked for, if there are any that should not be there.
+    fn unknown(&self, asked: &HashSet<String>) -> Option<CheckpointError> {
+        let mut keys = self.keys();
+        keys.retain(|key| !asked.contains(key) && !is_clips_own(key));
+        Some(CheckpointError::Unknown {
+            path: self.path.clone(),
+            key: keys.first()?.clone(),
+            others: keys.len() - 1,
+        })
     }
 
     fn open_pytorch(path: &Path) -> Result<Checkpoint, CheckpointError> {
@@ -274,6 +295,7 @@ fn safetensors_type(dtype: Dtype) -> Result<DType, String> {
 /// Gives a network the tensors of a checkpoint; keeps the first problem and counts the rest.
 struct Reader<'a> {
     checkpoint: &'a Checkpoint,
+    asked: HashSet<String>,
     problem: Option<CheckpointError>,
 }
 
@@ -309,6 +331,7 @@ impl Exchange for Reader<'_> {
         shape: &[usize],
         _current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
+        self.asked.insert(key.to_owned());
         match (self.fetch(key, shape), &mut self.problem) {
             (Ok(data), _) => data,
             (Err(error), problem @ None) => {

@@ -4,20 +4,23 @@
 //! `case.safetensors`; the last holds inputs (`in.*`) and what the reference computes from them
 //! (`out.*`). docs/parity.md says what each of them is.
 
+mod case;
+
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_guide::{Batch, Guidance, Sampler, Schedule, Step, noise};
-use lamogen_laban::{Divisor, LabanFeatures, LabanOptions, Scale, Smoothing, Target};
+use lamogen_laban::{Divisor, LabanFeatures, LabanOptions, Smoothing, Target};
 use lamogen_model::{
     Checkpoint, CheckpointError, ConfigError, CrossAttentionContext, Denoiser, DenoiserInput,
     FrameMask, ModelConfig, MotionDiffuse, Prompt,
 };
 use lamogen_motion::{Normalization, NormalizationError, joints};
-use safetensors::SafeTensors;
-use safetensors::tensor::{Dtype, TensorView};
+use safetensors::tensor::TensorView;
+
+use case::{Case, numbers};
 
 /// Outputs of the network, of the joints and of the Laban features.
 const SINGLE: f64 = 1e-5;
@@ -100,33 +103,22 @@ pub enum ParityError {
     Scale(#[from] lamogen_laban::ScaleError),
 }
 
-/// Runs a case and compares every `out.*`, in the order of their names.
+/// Runs a case and compares every `out.*`, in the order of their names. `watch` sees every step.
 ///
 /// # Errors
 ///
 /// If a file of the case is missing or damaged, or an input is not there.
-pub fn run(folder: &Path, device: &Device) -> Result<Vec<Row>, ParityError> {
+pub fn run(folder: &Path, device: &Device, watch: Watch<'_>) -> Result<Vec<Row>, ParityError> {
     let path = folder.join("case.safetensors");
     let bytes = std::fs::read(&path).map_err(|source| ParityError::Io {
         path: path.clone(),
         source,
     })?;
-    let tensors = SafeTensors::deserialize(&bytes).map_err(|error| ParityError::Case {
-        path: path.clone(),
-        problem: error.to_string(),
-    })?;
-    let case = Case {
-        path,
-        tensors,
-        device: device.clone(),
-    };
-    let mut names = case.tensors.names();
-    names.retain(|name| name.starts_with("out."));
-    names.sort_unstable();
+    let case = Case::new(path, &bytes, device)?;
     let network = Network::load(folder, &case)?;
-    let actual = network.compute(&case)?;
+    let actual = network.compute(&case, watch)?;
     let mut rows = Vec::new();
-    for name in names {
+    for name in case.expected() {
         let result = match actual.get(name) {
             None => None,
             Some(actual) => Some(actual.compare(&case.view(name)?)),
@@ -136,11 +128,14 @@ pub fn run(folder: &Path, device: &Device) -> Result<Vec<Row>, ParityError> {
             result,
         });
     }
-    network.measure_rounding(&case, &actual, &mut rows)?;
+    network.measure_rounding(&case, &actual, &mut rows, watch)?;
     Ok(rows)
 }
 
 type Values = BTreeMap<&'static str, Actual>;
+
+/// Sees every step of every pass; a full-size case takes minutes.
+type Watch<'a> = &'a mut dyn FnMut(&Step<'_>);
 
 /// What a case is computed with.
 struct Network {
@@ -164,13 +159,13 @@ impl Network {
     }
 
     /// Everything that lamogen computes from the inputs of a case.
-    fn compute(&self, case: &Case) -> Result<Values, ParityError> {
+    fn compute(&self, case: &Case, watch: Watch<'_>) -> Result<Values, ParityError> {
         let prompt = self.model.encode(case.tokens()?);
         let mut values = Values::new();
         schedule(case, &mut values)?;
         self.evaluate(case, &prompt, &mut values)?;
         laban(case, &mut values)?;
-        values.append(&mut self.passes(case, prompt)?);
+        values.append(&mut self.passes(case, prompt, watch)?);
         Ok(values)
     }
 
@@ -181,6 +176,7 @@ impl Network {
         case: &Case,
         actual: &Values,
         rows: &mut [Row],
+        watch: Watch<'_>,
     ) -> Result<(), ParityError> {
         let error_of = |name: &str| rows.iter().find(|row| row.name == name)?.result;
         let encoder = error_of("out.e").map_or(0.0, |result| result.error);
@@ -210,7 +206,7 @@ impl Network {
                 embedding: prompt.embedding.clone() + Tensor::from_data(directions, &case.device),
                 context: prompt.context.clone(),
             };
-            let values = self.passes(case, moved)?;
+            let values = self.passes(case, moved, watch)?;
             for row in &mut off {
                 let name = row.name.as_str();
                 let (Some(result), Some(actual), Some(moved)) =
@@ -258,6 +254,7 @@ impl Network {
         &self,
         case: &Case,
         prompt: Prompt<CrossAttentionContext>,
+        watch: Watch<'_>,
     ) -> Result<Values, ParityError> {
         let mut actual = Values::new();
         let batch = Batch {
@@ -268,7 +265,11 @@ impl Network {
         let size = batch.lengths.len();
         let scales = vec![case.scale()?; size];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
-        let baseline = sampler.baseline(&batch, &mut ())?;
+        let mut watched = |step: &Step<'_>| {
+            watch(step);
+            ControlFlow::Continue(())
+        };
+        let baseline = sampler.baseline(&batch, &mut watched)?;
         actual.insert("out.baseline", Actual::of(baseline, SEVERAL));
 
         // The reference's baseline is the guided pass's input, so that an error shows where it arises.
@@ -278,7 +279,7 @@ impl Network {
         let mut record = |step: &Step<'_>| {
             gradient = gradient.take().or(step.gradient.cloned());
             embeddings.push(step.embedding.clone());
-            ControlFlow::Continue(())
+            watched(step)
         };
         let guided = sampler.guided(
             &batch,
@@ -300,7 +301,7 @@ impl Network {
         }
 
         let guidance = Guidance::fast();
-        let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut ())?;
+        let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
         actual.insert("out.guided_mean", Actual::of(guided.motion, GUIDED));
         Ok(actual)
     }
@@ -346,66 +347,6 @@ fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
         .expect("the loss depends on the joints");
     actual.insert("out.laban_grad", Actual::of(gradient, SEVERAL));
     Ok(())
-}
-
-/// The file of inputs and expected values.
-struct Case<'a> {
-    path: PathBuf,
-    tensors: SafeTensors<'a>,
-    device: Device,
-}
-
-impl Case<'_> {
-    fn problem(&self, problem: String) -> ParityError {
-        ParityError::Case {
-            path: self.path.clone(),
-            problem,
-        }
-    }
-
-    fn view(&self, name: &str) -> Result<TensorView<'_>, ParityError> {
-        self.tensors
-            .tensor(name)
-            .map_err(|_| self.problem(format!("{name} is missing")))
-    }
-
-    fn tensor<const D: usize>(&self, name: &str) -> Result<Tensor<D>, ParityError> {
-        let view = self.view(name)?;
-        if view.shape().len() != D {
-            let shape = view.shape();
-            return Err(self.problem(format!("expected {D} axes of {name}, found {shape:?}")));
-        }
-        let values: Vec<f32> = numbers(&view).map(|x| x as f32).collect();
-        let data = TensorData::new(values, view.shape().to_vec());
-        Ok(Tensor::from_data(data, &self.device))
-    }
-
-    fn integers(&self, name: &str) -> Result<Vec<usize>, ParityError> {
-        Ok(numbers(&self.view(name)?).map(|x| x as usize).collect())
-    }
-
-    fn tokens(&self) -> Result<Tensor<2, Int>, ParityError> {
-        let view = self.view("in.tokens")?;
-        let ids: Vec<i32> = numbers(&view).map(|x| x as i32).collect();
-        let data = TensorData::new(ids, view.shape().to_vec());
-        Ok(Tensor::from_data(data, &self.device))
-    }
-
-    fn lengths(&self) -> Result<Vec<usize>, ParityError> {
-        self.integers("in.lengths")
-    }
-
-    fn steps(&self) -> Result<usize, ParityError> {
-        Ok(self.integers("out.timesteps")?.len())
-    }
-
-    fn scale(&self) -> Result<Scale, ParityError> {
-        let factors: Vec<f32> = numbers(&self.view("in.scale")?).map(|x| x as f32).collect();
-        let factors = factors.try_into().map_err(|found| {
-            self.problem(format!("expected 4 values of in.scale, found {found:?}"))
-        })?;
-        Ok(Scale::new(factors)?)
-    }
 }
 
 /// A computed value and how close it must be.
@@ -457,32 +398,5 @@ impl Actual {
             true => 0.0,
             false => error / largest,
         }
-    }
-}
-
-/// The numbers of a stored tensor, whichever of the case's types they are.
-fn numbers<'v>(view: &TensorView<'v>) -> Box<dyn Iterator<Item = f64> + 'v> {
-    let data = view.data();
-    match view.dtype() {
-        Dtype::F32 => Box::new(
-            data.as_chunks()
-                .0
-                .iter()
-                .map(|&bytes| f64::from(f32::from_le_bytes(bytes))),
-        ),
-        Dtype::F64 => Box::new(
-            data.as_chunks()
-                .0
-                .iter()
-                .map(|&bytes| f64::from_le_bytes(bytes)),
-        ),
-        Dtype::I64 => Box::new(
-            data.as_chunks()
-                .0
-                .iter()
-                .map(|&bytes| i64::from_le_bytes(bytes) as f64),
-        ),
-        // Comparing with nothing fails on its shape.
-        _ => Box::new(std::iter::empty()),
     }
 }
