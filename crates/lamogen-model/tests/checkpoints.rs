@@ -243,3 +243,40 @@ fn a_folder_that_is_not_there_keeps_nothing() {
         .unwrap_err();
     assert!(error.to_string().contains("no/such/folder"), "{error}");
 }
+
+#[test]
+fn damaged_files_never_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = folder.path().join("whole.safetensors");
+    let model = load(&data("zip.tar")).unwrap();
+    model.save(&whole, Precision::F32, HashMap::new()).unwrap();
+    // A multiplicative generator (Lehmer 1951) is random enough to break files.
+    let mut state = 2026u64;
+    let mut random = |below: usize| {
+        state = state * 48_271 % 0x7fff_ffff;
+        state as usize % below
+    };
+    for (source, name) in [
+        (data("zip.tar"), "damaged.tar"),
+        (data("legacy.tar"), "damaged_legacy.tar"),
+        (whole, "damaged.safetensors"),
+    ] {
+        let bytes = std::fs::read(source).unwrap();
+        let path = folder.path().join(name);
+        let mut refused = 0;
+        for _ in 0..300 {
+            let mut damaged = bytes.clone();
+            for _ in 0..1 + random(8) {
+                // Mostly in the first kilobytes, where names, shapes and lengths are.
+                let place = match random(3) {
+                    0 => random(bytes.len()),
+                    _ => random(4096),
+                };
+                damaged[place] = random(256) as u8;
+            }
+            std::fs::write(&path, damaged).unwrap();
+            refused += usize::from(load(&path).is_err());
+        }
+        assert!(refused > 50, "{name}: only {refused} of 300 were refused");
+    }
+}

@@ -55,11 +55,11 @@ pub fn read_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Array, NpyErro
 }
 
 fn read_from(reader: impl io::Read, path: &Path) -> Result<Array, NpyError> {
-    let format = |source| NpyError::Format {
+    let malformed = |source| NpyError::Format {
         path: path.to_owned(),
         source,
     };
-    let npy = NpyFile::new(reader).map_err(format)?;
+    let npy = NpyFile::new(reader).map_err(malformed)?;
     let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
     let several_axes = shape.iter().filter(|&&n| n > 1).count() > 1;
     if npy.order() == Order::Fortran && several_axes {
@@ -80,10 +80,17 @@ fn read_from(reader: impl io::Read, path: &Path) -> Result<Array, NpyError> {
             }
         },
     };
-    Ok(Array {
-        values: values.map_err(format)?,
-        shape,
-    })
+    let values = values.map_err(malformed)?;
+    let count = shape
+        .iter()
+        .try_fold(1usize, |n, &axis| n.checked_mul(axis));
+    match count == Some(values.len()) {
+        true => Ok(Array { values, shape }),
+        false => Err(malformed(io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!("the shape {shape:?} is too large"),
+        ))),
+    }
 }
 
 /// Writes an array in C order under a temporary name, then renames it: a reader never sees half.
@@ -171,6 +178,35 @@ mod tests {
     fn a_folder_that_is_not_there_is_an_error() {
         let error = write("no/such/folder/out.npy", &[0.0], &[1]).unwrap_err();
         assert!(error.to_string().contains("no/such/folder/out.npy"));
+    }
+
+    #[test]
+    fn damaged_files_never_panic() {
+        let whole = bytes(&[1.0f32; 40]);
+        for place in 0..whole.len() {
+            for value in [0, 1, b'9', b'-', b'(', 0x7f, 0xff] {
+                let mut damaged = whole.clone();
+                damaged[place] = value;
+                let _ = read_bytes(&damaged, "damaged.npy");
+            }
+            let _ = read_bytes(&whole[..place], "cut.npy").unwrap_err();
+        }
+        for shape in [
+            "99999999999999,",
+            "4,4294967296,4294967296,4294967296,",
+            "-1,",
+            "1e9,",
+            "",
+        ] {
+            let header =
+                format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+            let mut file = b"\x93NUMPY\x01\x00".to_vec();
+            file.extend((header.len() as u16).to_le_bytes());
+            file.extend(header.as_bytes());
+            file.extend([0; 3]);
+            let error = read_bytes(&file, "shape.npy").unwrap_err().to_string();
+            assert!(error.contains("shape.npy"), "{error}");
+        }
     }
 
     fn bytes<T: npyz::AutoSerialize + Copy>(values: &[T]) -> Vec<u8> {
