@@ -22,7 +22,7 @@ pub enum GuideError {
     Stopped(Box<Stopped>),
     /// Numbers left the range of 32-bit floats, or were never in it.
     #[error(
-        "the {quantity} of {component} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}, motion {motion} of the batch); lower the learning rate or ask for a smaller change",
+        "the {quantity} of {component} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}); lower the learning rate or ask for a smaller change",
         step = .index + 1
     )]
     NotFinite {

@@ -9,7 +9,7 @@ use lamogen_motion::joints;
 use crate::error::{GuideError, Quantity, Stopped};
 use crate::guidance::{Guidance, Update};
 use crate::observer::{Observer, Pass, Step};
-use crate::sampler::{Batch, Pose, Sampler};
+use crate::sampler::{Batch, Latent, Sampler};
 
 /// What the guided pass gives.
 #[derive(Clone, Debug)]
@@ -69,7 +69,8 @@ impl<D: Denoiser> Sampler<'_, D> {
     ///
     /// # Panics
     ///
-    /// If the numbers of motions differ.
+    /// If noise, lengths, prompts, baseline and scales are not of as many motions, or a length is 0 or
+    /// beyond the noise's frames.
     pub fn guided(
         &self,
         batch: &Batch<D::Context>,
@@ -118,22 +119,22 @@ impl<D: Denoiser> Goal<'_, '_, D> {
         observer: &mut dyn Observer,
     ) -> Result<(Tensor<3>, Vec<Vec<f32>>), GuideError> {
         let sampler = self.sampler;
-        let mut pose = sampler.start(batch);
+        let mut latent = sampler.start(batch);
         let mut optimised = Optimised::new(batch.prompt.embedding.clone(), guidance);
         let mut trace = Vec::new();
         for (index, step) in sampler.steps().iter().enumerate() {
-            let mut gradient = self.gradient(&pose, index, &optimised.embedding)?;
+            let mut gradient = self.gradient(&latent, index, &optimised.embedding)?;
             for _ in 1..guidance.updates_per_step {
                 optimised.update(gradient.embedding, guidance.learning_rate);
-                gradient = self.gradient(&pose, index, &optimised.embedding)?;
+                gradient = self.gradient(&latent, index, &optimised.embedding)?;
             }
             optimised.update(gradient.embedding.clone(), guidance.learning_rate);
             let output = match guidance.update {
                 Update::Lagged => gradient.output,
-                Update::Immediate => sampler.evaluate(&pose, index, optimised.embedding.clone()),
+                Update::Immediate => sampler.evaluate(&latent, index, optimised.embedding.clone()),
             };
-            let prediction = sampler.clean(&pose.x, output.clone(), step);
-            pose.x = sampler.advance(pose.x, &prediction, output, step);
+            let prediction = sampler.clean(&latent.x, output.clone(), step);
+            latent.x = sampler.advance(latent.x, &prediction, output, step);
             let observed = observer.step(&Step {
                 pass: Pass::Guided,
                 index,
@@ -155,28 +156,26 @@ impl<D: Denoiser> Goal<'_, '_, D> {
                 })));
             }
         }
-        Ok((pose.x, trace))
+        Ok((latent.x, trace))
     }
 
     fn gradient(
         &self,
-        pose: &Pose<'_, D::Context>,
+        latent: &Latent<'_, D::Context>,
         index: usize,
         embedding: &Tensor<2>,
     ) -> Result<Gradient, GuideError> {
         let leaf = embedding.clone().autodiff().require_grad();
-        let Evaluation { output, loss } = self.evaluate(pose, index, leaf.clone());
+        let Evaluation { output, loss } = self.evaluate(latent, index, leaf.clone());
         let output = output.inner();
         let values = host(loss.clone().inner());
         if let Some(place) = values.iter().position(|value| !value.is_finite()) {
             let (motion, component) = (place / COMPONENTS, Component::ALL[place % COMPONENTS]);
             return Err(self.not_finite(Quantity::Loss, component, index, motion));
         }
-        let gradient = leaf
-            .grad_remove(&mut loss.sum().backward())
-            .expect("the loss depends on the embedding");
+        let gradient = slope(&leaf, loss.sum());
         if let Some(motion) = first_not_finite(&gradient) {
-            let component = self.blame(pose, index, embedding, motion);
+            let component = self.blame(latent, index, embedding, motion);
             return Err(self.not_finite(Quantity::Gradient, component, index, motion));
         }
         Ok(Gradient {
@@ -191,13 +190,13 @@ impl<D: Denoiser> Goal<'_, '_, D> {
 
     fn evaluate(
         &self,
-        pose: &Pose<'_, D::Context>,
+        latent: &Latent<'_, D::Context>,
         index: usize,
         embedding: Tensor<2>,
     ) -> Evaluation {
         let sampler = self.sampler;
-        let output = sampler.evaluate(pose, index, embedding);
-        let clean = sampler.clean(&pose.x, output.clone(), &sampler.steps()[index]);
+        let output = sampler.evaluate(latent, index, embedding);
+        let clean = sampler.clean(&latent.x, output.clone(), &sampler.steps()[index]);
         let features = self.features.measure(sampler.joints(clean));
         Evaluation {
             output,
@@ -209,7 +208,7 @@ impl<D: Denoiser> Goal<'_, '_, D> {
     /// alone and only their sum is not.
     fn blame(
         &self,
-        pose: &Pose<'_, D::Context>,
+        latent: &Latent<'_, D::Context>,
         index: usize,
         embedding: &Tensor<2>,
         motion: usize,
@@ -218,10 +217,9 @@ impl<D: Denoiser> Goal<'_, '_, D> {
             .into_iter()
             .find(|component| {
                 let leaf = embedding.clone().autodiff().require_grad();
-                let loss = self.evaluate(pose, index, leaf.clone()).loss;
+                let loss = self.evaluate(latent, index, leaf.clone()).loss;
                 let loss = loss.narrow(0, motion, 1).narrow(1, component.index(), 1);
-                leaf.grad(&loss.sum().backward())
-                    .is_some_and(|gradient| first_not_finite(&gradient).is_some())
+                first_not_finite(&slope(&leaf, loss.sum())).is_some()
             })
             .unwrap_or(Component::Weight)
     }
@@ -271,6 +269,15 @@ impl Optimised {
         self.embedding = embedding;
         self.state = state;
     }
+}
+
+/// The gradient of a loss with respect to the embedding: zeros where a network ignores it.
+fn slope(embedding: &Tensor<2>, loss: Tensor<1>) -> Tensor<2> {
+    let gradient = match loss.is_tracked() {
+        true => embedding.grad_remove(&mut loss.backward()),
+        false => None,
+    };
+    gradient.unwrap_or_else(|| embedding.clone().inner().zeros_like())
 }
 
 /// The first row that holds infinities or NaN.

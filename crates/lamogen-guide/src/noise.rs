@@ -20,9 +20,13 @@ pub fn noise(seed: u64, frames: usize, features: usize) -> Vec<f32> {
 mod tests {
     use super::*;
 
+    const PINNED: [f32; 4] = [-1.0435766, -0.5767478, -0.7112543, 0.11629714];
+
     #[test]
     fn a_seed_means_the_same_noise_for_ever() {
         let first = noise(7, 2, 2);
+        // Written down once: motions that people have published must come back.
+        assert_eq!(first, PINNED);
         assert_eq!(first, noise(7, 2, 2));
         assert_eq!(first, noise(7, 5, 2)[..4]);
         assert_ne!(first, noise(8, 2, 2));

@@ -28,8 +28,8 @@ pub struct Batch<C> {
     pub lengths: Vec<usize>,
 }
 
-/// A batch within a pass: where it is and what the network needs beside the embedding.
-pub(crate) struct Pose<'a, C> {
+/// A noisy batch on its way, with what the network needs beside the embedding.
+pub(crate) struct Latent<'a, C> {
     pub(crate) x: Tensor<3>,
     pub(crate) context: &'a C,
     pub(crate) mask: FrameMask,
@@ -66,17 +66,22 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     /// # Errors
     ///
     /// If the observer stops the run.
+    ///
+    /// # Panics
+    ///
+    /// If noise, lengths and prompts are not of as many motions, or a length is 0 or beyond the
+    /// noise's frames.
     pub fn baseline(
         &self,
         batch: &Batch<D::Context>,
         observer: &mut dyn Observer,
     ) -> Result<Tensor<3>, GuideError> {
         let embedding = &batch.prompt.embedding;
-        let mut pose = self.start(batch);
+        let mut latent = self.start(batch);
         for (index, step) in self.steps.iter().enumerate() {
-            let output = self.evaluate(&pose, index, embedding.clone());
-            let prediction = self.clean(&pose.x, output.clone(), step);
-            pose.x = self.advance(pose.x, &prediction, output, step);
+            let output = self.evaluate(&latent, index, embedding.clone());
+            let prediction = self.clean(&latent.x, output.clone(), step);
+            latent.x = self.advance(latent.x, &prediction, output, step);
             let observed = observer.step(&Step {
                 pass: Pass::Baseline,
                 index,
@@ -97,17 +102,17 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
                 })));
             }
         }
-        Ok(pose.x)
+        Ok(latent.x)
     }
 
-    pub(crate) fn start<'b>(&self, batch: &'b Batch<D::Context>) -> Pose<'b, D::Context> {
+    pub(crate) fn start<'b>(&self, batch: &'b Batch<D::Context>) -> Latent<'b, D::Context> {
         let [size, frames, _] = batch.noise.dims();
         assert_eq!(
             [size, size],
             [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
             "noise, lengths and prompts must be of as many motions"
         );
-        Pose {
+        Latent {
             x: batch.noise.clone(),
             context: &batch.prompt.context,
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
@@ -117,17 +122,17 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     /// The network's output at a step.
     pub(crate) fn evaluate(
         &self,
-        pose: &Pose<'_, D::Context>,
+        latent: &Latent<'_, D::Context>,
         index: usize,
         embedding: Tensor<2>,
     ) -> Tensor<3> {
         let input = DenoiserInput {
-            x_t: pose.x.clone(),
+            x_t: latent.x.clone(),
             time: self.time.clone().narrow(0, index, 1),
             embedding,
-            mask: pose.mask.clone(),
+            mask: latent.mask.clone(),
         };
-        self.model.denoise(input, pose.context)
+        self.model.denoise(input, latent.context)
     }
 
     /// The clean motion that an output speaks of.
@@ -135,7 +140,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         match self.model.prediction() {
             Prediction::Sample => output,
             Prediction::Epsilon => {
-                (x.clone() - output * (1.0 - step.alpha).sqrt()) / step.alpha.sqrt()
+                (x.clone() - output * (1.0 - step.alpha_cumprod).sqrt()) / step.alpha_cumprod.sqrt()
             }
         }
     }
@@ -148,13 +153,16 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        if step.next_alpha == 1.0 {
+        if step.next_alpha_cumprod == 1.0 {
             return clean.clone();
         }
         let noise = match self.model.prediction() {
             Prediction::Epsilon => output,
-            Prediction::Sample => (x - output * step.alpha.sqrt()) / (1.0 - step.alpha).sqrt(),
+            Prediction::Sample => {
+                (x - output * step.alpha_cumprod.sqrt()) / (1.0 - step.alpha_cumprod).sqrt()
+            }
         };
-        clean.clone() * step.next_alpha.sqrt() + noise * (1.0 - step.next_alpha).sqrt()
+        clean.clone() * step.next_alpha_cumprod.sqrt()
+            + noise * (1.0 - step.next_alpha_cumprod).sqrt()
     }
 }

@@ -17,9 +17,9 @@ pub struct DdimStep {
     /// The timestep that the network sees.
     pub timestep: usize,
     /// `ᾱ` at this timestep.
-    pub alpha: f64,
+    pub alpha_cumprod: f64,
     /// `ᾱ` at the timestep that the step leads to; 1 at the last one.
-    pub next_alpha: f64,
+    pub next_alpha_cumprod: f64,
 }
 
 impl Schedule {
@@ -62,8 +62,8 @@ impl Schedule {
             .rev()
             .map(|index| DdimStep {
                 timestep: index * stride,
-                alpha: self.alphas_cumprod[index * stride],
-                next_alpha: match index {
+                alpha_cumprod: self.alphas_cumprod[index * stride],
+                next_alpha_cumprod: match index {
                     0 => 1.0,
                     _ => self.alphas_cumprod[(index - 1) * stride],
                 },
@@ -95,10 +95,10 @@ mod tests {
     fn each_step_leads_to_the_next_and_the_last_to_no_noise() {
         let pass = Schedule::linear().ddim(7).unwrap();
         for pair in pass.windows(2) {
-            assert_eq!(pair[0].next_alpha, pair[1].alpha);
-            assert!(pair[0].alpha < pair[1].alpha);
+            assert_eq!(pair[0].next_alpha_cumprod, pair[1].alpha_cumprod);
+            assert!(pair[0].alpha_cumprod < pair[1].alpha_cumprod);
         }
-        assert_eq!(pass[6].next_alpha, 1.0);
+        assert_eq!(pass[6].next_alpha_cumprod, 1.0);
     }
 
     #[test]

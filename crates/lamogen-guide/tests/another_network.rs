@@ -287,3 +287,15 @@ fn options_that_make_no_sense_are_refused() {
         assert!(message.contains(part), "{message}");
     }
 }
+
+#[test]
+fn a_network_that_ignores_the_embedding_stays_where_it_is() {
+    let (network, normalization) = (Swing::new(|e| e.inner() * 0.0 + 1.0), normalization());
+    let sampler = Sampler::new(&network, &normalization, 5).unwrap();
+    let batch = batch(&network, &[1]);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let guidance = Guidance::fast();
+    let scales = [weight(1.5)];
+    let guided = sampler.guided(&batch, baseline.clone(), &scales, &guidance, &mut ());
+    assert_eq!(largest(guided.unwrap().motion - baseline), 0.0);
+}

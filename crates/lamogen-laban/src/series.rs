@@ -36,7 +36,12 @@ impl LabanSeries {
     }
 
     /// The series of features `[frames, 4]`.
+    ///
+    /// # Panics
+    ///
+    /// If there are not four features a frame.
     pub fn from_tensor(features: Tensor<2>) -> LabanSeries {
+        assert_eq!(features.dims()[1], COMPONENTS, "four features a frame");
         let values = features
             .into_data()
             .convert::<f32>()

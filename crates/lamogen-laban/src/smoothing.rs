@@ -1,5 +1,8 @@
 //! Gaussian smoothing along time, which keeps differences from being noise.
 
+/// Frames of the largest window, over eight minutes.
+const LARGEST: usize = 9_999;
+
 /// A Gaussian window over frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
@@ -10,8 +13,8 @@ pub struct Gaussian {
 /// What cannot be a Gaussian window.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaussianError {
-    /// A window without a middle frame.
-    #[error("the smoothing window must have an odd number of frames, found {0}")]
+    /// A window without a middle frame, or one that is too large.
+    #[error("the smoothing window must have an odd number of frames up to {LARGEST}, found {0}")]
     Size(usize),
     /// A variance that is not a positive number.
     #[error("the variance of the smoothing must be finite and above 0, found {0}")]
@@ -29,9 +32,9 @@ impl Gaussian {
     ///
     /// # Errors
     ///
-    /// If the size is even (0 included) or the variance not finite and positive.
+    /// If the size is even (0 included) or above 9,999, or the variance not finite and positive.
     pub fn new(size: usize, variance: f32) -> Result<Gaussian, GaussianError> {
-        if size.is_multiple_of(2) {
+        if size.is_multiple_of(2) || size > LARGEST {
             return Err(GaussianError::Size(size));
         }
         if !variance.is_finite() || variance <= 0.0 {
@@ -91,6 +94,11 @@ mod tests {
     fn a_window_needs_a_middle_and_a_width() {
         assert_eq!(Gaussian::new(10, 1.0), Err(GaussianError::Size(10)));
         assert_eq!(Gaussian::new(0, 1.0), Err(GaussianError::Size(0)));
+        let largest = usize::MAX;
+        assert_eq!(
+            Gaussian::new(largest, 1.0),
+            Err(GaussianError::Size(largest))
+        );
         assert_eq!(Gaussian::new(3, 0.0), Err(GaussianError::Variance(0.0)));
         assert!(Gaussian::new(3, f32::NAN).is_err());
     }

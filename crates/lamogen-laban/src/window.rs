@@ -4,56 +4,76 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::smoothing::Gaussian;
 
+/// Longest run of frames that is smoothed by one matrix.
+const BLOCK: usize = 256;
+
 /// Smooths series of given lengths. Before a motion's first frame the first repeats, after its
 /// last the last, so that padding cannot leak in.
+///
+/// A series is cut into blocks, so that memory grows with the frames and not with their square.
 #[derive(Clone, Debug)]
 pub(crate) struct Window {
-    /// Row of `[batch * frames, …]` that stands at each place of the extended series.
+    /// Row of `[batch * frames, …]` that stands at each place of the blocks, each extended by the
+    /// window's reach on both sides.
     rows: Tensor<1, Int>,
-    /// The kernel along the diagonal, `[1, frames, frames + 2 * reach]`: each sum runs over the
-    /// taps in their order, as a convolution's does. Differences of smoothed positions magnify the
-    /// last bit, so the order is worth keeping.
+    /// The kernel along the diagonal, `[1, block, block + 2 * reach]`: each sum runs over the taps
+    /// in their order, as a convolution's does. Differences of smoothed positions magnify the last
+    /// bit, so the order is worth keeping.
     band: Tensor<3>,
 }
 
 impl Window {
     /// A window over `frames` frames of motions of the given lengths; a length of 0 counts as 1.
+    ///
+    /// # Panics
+    ///
+    /// If there is no frame.
     pub(crate) fn new(
         gaussian: &Gaussian,
         frames: usize,
         lengths: impl Iterator<Item = usize>,
         device: &Device,
     ) -> Self {
+        assert!(frames > 0, "a window needs a frame");
         let kernel = gaussian.kernel();
         let reach = kernel.len() / 2;
-        let extended = frames + 2 * reach;
+        let block = frames.min(BLOCK);
+        let extended = block + 2 * reach;
         let rows: Vec<i32> = lengths
             .enumerate()
             .flat_map(|(motion, length)| {
                 let last = length.max(1) - 1;
-                (0..extended)
-                    .map(move |t| (motion * frames + t.saturating_sub(reach).min(last)) as i32)
+                let row = move |t: usize| motion * frames + t.saturating_sub(reach).min(last);
+                (0..frames)
+                    .step_by(block)
+                    .flat_map(move |start| (start..start + extended).map(row))
             })
+            .map(|row| row as i32)
             .collect();
-        let mut band = vec![0.0; frames * extended];
+        let mut band = vec![0.0; block * extended];
         for (t, row) in band.chunks_exact_mut(extended).enumerate() {
             row[t..t + kernel.len()].copy_from_slice(&kernel);
         }
         Window {
             rows: Tensor::from_data(rows.as_slice(), device),
-            band: Tensor::from_data(TensorData::new(band, [1, frames, extended]), device),
+            band: Tensor::from_data(TensorData::new(band, [1, block, extended]), device),
         }
     }
 
     /// Smooths `[batch, frames, channels]` along the frames.
     pub(crate) fn smooth(&self, x: Tensor<3>) -> Tensor<3> {
         let [batch, frames, channels] = x.dims();
-        let extended = self.band.dims()[2];
+        let [_, block, extended] = self.band.dims();
+        let blocks = frames.div_ceil(block);
         let x = x
             .reshape([batch * frames, channels])
             .select(0, self.rows.clone())
-            .reshape([batch, extended, channels]);
-        self.band.clone().matmul(x)
+            .reshape([batch * blocks, extended, channels]);
+        self.band
+            .clone()
+            .matmul(x)
+            .reshape([batch, blocks * block, channels])
+            .narrow(1, 0, frames)
     }
 }
 
@@ -93,5 +113,16 @@ mod tests {
         assert!((alone[7] - tail).abs() < 1e-6);
         series[8..].fill(1e6);
         assert_eq!(smooth(&series, 8)[..8], alone);
+    }
+
+    #[test]
+    fn blocks_join_without_a_seam() {
+        let kernel = Gaussian::PAPER.kernel();
+        let series: Vec<f32> = (0..600).map(|t| (t as f32 * 0.37).sin()).collect();
+        for (t, smoothed) in smooth(&series, 600).into_iter().enumerate() {
+            let tap = |offset: usize| series[(t + offset).saturating_sub(5).min(599)];
+            let expected: f32 = kernel.iter().enumerate().map(|(i, k)| k * tap(i)).sum();
+            assert!((smoothed - expected).abs() < 1e-6, "frame {t}");
+        }
     }
 }

@@ -47,9 +47,10 @@ pub struct ModelConfig {
     pub input_feats: usize,
     /// The longest motion, in frames.
     pub num_frames: usize,
-    /// The shortest motion the network was trained on, in frames.
-    #[serde(default = "shortest_clip_of_humanml3d")]
-    pub min_frames: usize,
+    /// The shortest motion the network was trained on, in frames; left out, 40 as in HumanML3D, or 1
+    /// for a network whose longest motion is shorter than that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_frames: Option<usize>,
     /// Width of the motion's hidden state.
     pub latent_dim: usize,
     /// Width inside the feed-forward layers.
@@ -73,26 +74,25 @@ pub struct ModelConfig {
     pub prediction: Prediction,
 }
 
-fn shortest_clip_of_humanml3d() -> usize {
-    40
-}
+/// Frames of HumanML3D's shortest clips.
+const SHORTEST_CLIP: usize = 40;
 
 /// What is wrong with a config.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("{path}: {source}")]
+    #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io {
         path: PathBuf,
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file is not a config in JSON.
-    #[error("{path}: not a model config: {source}")]
+    #[error("{path}: not a model config: {reason}")]
     #[allow(missing_docs)]
     Json {
         path: PathBuf,
-        source: serde_json::Error,
+        reason: serde_json::Error,
     },
     /// Sizes that make no network.
     #[error("{path}: {problem}")]
@@ -106,7 +106,7 @@ impl ModelConfig {
         ModelConfig {
             input_feats: 263,
             num_frames: 196,
-            min_frames: shortest_clip_of_humanml3d(),
+            min_frames: None,
             latent_dim: 512,
             ff_size: 1024,
             num_layers: 8,
@@ -133,9 +133,9 @@ impl ModelConfig {
     /// If the file cannot be read, is not a config, or its sizes make no network.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|source| ConfigError::Io {
+        let bytes = std::fs::read(path).map_err(|reason| ConfigError::Io {
             path: path.to_owned(),
-            source,
+            reason,
         })?;
         Self::from_json(&bytes, path)
     }
@@ -148,9 +148,9 @@ impl ModelConfig {
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = || name.as_ref().to_owned();
         let config: ModelConfig =
-            serde_json::from_slice(json).map_err(|source| ConfigError::Json {
+            serde_json::from_slice(json).map_err(|reason| ConfigError::Json {
                 path: path(),
-                source,
+                reason,
             })?;
         match config.problem() {
             None => Ok(config),
@@ -159,6 +159,15 @@ impl ModelConfig {
                 problem,
             }),
         }
+    }
+
+    /// The shortest motion that may be asked for, in frames.
+    pub fn shortest(&self) -> usize {
+        let default = match self.num_frames {
+            SHORTEST_CLIP.. => SHORTEST_CLIP,
+            _ => 1,
+        };
+        self.min_frames.unwrap_or(default)
     }
 
     /// Width of the condition: the timestep's and the sentence's embedding.
@@ -190,6 +199,26 @@ impl ModelConfig {
             .find(|&(_, size)| size == 0 || size > LARGEST)
         {
             return Some(format!("{name} must be from 1 to {LARGEST}, found {found}"));
+        }
+        /// Beyond any transformer; keeps a misprint from asking for all memory there is.
+        const DEEPEST: usize = 1024;
+        for (name, least, found) in [
+            ("num_layers", 1, self.num_layers),
+            ("num_text_layers", 0, self.num_text_layers),
+            ("clip.layers", 0, clip.layers),
+        ] {
+            if !(least..=DEEPEST).contains(&found) {
+                return Some(format!(
+                    "{name} must be from {least} to {DEEPEST}, found {found}"
+                ));
+            }
+        }
+        if !(1..=self.num_frames).contains(&self.shortest()) {
+            return Some(format!(
+                "min_frames must be from 1 to num_frames ({}), found {}",
+                self.num_frames,
+                self.shortest()
+            ));
         }
         for (name, width, heads_name, heads) in [
             ("latent_dim", self.latent_dim, "num_heads", self.num_heads),
@@ -236,6 +265,22 @@ mod tests {
             (
                 error(|c| c["latent_dim"] = 0.into()),
                 ["latent_dim", "found 0"],
+            ),
+            (
+                error(|c| c["num_layers"] = 0.into()),
+                ["num_layers", "found 0"],
+            ),
+            (
+                error(|c| c["clip"]["layers"] = u64::MAX.into()),
+                ["clip.layers", "1024"],
+            ),
+            (
+                error(|c| c["min_frames"] = 197.into()),
+                ["min_frames", "(196), found 197"],
+            ),
+            (
+                error(|c| c["min_frames"] = 0.into()),
+                ["min_frames", "found 0"],
             ),
             (
                 error(|c| c["clip"]["width"] = 500.into()),

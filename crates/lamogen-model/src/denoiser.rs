@@ -36,6 +36,11 @@ pub trait Denoiser {
     /// # Shapes
     ///
     /// - `tokens`: `[batch, context_length]`, the end token being the largest id of each row
+    /// - output: see [`Prompt`]
+    ///
+    /// # Panics
+    ///
+    /// May, if an id is beyond the vocabulary or there are more tokens than the context holds.
     fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context>;
 
     /// Everything that depends on the timesteps alone: `[timesteps, d_condition]`.
@@ -43,6 +48,11 @@ pub trait Denoiser {
 
     /// One evaluation: noise or clean motion (see [`prediction`](Denoiser::prediction)),
     /// `[batch, frames, features]`. What stands past a motion's length has no meaning.
+    ///
+    /// # Panics
+    ///
+    /// May, if there are more frames than [`max_frames`](Denoiser::max_frames) or another number of
+    /// features than [`pose_features`](Denoiser::pose_features).
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
 }
 

@@ -12,6 +12,8 @@ pub struct Tokenizer {
     inner: tokenizers::Tokenizer,
     context_length: usize,
     end: u32,
+    /// What a text without tokens of its own gives.
+    empty: Vec<u32>,
 }
 
 /// A tokenized prompt.
@@ -27,11 +29,11 @@ pub struct Tokens {
 #[derive(Debug, thiserror::Error)]
 pub enum TokenizerError {
     /// The file cannot be read.
-    #[error("{path}: {source}")]
+    #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io {
         path: PathBuf,
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file is no tokenizer.
     #[error("{path}: not a tokenizer: {problem}")]
@@ -78,9 +80,9 @@ impl Tokenizer {
         context_length: usize,
     ) -> Result<Self, TokenizerError> {
         let path = path.as_ref();
-        let json = std::fs::read(path).map_err(|source| TokenizerError::Io {
+        let json = std::fs::read(path).map_err(|reason| TokenizerError::Io {
             path: path.to_owned(),
-            source,
+            reason,
         })?;
         Self::from_json(&json, path, vocab_size, context_length)
     }
@@ -103,6 +105,8 @@ impl Tokenizer {
         };
         let mut inner =
             tokenizers::Tokenizer::from_bytes(json).map_err(|error| format(error.to_string()))?;
+        // A user's "<|endoftext|>" is text: as a token it would end the prompt early.
+        inner.set_encode_special_tokens(true);
         // Padding and cutting are done here, whatever the file asks for.
         inner.with_padding(None);
         inner
@@ -130,7 +134,11 @@ impl Tokenizer {
                 found: probe.get_ids().to_vec(),
             });
         }
+        let empty = inner
+            .encode_fast("", true)
+            .map_err(|error| format(error.to_string()))?;
         Ok(Tokenizer {
+            empty: empty.get_ids().to_vec(),
             inner,
             context_length,
             end,
@@ -141,7 +149,7 @@ impl Tokenizer {
     ///
     /// # Errors
     ///
-    /// If the tokenizer cannot encode it.
+    /// If the tokenizer cannot encode it, or finds no token in it.
     pub fn encode(&self, prompt: &str) -> Result<Tokens, TokenizerError> {
         let encoding =
             self.inner
@@ -151,6 +159,12 @@ impl Tokenizer {
                     problem: error.to_string(),
                 })?;
         let mut ids = encoding.get_ids().to_vec();
+        if ids == self.empty {
+            return Err(TokenizerError::Prompt {
+                prompt: prompt.into(),
+                problem: "it has no token that the model knows".into(),
+            });
+        }
         let cut = ids.len().saturating_sub(self.context_length);
         ids.resize(self.context_length, 0);
         if let (1.., Some(last)) = (cut, ids.last_mut()) {

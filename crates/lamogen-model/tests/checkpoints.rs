@@ -197,10 +197,10 @@ fn a_missing_tensor_is_named() {
 #[test]
 fn a_network_that_is_smaller_than_its_weights_is_no_silent_cut() {
     let mut config = config();
-    config.num_layers = 0;
+    config.num_text_layers = 1;
     let checkpoint = Checkpoint::open(data("zip.tar")).unwrap();
     let message = message(checkpoint.load(&config, &Device::flex()));
-    assert!(message.contains("temporal_decoder_blocks.0."), "{message}");
+    assert!(message.contains("textTransEncoder.layers.1."), "{message}");
     assert!(message.contains("not part of a network"), "{message}");
 }
 
@@ -279,4 +279,21 @@ fn damaged_files_never_panic() {
         }
         assert!(refused > 50, "{name}: only {refused} of 300 were refused");
     }
+}
+
+#[test]
+fn weights_that_are_no_numbers_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let model = load(&data("zip.tar")).unwrap();
+    model.save(&path, Precision::F32, HashMap::new()).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let end = bytes.len();
+    bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(&path, bytes).unwrap();
+    let message = message(load(&path));
+    assert!(
+        message.contains("not finite") && message.contains("tensor `"),
+        "{message}"
+    );
 }

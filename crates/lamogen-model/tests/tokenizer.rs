@@ -81,3 +81,17 @@ fn a_tokenizer_without_an_end_token_is_refused() {
     let message = error.unwrap_err().to_string();
     assert!(message.contains("1023"), "{message}");
 }
+
+#[test]
+fn special_tokens_in_a_prompt_are_text() {
+    let tokens = tokenizer().encode("a person <|endoftext|> jumps").unwrap();
+    assert_eq!(tokens.ids.iter().filter(|&&id| id == 1023).count(), 1);
+    // "jumps" is still there, before the only end token.
+    assert!(tokens.ids.contains(&523));
+}
+
+#[test]
+fn a_prompt_without_tokens_is_refused() {
+    let message = tokenizer().encode("  ").unwrap_err().to_string();
+    assert!(message.contains("no token"), "{message}");
+}

@@ -12,7 +12,23 @@ use std::path::Path;
 /// Whatever `content` or the file system reports; the temporary file is then removed.
 pub fn write_atomically(
     path: &Path,
-    content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+    content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    replace_atomically(path, |temporary| {
+        let mut writer = BufWriter::new(File::create(temporary)?);
+        content(&mut writer)?;
+        writer.flush()
+    })
+}
+
+/// As [`write_atomically`], for content that wants the path of the temporary file to write to.
+///
+/// # Errors
+///
+/// As [`write_atomically`].
+pub fn replace_atomically(
+    path: &Path,
+    content: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -25,11 +41,8 @@ pub fn write_atomically(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
-    let mut temporary = builder.tempfile_in(folder)?;
-    let mut writer = BufWriter::new(temporary.as_file_mut());
-    content(&mut writer)?;
-    writer.flush()?;
-    drop(writer);
+    let temporary = builder.tempfile_in(folder)?;
+    content(temporary.path())?;
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
 }

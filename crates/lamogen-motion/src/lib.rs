@@ -16,7 +16,7 @@ mod normalization;
 pub mod npy;
 mod skeleton;
 
-pub use atomic::write_atomically;
+pub use atomic::{replace_atomically, write_atomically};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use joints::joints;
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};

@@ -12,13 +12,13 @@ use crate::atomic::write_atomically;
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
     /// The file cannot be opened, read or written.
-    #[error("{path}: {source}")]
+    #[error("{path}: {reason}")]
     #[allow(missing_docs)]
-    Io { path: PathBuf, source: io::Error },
+    Io { path: PathBuf, reason: io::Error },
     /// The file is not `.npy`, or is cut short.
-    #[error("{path}: not a readable .npy file: {source}")]
+    #[error("{path}: not a readable .npy file: {reason}")]
     #[allow(missing_docs)]
-    Format { path: PathBuf, source: io::Error },
+    Format { path: PathBuf, reason: io::Error },
     /// The numbers are of a type that lamogen does not read.
     #[error("{path}: expected 32- or 64-bit floats in C order, found {found}")]
     #[allow(missing_docs)]
@@ -41,7 +41,7 @@ pub struct Array {
 /// If the file is missing, not `.npy`, cut short, or holds another type or Fortran order.
 pub fn read(path: impl AsRef<Path>) -> Result<Array, NpyError> {
     let path = path.as_ref();
-    let file = File::open(path).map_err(|source| io_error(path, source))?;
+    let file = File::open(path).map_err(|reason| io_error(path, reason))?;
     read_from(BufReader::new(file), path)
 }
 
@@ -55,9 +55,9 @@ pub fn read_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Array, NpyErro
 }
 
 fn read_from(reader: impl io::Read, path: &Path) -> Result<Array, NpyError> {
-    let malformed = |source| NpyError::Format {
+    let malformed = |reason| NpyError::Format {
         path: path.to_owned(),
-        source,
+        reason,
     };
     let npy = NpyFile::new(reader).map_err(malformed)?;
     let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
@@ -119,13 +119,13 @@ pub fn write(path: impl AsRef<Path>, values: &[f32], shape: &[usize]) -> Result<
         writer.extend(values)?;
         writer.finish()
     })
-    .map_err(|source| io_error(path, source))
+    .map_err(|reason| io_error(path, reason))
 }
 
-fn io_error(path: &Path, source: io::Error) -> NpyError {
+fn io_error(path: &Path, reason: io::Error) -> NpyError {
     NpyError::Io {
         path: path.to_owned(),
-        source,
+        reason,
     }
 }
 

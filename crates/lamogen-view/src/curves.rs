@@ -4,6 +4,8 @@ use lamogen_laban::{Component, LabanSeries};
 use lamogen_motion::FRAMES_PER_SECOND;
 use plotters::prelude::*;
 
+use crate::printable;
+
 /// One curve in each of the four panels.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve<'a> {
@@ -74,7 +76,7 @@ fn draw(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
-    let area = area.titled(title, ("sans-serif", 22))?;
+    let area = area.titled(&printable(title), ("sans-serif", 22))?;
     let panels = area.split_evenly((2, 2));
     for (component, panel) in Component::ALL.into_iter().zip(&panels) {
         let values = || curves.iter().flat_map(|c| c.series.component(component));
@@ -112,7 +114,7 @@ fn draw(
             };
             // A dashed line shows a gap in the legend too.
             let gap = if curve.dashed { 4 } else { 0 };
-            drawn.label(curve.label).legend(move |(x, y)| {
+            drawn.label(printable(curve.label)).legend(move |(x, y)| {
                 EmptyElement::at((x, y))
                     + PathElement::new([(0, 0), (9 - gap / 2, 0)], style)
                     + PathElement::new([(9 + gap / 2, 0), (18, 0)], style)

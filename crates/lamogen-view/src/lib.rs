@@ -19,3 +19,20 @@ pub fn save(path: impl AsRef<Path>, svg: &str) -> std::io::Result<()> {
     lamogen_motion::write_atomically(path, |file| file.write_all(svg.as_bytes()))
         .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display())))
 }
+
+/// Text without the characters that XML 1.0 has no place for.
+fn printable(text: &str) -> String {
+    let has_a_place = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.chars().filter(has_a_place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn control_characters_are_left_out() {
+        assert_eq!(
+            super::printable("a \u{1}\u{b}person\njumps ü 😀"),
+            "a personjumps ü 😀"
+        );
+    }
+}

@@ -6,6 +6,8 @@ use lamogen_motion::{CHAINS, FRAMES_PER_SECOND, Joint, Motion};
 use svg::Document;
 use svg::node::element::{Circle, Line, Polyline, Rectangle, Text};
 
+use crate::printable;
+
 /// One line of a strip.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
@@ -37,9 +39,11 @@ const COLOURS: [&str; CHAINS.len()] = ["#c2410c", "#0369a1", "#374151", "#ea580c
 /// Of rows of different lengths each is spread over its own length.
 pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
     let poses = poses.max(1);
-    let points = rows.iter().flat_map(|row| row.motion.joints()).flatten();
+    let pelvis = Joint::Pelvis.index();
+    let points = rows.iter().flat_map(|row| row.motion.joints());
+    let points = points.flat_map(|pose| pose.map(|point| (point, pose[pelvis])));
     let top = points
-        .map(|point| project(*point, [0.0; 3])[1])
+        .map(|(point, root)| project(point, root)[1])
         .fold(1.6, f32::max)
         + MARGIN;
     let height = LABEL + (top + MARGIN) * SCALE + TIMES;
@@ -135,7 +139,7 @@ fn project([x, y, z]: [f32; 3], root: [f32; 3]) -> [f32; 2] {
 }
 
 fn label(text: &str, x: f32, y: f32, size: f32, colour: &str) -> Text {
-    Text::new(text)
+    Text::new(printable(text))
         .set("x", x)
         .set("y", y)
         .set("font-size", size)
@@ -173,5 +177,28 @@ mod tests {
         assert!(strip(&rows, 1).contains("<polyline"));
         assert!(strip(&rows, 0).contains("<polyline"));
         assert!(strip(&rows, 4).contains("<polyline"));
+    }
+
+    #[test]
+    fn a_motion_far_away_takes_no_more_room() {
+        let size = |z: f32| {
+            let motion = Motion::from_joints(vec![[[0.1, 0.9, z]; JOINTS]; 30]).unwrap();
+            let label = "";
+            let svg = strip(
+                &[Row {
+                    label,
+                    motion: &motion,
+                }],
+                3,
+            );
+            svg.split("height=\"")
+                .nth(1)
+                .unwrap()
+                .split('"')
+                .next()
+                .unwrap()
+                .to_owned()
+        };
+        assert_eq!(size(0.0), size(-10.0));
     }
 }

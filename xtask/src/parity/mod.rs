@@ -84,10 +84,10 @@ impl Comparison {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ParityError {
-    #[error("{path}: {source}")]
+    #[error("{path}: {reason}")]
     Io {
         path: PathBuf,
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     #[error("{path}: {problem}")]
     Case { path: PathBuf, problem: String },
@@ -110,9 +110,9 @@ pub enum ParityError {
 /// If a file of the case is missing or damaged, or an input is not there.
 pub fn run(folder: &Path, device: &Device, watch: Watch<'_>) -> Result<Vec<Row>, ParityError> {
     let path = folder.join("case.safetensors");
-    let bytes = std::fs::read(&path).map_err(|source| ParityError::Io {
+    let bytes = std::fs::read(&path).map_err(|reason| ParityError::Io {
         path: path.clone(),
-        source,
+        reason,
     })?;
     let case = Case::new(path, &bytes, device)?;
     let network = Network::load(folder, &case)?;

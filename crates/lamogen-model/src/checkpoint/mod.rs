@@ -15,9 +15,9 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be opened, read or written.
-    #[error("{path}: {source}")]
+    #[error("{path}: {reason}")]
     #[allow(missing_docs)]
-    Io { path: PathBuf, source: io::Error },
+    Io { path: PathBuf, reason: io::Error },
     /// The file is no checkpoint, or is cut short.
     #[error("{path}: not a readable checkpoint: {problem}")]
     #[allow(missing_docs)]
@@ -52,6 +52,10 @@ pub enum CheckpointError {
         /// How many more tensors are unknown.
         others: usize,
     },
+    /// A tensor holds infinities or NaN.
+    #[error("{path}: tensor `{key}` holds numbers that are not finite")]
+    #[allow(missing_docs)]
+    NotFinite { path: PathBuf, key: String },
     /// A tensor holds no floats.
     #[error("{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits")]
     #[allow(missing_docs)]

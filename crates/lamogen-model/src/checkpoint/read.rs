@@ -102,8 +102,8 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// If a tensor is missing, has another shape, holds no floats or cannot be read, or if there is
-    /// one that a network of these sizes does not have (CLIP's image tower, `clip.visual.*`, may be
+    /// If a tensor is missing, has another shape, holds no floats, holds infinities or NaN, or cannot
+    /// be read; or if there is one that a network of these sizes does not have (CLIP's image tower, `clip.visual.*`, may be
     /// there).
     ///
     /// # Panics
@@ -140,7 +140,7 @@ impl Checkpoint {
 
     fn open_pytorch(path: &Path) -> Result<Checkpoint, CheckpointError> {
         // The reader reports a missing file like any other trouble; tell them apart first.
-        File::open(path).map_err(|source| io_error(path, source))?;
+        File::open(path).map_err(|reason| io_error(path, reason))?;
         let reader = PytorchReader::with_top_level_key(path, ENCODER);
         let reader = reader.map_err(|error| match error {
             PytorchError::KeyNotFound(_) => format_error(
@@ -157,7 +157,7 @@ impl Checkpoint {
     }
 
     fn open_safetensors(path: &Path) -> Result<Checkpoint, CheckpointError> {
-        let io = |source| io_error(path, source);
+        let io = |reason| io_error(path, reason);
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let (index, start) = safetensors_index(&mut file, length, path)?;
@@ -219,7 +219,15 @@ impl Checkpoint {
             dtype,
         )
         .map_err(|error| format_error(&self.path, format!("tensor `{key}`: {error}")))?;
-        Ok(data.convert::<f32>())
+        let data = data.convert::<f32>();
+        let numbers = data.as_slice::<f32>().expect("converted to f32");
+        match numbers.iter().all(|number| number.is_finite()) {
+            true => Ok(data),
+            false => Err(CheckpointError::NotFinite {
+                path: self.path.clone(),
+                key: key.to_owned(),
+            }),
+        }
     }
 }
 
@@ -253,7 +261,7 @@ fn safetensors_index(
     }
     reader
         .read_exact(&mut size)
-        .map_err(|source| io_error(path, source))?;
+        .map_err(|reason| io_error(path, reason))?;
     let size = u64::from_le_bytes(size);
     if size > length - 8 {
         return Err(truncated("the header"));
@@ -261,7 +269,7 @@ fn safetensors_index(
     let mut header = vec![0; size as usize];
     reader
         .read_exact(&mut header)
-        .map_err(|source| io_error(path, source))?;
+        .map_err(|reason| io_error(path, reason))?;
     let index: Metadata = serde_json::from_slice(&header)
         .map_err(|error| format_error(path, format!("the header is no safetensors: {error}")))?;
     let start = 8 + size;
@@ -300,7 +308,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn fetch(&self, key: &str, expected: &[usize]) -> Result<Option<TensorData>, CheckpointError> {
+    fn take(&self, key: &str, expected: &[usize]) -> Result<Option<TensorData>, CheckpointError> {
         let (path, key_name) = (self.checkpoint.path.clone(), key.to_owned());
         let expected_shape = expected.to_vec();
         match self.checkpoint.shape(key) {
@@ -332,7 +340,7 @@ impl Exchange for Reader<'_> {
         _current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
         self.asked.insert(key.to_owned());
-        match (self.fetch(key, shape), &mut self.problem) {
+        match (self.take(key, shape), &mut self.problem) {
             (Ok(data), _) => data,
             (Err(error), problem @ None) => {
                 *problem = Some(error);
@@ -350,10 +358,10 @@ impl Exchange for Reader<'_> {
     }
 }
 
-fn io_error(path: &Path, source: io::Error) -> CheckpointError {
+fn io_error(path: &Path, reason: io::Error) -> CheckpointError {
     CheckpointError::Io {
         path: path.to_owned(),
-        source,
+        reason,
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use burn::tensor::{DType, TensorData};
+use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
 use super::CheckpointError;
@@ -49,26 +50,14 @@ impl MotionDiffuse {
             let view = TensorView::new(dtype, data.shape().to_vec(), data.as_bytes());
             (key, view.expect("as many bytes as the shape asks for"))
         });
-        let io = |source| CheckpointError::Io {
+        replace_atomically(path, |temporary| {
+            safetensors::serialize_to_file(views, Some(metadata), temporary)
+                .map_err(std::io::Error::other)
+        })
+        .map_err(|reason| CheckpointError::Io {
             path: path.to_owned(),
-            source,
-        };
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        #[cfg(unix)]
-        {
-            // Temporary files are private; the finished one should be as readable as any other.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o644));
-        }
-        let temporary = builder.tempfile_in(folder).map_err(io)?;
-        safetensors::serialize_to_file(views, Some(metadata), temporary.path())
-            .map_err(|error| io(std::io::Error::other(error)))?;
-        temporary.persist(path).map_err(|error| io(error.error))?;
-        Ok(())
+            reason,
+        })
     }
 }
 

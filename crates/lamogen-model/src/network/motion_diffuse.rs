@@ -70,6 +70,10 @@ impl MotionDiffuse {
     /// - `tokens`: `[batch, tokens]`, the end token being the largest id
     /// - sentence embedding: `[batch, d_condition]`
     /// - token features: `[batch, tokens, text_latent_dim]`
+    ///
+    /// # Panics
+    ///
+    /// If an id is beyond the vocabulary or there are more tokens than the context holds.
     pub fn encode_text(&self, tokens: Tensor<2, Int>) -> (Tensor<2>, Tensor<3>) {
         self.text.forward(tokens)
     }
@@ -91,7 +95,7 @@ impl Denoiser for MotionDiffuse {
     }
 
     fn min_frames(&self) -> usize {
-        self.config.min_frames.min(self.config.num_frames)
+        self.config.shortest()
     }
 
     fn device(&self) -> Device {
