@@ -3,6 +3,7 @@
 //! `cargo run --release --example guided_jump -- --help`
 
 use std::error::Error;
+use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -48,6 +49,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     // A folder that cannot be written to should be known before the work, not after.
     std::fs::create_dir_all(&arguments.out)
+        .and_then(|()| tempfile::tempfile_in(&arguments.out))
         .map_err(|error| format!("{}: {error}", arguments.out.display()))?;
     let model = LaMoGen::embedded(&Device::flex())?;
     if let Some(licence) = model.licence() {
@@ -73,37 +75,49 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             result.cut_tokens
         );
     }
-    print_table(&result);
-    write_files(arguments, &result)
+    write_files(arguments, &result)?;
+    match std::io::stdout().write_all(report(arguments, &result).as_bytes()) {
+        // Whoever reads along may stop reading.
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
-fn print_table(result: &Generation) {
+/// What changed, as a table.
+fn report(arguments: &Arguments, result: &Generation) -> String {
+    let mut lines = Vec::new();
     for (summary, name) in [
         (Summary::Maximum, "maximum over time"),
         (Summary::Mean, "mean over time"),
     ] {
         let [baseline, target, guided] =
             [&result.baseline_laban, &result.target, &result.guided_laban]
-                .map(|s| s.summary(summary));
-        println!(
-            "\n{name:18} {:>10} {:>10} {:>10} {:>9} {:>9}",
+                .map(|laban| laban.summary(summary));
+        lines.push(format!(
+            "{name:18} {:>10} {:>10} {:>10} {:>9} {:>9}",
             "baseline", "target", "guided", "asked", "change"
-        );
+        ));
         for component in Component::ALL {
             let [baseline, target, guided] =
-                [baseline, target, guided].map(|s| s[component.index()]);
+                [baseline, target, guided].map(|values| values[component.index()]);
             let change = |value: f32| 100.0 * (value / baseline - 1.0);
-            println!(
+            lines.push(format!(
                 "{component:18} {baseline:10.4} {target:10.4} {guided:10.4} {:+8.0}% {:+8.0}%",
                 change(target),
                 change(guided)
-            );
+            ));
         }
+        lines.push(String::new());
     }
-    println!(
-        "\nThe two motions are {:.2} m apart on average.",
+    lines.push(format!(
+        "The two motions are {:.2} m apart on average.",
         result.guided.distance(&result.baseline)
-    );
+    ));
+    lines.push(format!(
+        "Files in {}: baseline.npy and guided.npy (joints in metres, frames × 22 × 3), strip.svg, curves.svg",
+        arguments.out.display()
+    ));
+    lines.join("\n") + "\n"
 }
 
 fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn Error>> {
@@ -130,9 +144,5 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
         Curve::guided(&result.guided_laban),
     ];
     save(out("curves.svg"), &curves(&title, &lines)?)?;
-    println!(
-        "Files in {}: baseline.npy and guided.npy (joints in metres, frames × 22 × 3), strip.svg, curves.svg",
-        arguments.out.display()
-    );
     Ok(())
 }

@@ -156,13 +156,49 @@ fn a_stopped_run_returns_what_it_has() {
         panic!("{error}");
     };
     assert_eq!((stopped.pass, stopped.index), (Pass::Guided, 1));
-    let (place, finished) = &stopped.finished[0];
+    let (place, finished) = &stopped.partial.finished[0];
     assert_eq!((*place, finished.guided.frames()), (0, 40));
-    let unfinished = &stopped.unfinished[0];
+    let unfinished = &stopped.partial.unfinished[0];
     assert_eq!(unfinished.request, 1);
     assert_eq!(unfinished.loss.len(), 2);
     assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 40);
     assert_eq!(unfinished.prediction.as_ref().unwrap().frames(), 40);
+}
+
+#[test]
+fn a_failure_keeps_what_was_finished_and_says_where_it_was() {
+    let model = LaMoGen::embedded(&Device::flex())
+        .unwrap()
+        .with_batch_size(1);
+    let scale = Scale::new([1.0, 1e30, 1.0, 1.0]).unwrap();
+    let hopeless = Request::new("a person bows").scale(scale);
+    let requests = [jump(), hopeless.frames(40).steps(5), jump().seed(3)];
+    let error = model.generate_all(&requests).unwrap_err();
+    says(
+        &error.to_string(),
+        &["request 2 of 3", "a person bows", "Laban loss of Time"],
+    );
+    let Error::Failed(failed) = error else {
+        panic!("{error}");
+    };
+    let [(place, finished)] = &failed.partial.finished[..] else {
+        panic!("one request was finished before");
+    };
+    assert_eq!((*place, finished.guided.frames()), (0, 40));
+    let unfinished = &failed.partial.unfinished[0];
+    assert_eq!(unfinished.request, 1);
+    assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 40);
+}
+
+#[test]
+fn a_prompt_of_special_tokens_is_text() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let special = Request::new("<|endoftext|>").frames(40).steps(2);
+    let jump = Request::new("<|endoftext|> a person jumps")
+        .frames(40)
+        .steps(2);
+    let [special, jump] = [special, jump].map(|request| model.generate(&request).unwrap());
+    assert_ne!(special.baseline, jump.baseline);
 }
 
 /// The embedded model as a user's folder.

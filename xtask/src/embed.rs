@@ -2,10 +2,13 @@
 
 use std::collections::HashMap;
 use std::error::Error;
+use std::io::Write;
 use std::path::Path;
 
 use burn::tensor::Device;
+use lamogen::LaMoGen;
 use lamogen_model::{Checkpoint, ModelConfig, Precision};
+use lamogen_motion::write_atomically;
 
 /// Files that are taken as they are.
 const COPIED: [&str; 4] = ["config.json", "tokenizer.json", "mean.npy", "std.npy"];
@@ -22,9 +25,19 @@ pub fn run(
     license: String,
     attribution: String,
 ) -> Result<u64, Box<dyn Error>> {
+    // Everything is read and checked before anything is written.
+    LaMoGen::load(from, &Device::flex())?;
     let config = ModelConfig::from_file(from.join("config.json"))?;
     let checkpoint = Checkpoint::open(from.join("model.safetensors"))?;
     let model = checkpoint.load(&config, &Device::flex())?;
+    let read = |name: &str| {
+        let path = from.join(name);
+        std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let copied = COPIED
+        .iter()
+        .map(|name| Ok((*name, read(name)?)))
+        .collect::<Result<Vec<(&str, Vec<u8>)>, String>>()?;
     std::fs::create_dir_all(to).map_err(|error| format!("{}: {error}", to.display()))?;
     let weights = to.join("model.safetensors");
     let metadata = HashMap::from([
@@ -32,10 +45,10 @@ pub fn run(
         ("attribution".to_owned(), attribution),
     ]);
     model.save(&weights, Precision::F16, metadata)?;
-    for name in COPIED {
-        let (from, to) = (from.join(name), to.join(name));
-        let bytes = std::fs::read(&from).map_err(|error| format!("{}: {error}", from.display()))?;
-        std::fs::write(&to, bytes).map_err(|error| format!("{}: {error}", to.display()))?;
+    for (name, bytes) in copied {
+        let path = to.join(name);
+        write_atomically(&path, |file| file.write_all(&bytes))
+            .map_err(|error| format!("{}: {error}", path.display()))?;
     }
     Ok(std::fs::metadata(weights)?.len())
 }

@@ -41,28 +41,41 @@ pub enum LoadError {
 /// Why a motion cannot be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A request makes no sense.
-    #[error("request {prompt:?}: {source}")]
+    /// A request makes no sense. Nothing has been run.
+    #[error("{which}: {reason}")]
     #[allow(missing_docs)]
-    Request {
-        prompt: String,
-        source: RequestError,
-    },
+    Request { which: Which, reason: RequestError },
     /// The observer stopped the run.
     #[error("{0}")]
     Stopped(Box<Stopped>),
-    /// The guided pass failed.
-    #[error("request {prompt:?}: {source}")]
-    #[allow(missing_docs)]
-    Guide { prompt: String, source: GuideError },
-    /// The network gave something that is no motion.
-    #[error("request {prompt:?}: the {pass} motion is not usable: {source}")]
-    #[allow(missing_docs)]
-    Motion {
-        prompt: String,
-        pass: Pass,
-        source: MotionError,
-    },
+    /// A pass failed.
+    #[error("{which}: {reason}", which = .0.which, reason = .0.reason)]
+    Failed(Box<Failed>),
+}
+
+/// One of the requests of a call.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Which {
+    /// Its place among the requests, from 0.
+    pub index: usize,
+    /// How many requests there are.
+    pub count: usize,
+    /// Its prompt.
+    pub prompt: String,
+}
+
+impl fmt::Display for Which {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.count {
+            1 => write!(f, "request {:?}", self.prompt),
+            count => write!(
+                f,
+                "request {} of {count}, {:?}",
+                self.index + 1,
+                self.prompt
+            ),
+        }
+    }
 }
 
 /// What makes no sense in a request.
@@ -105,7 +118,7 @@ fn length(length: &Length) -> String {
     }
 }
 
-/// What a stopped run has.
+/// A run that the observer stopped, and what it has.
 #[derive(Clone, Debug)]
 pub struct Stopped {
     /// The pass that was stopped.
@@ -114,10 +127,53 @@ pub struct Stopped {
     pub index: usize,
     /// How many steps the pass has.
     pub steps: usize,
-    /// What was finished before, with its place among the requests.
+    /// What there is.
+    pub partial: Partial,
+}
+
+/// A run that failed, and what it has.
+#[derive(Debug)]
+pub struct Failed {
+    /// The request that it failed at.
+    pub which: Which,
+    /// Why.
+    pub reason: Failure,
+    /// What there is.
+    pub partial: Partial,
+}
+
+/// How a pass fails.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// A loss or gradient of the guided pass is not finite.
+    #[error(transparent)]
+    Guide(#[from] GuideError),
+    /// The network gave something that is no motion.
+    #[error("the {pass} motion is not usable: {reason}")]
+    #[allow(missing_docs)]
+    Motion { pass: Pass, reason: MotionError },
+}
+
+/// What an interrupted run has.
+#[derive(Clone, Debug, Default)]
+pub struct Partial {
+    /// Requests that were finished before, with their places among the requests, from 0.
     pub finished: Vec<(usize, Generation)>,
-    /// What was being made.
+    /// Requests that were being worked on.
     pub unfinished: Vec<Unfinished>,
+}
+
+/// A request that was being worked on when a run ended early.
+#[derive(Clone, Debug)]
+pub struct Unfinished {
+    /// Its place among the requests, from 0.
+    pub request: usize,
+    /// The motion of the text alone, if that pass was finished.
+    pub baseline: Option<Motion>,
+    /// The clean motion as a stopped pass last predicted it, if it is a motion.
+    pub prediction: Option<Motion>,
+    /// The Laban loss at every step that was made before a stop.
+    pub loss: Vec<f32>,
 }
 
 impl fmt::Display for Stopped {
@@ -129,23 +185,10 @@ impl fmt::Display for Stopped {
             self.steps,
             self.pass
         )?;
-        match self.finished.len() {
+        match self.partial.finished.len() {
             0 => Ok(()),
             1 => write!(f, "; 1 request was finished before"),
             count => write!(f, "; {count} requests were finished before"),
         }
     }
-}
-
-/// A request that was being worked on when the run was stopped.
-#[derive(Clone, Debug)]
-pub struct Unfinished {
-    /// Its place among the requests, from 0.
-    pub request: usize,
-    /// The motion of the text alone, if that pass was finished.
-    pub baseline: Option<Motion>,
-    /// The clean motion as the stopped pass last predicted it, if it is a motion.
-    pub prediction: Option<Motion>,
-    /// The Laban loss at every step that was made.
-    pub loss: Vec<f32>,
 }

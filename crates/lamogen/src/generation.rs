@@ -8,8 +8,8 @@ use lamogen_laban::{COMPONENTS, LabanFeatures, LabanSeries, Scale};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, joints};
 
-use crate::error::{Error, Stopped, Unfinished};
-use crate::groups::{Group, Job, sort};
+use crate::error::{Error, Failed, Failure, Partial, Stopped, Unfinished, Which};
+use crate::groups::{Group, assign};
 use crate::licence::Licence;
 use crate::request::Request;
 
@@ -131,7 +131,8 @@ impl<D: Denoiser> LaMoGen<D> {
     ///
     /// # Errors
     ///
-    /// As [`generate`](Self::generate). All requests are checked before the first is run.
+    /// As [`generate`](Self::generate). All requests are checked before the first is run; a run that
+    /// fails later keeps what was finished ([`Error::Failed`]).
     pub fn generate_all(&self, requests: &[Request]) -> Result<Vec<Generation>, Error> {
         self.generate_all_with(requests, &mut |_| ControlFlow::Continue(()))
     }
@@ -157,16 +158,16 @@ impl<D: Denoiser> LaMoGen<D> {
         let mut finished: Vec<(usize, Generation)> = Vec::new();
         for group in &groups {
             match self.run(group, requests, &mut watch) {
-                Ok(generations) => {
-                    let places = group.jobs.iter().map(|job| job.request);
-                    finished.extend(places.zip(generations));
-                }
-                Err(Error::Stopped(mut stopped)) => {
+                Ok(generations) => finished.extend(generations),
+                Err(mut error) => {
                     finished.sort_by_key(|&(request, _)| request);
-                    stopped.finished = finished;
-                    return Err(Error::Stopped(stopped));
+                    match &mut error {
+                        Error::Stopped(stopped) => stopped.partial.finished = finished,
+                        Error::Failed(failed) => failed.partial.finished = finished,
+                        Error::Request { .. } => {}
+                    }
+                    return Err(error);
                 }
-                Err(error) => return Err(error),
             }
         }
         finished.sort_by_key(|&(request, _)| request);
@@ -175,106 +176,97 @@ impl<D: Denoiser> LaMoGen<D> {
 
     fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
         let mut groups = Vec::new();
-        for request in requests.iter().enumerate() {
-            sort(
+        for (index, request) in requests.iter().enumerate() {
+            assign(
                 &mut groups,
-                request,
+                (index, request),
                 &self.network,
                 &self.tokenizer,
                 (self.preset, self.batch_size),
             )
-            .map_err(|source| Error::Request {
-                prompt: request.1.prompt.clone(),
-                source,
+            .map_err(|reason| Error::Request {
+                which: which(requests, index),
+                reason,
             })?;
         }
         Ok(groups)
     }
 
+    /// Runs a group; answers with its motions and their places among the requests.
     fn run(
         &self,
         group: &Group,
         requests: &[Request],
         watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
-    ) -> Result<Vec<Generation>, Error> {
+    ) -> Result<Vec<(usize, Generation)>, Error> {
         let mut watch = |step: &Step<'_>| watch(step);
-        let prompt_of = |job: &Job| requests[job.request].prompt.clone();
-        let failed = |source, baseline: Option<&Tensor<3>>| match source {
+        let interrupted = |error, baselines: &[Motion]| match error {
             GuideError::Stopped(stopped) => {
-                Error::Stopped(Box::new(self.stopped(group, *stopped, baseline)))
+                Error::Stopped(Box::new(self.stopped(group, *stopped, baselines)))
             }
-            source => Error::Guide {
-                prompt: prompt_of(&group.jobs[source.motion().unwrap_or(0)]),
-                source,
-            },
+            error => failed(requests, group, error.motion(), error, baselines),
         };
         let batch = self.batch(group);
         let sampler = Sampler::new(&self.network, &self.normalization, group.steps)
-            .map_err(|error| failed(error, None))?;
+            .map_err(|error| interrupted(error, &[]))?;
         let baseline = sampler
             .baseline(&batch, &mut watch)
-            .map_err(|error| failed(error, None))?;
-        let guided = match group.is_guided {
-            false => None,
-            true => {
-                let scales: Vec<Scale> = group.jobs.iter().filter_map(|job| job.scale).collect();
-                let guided = sampler.guided(
-                    &batch,
-                    baseline.clone(),
-                    &scales,
-                    &group.guidance,
-                    &mut watch,
-                );
-                Some(guided.map_err(|error| failed(error, Some(&baseline)))?)
-            }
-        };
-        let baseline_features = match &guided {
-            Some(guided) => guided.baseline_features.clone(),
-            None => self.measure(&baseline, group),
-        };
-        group
-            .jobs
-            .iter()
-            .enumerate()
-            .map(|(index, job)| {
-                let motion = |tensor: &Tensor<3>, pass| {
-                    self.motion(tensor, index, job.frames)
-                        .map_err(|source| Error::Motion {
-                            prompt: prompt_of(job),
-                            pass,
-                            source,
-                        })
-                };
-                let series = |tensor: &Tensor<3>| {
-                    let rows = tensor.clone().narrow(0, index, 1).narrow(1, 0, job.frames);
-                    LabanSeries::from_tensor(rows.reshape([job.frames, COMPONENTS]))
-                };
-                let baseline = motion(&baseline, Pass::Baseline)?;
-                let baseline_laban = series(&baseline_features);
-                Ok(match &guided {
-                    None => Generation {
-                        cut_tokens: job.cut,
-                        scale: Scale::NEUTRAL,
-                        guided: baseline.clone(),
-                        baseline,
-                        guided_laban: baseline_laban.clone(),
-                        target: baseline_laban.clone(),
-                        baseline_laban,
-                        loss: Vec::new(),
-                    },
-                    Some(guided) => Generation {
-                        cut_tokens: job.cut,
-                        scale: job.scale.unwrap_or_default(),
-                        guided: motion(&guided.motion, Pass::Guided)?,
-                        baseline,
-                        guided_laban: series(&guided.features),
-                        target: series(&guided.target_features),
-                        baseline_laban,
-                        loss: guided.loss.iter().map(|losses| losses[index]).collect(),
-                    },
+            .map_err(|error| interrupted(error, &[]))?;
+        let motions = |tensor: &Tensor<3>, pass, baselines: &[Motion]| {
+            let jobs = group.jobs.iter().enumerate();
+            let motion = jobs.map(|(index, job)| {
+                self.motion(tensor, index, job.frames).map_err(|reason| {
+                    let reason = Failure::Motion { pass, reason };
+                    failed(requests, group, Some(index), reason, baselines)
                 })
-            })
-            .collect()
+            });
+            motion.collect::<Result<Vec<Motion>, Error>>()
+        };
+        let baselines = motions(&baseline, Pass::Baseline, &[])?;
+        let series = |tensor: &Tensor<3>, index: usize| {
+            let frames = group.jobs[index].frames;
+            let rows = tensor.clone().narrow(0, index, 1).narrow(1, 0, frames);
+            LabanSeries::from_tensor(rows.reshape([frames, COMPONENTS]))
+        };
+        if !group.is_guided {
+            let features = self.measure(&baseline, group);
+            let jobs = group.jobs.iter().zip(baselines).enumerate();
+            let generations = jobs.map(|(index, (job, baseline))| {
+                let laban = series(&features, index);
+                let generation = Generation {
+                    cut_tokens: job.cut,
+                    scale: Scale::NEUTRAL,
+                    guided: baseline.clone(),
+                    baseline,
+                    guided_laban: laban.clone(),
+                    target: laban.clone(),
+                    baseline_laban: laban,
+                    loss: Vec::new(),
+                };
+                (job.request, generation)
+            });
+            return Ok(generations.collect());
+        }
+        let scales: Vec<Scale> = group.jobs.iter().filter_map(|job| job.scale).collect();
+        let guided = sampler
+            .guided(&batch, baseline, &scales, &group.guidance, &mut watch)
+            .map_err(|error| interrupted(error, &baselines))?;
+        let motions = motions(&guided.motion, Pass::Guided, &baselines)?;
+        let jobs = group.jobs.iter().zip(baselines.into_iter().zip(motions));
+        let generations = jobs.enumerate().map(|(index, (job, (baseline, motion)))| {
+            let generation = Generation {
+                cut_tokens: job.cut,
+                scale: scales[index],
+                guided: motion,
+                baseline,
+                guided_laban: series(&guided.features, index),
+                target: series(&guided.target_features, index),
+                baseline_laban: series(&guided.baseline_features, index),
+                loss: guided.loss.iter().map(|losses| losses[index]).collect(),
+            };
+            (job.request, generation)
+        });
+        Ok(generations.collect())
     }
 
     /// Encoded prompts and start noise, padded to the longest motion.
@@ -329,25 +321,63 @@ impl<D: Denoiser> LaMoGen<D> {
         &self,
         group: &Group,
         stopped: lamogen_guide::Stopped,
-        baseline: Option<&Tensor<3>>,
+        baselines: &[Motion],
     ) -> Stopped {
-        let unfinished = group.jobs.iter().enumerate().map(|(index, job)| {
-            let motion = |tensor| self.motion(tensor, index, job.frames).ok();
-            Unfinished {
-                request: job.request,
-                baseline: baseline.and_then(motion),
-                prediction: motion(&stopped.prediction),
-                loss: stopped.loss.iter().map(|losses| losses[index]).collect(),
-            }
-        });
+        let mut partial = unfinished(group, baselines);
+        for (index, (job, unfinished)) in group.jobs.iter().zip(&mut partial.unfinished).enumerate()
+        {
+            let prediction = self.motion(&stopped.prediction, index, job.frames);
+            unfinished.prediction = prediction.ok();
+            unfinished.loss = stopped.loss.iter().map(|losses| losses[index]).collect();
+        }
         Stopped {
             pass: stopped.pass,
             index: stopped.index,
             steps: stopped.steps,
-            finished: Vec::new(),
-            unfinished: unfinished.collect(),
+            partial,
         }
     }
+}
+
+fn which(requests: &[Request], index: usize) -> Which {
+    Which {
+        index,
+        count: requests.len(),
+        prompt: requests[index].prompt.clone(),
+    }
+}
+
+/// What there is of a group whose baselines are finished, or not (empty).
+fn unfinished(group: &Group, baselines: &[Motion]) -> Partial {
+    let unfinished = group
+        .jobs
+        .iter()
+        .enumerate()
+        .map(|(index, job)| Unfinished {
+            request: job.request,
+            baseline: baselines.get(index).cloned(),
+            prediction: None,
+            loss: Vec::new(),
+        });
+    Partial {
+        finished: Vec::new(),
+        unfinished: unfinished.collect(),
+    }
+}
+
+/// A failure at a motion of a group, the first where it is not about one.
+fn failed(
+    requests: &[Request],
+    group: &Group,
+    motion: Option<usize>,
+    reason: impl Into<Failure>,
+    baselines: &[Motion],
+) -> Error {
+    Error::Failed(Box::new(Failed {
+        which: which(requests, group.jobs[motion.unwrap_or(0)].request),
+        reason: reason.into(),
+        partial: unfinished(group, baselines),
+    }))
 }
 
 #[cfg(test)]

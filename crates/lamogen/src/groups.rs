@@ -36,8 +36,8 @@ impl Group {
     }
 }
 
-/// Checks a request and finds the group that it can join.
-pub(crate) fn sort(
+/// Checks a request and assigns it to a group, a new one if it can join none.
+pub(crate) fn assign(
     groups: &mut Vec<Group>,
     (index, request): (usize, &Request),
     model: &impl Denoiser,

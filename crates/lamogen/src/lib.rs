@@ -19,7 +19,7 @@
 //! lamogen implements LaMoGen (arXiv 2509.24469): a pretrained text-to-motion diffusion model is
 //! steered while it samples. A first pass gives the motion that the text alone describes; its Laban
 //! features, scaled by the tags, are the target; a second pass from the same noise moves the
-//! sentence embedding until the motion reaches them. Nothing is retrained and no reference clip is
+//! sentence embedding towards them at every step. Nothing is retrained and no reference clip is
 //! needed.
 //!
 //! The parts are crates of their own, re-exported here: [`motion`], [`laban`], [`model`], [`guide`].
@@ -31,7 +31,9 @@ mod licence;
 mod load;
 mod request;
 
-pub use error::{Error, LoadError, RequestError, Stopped, Unfinished};
+pub use error::{
+    Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
+};
 pub use generation::{Generation, LaMoGen, Progress};
 pub use licence::Licence;
 pub use request::{Length, Request};

@@ -17,7 +17,8 @@ impl LaMoGen<MotionDiffuse> {
     ///
     /// # Errors
     ///
-    /// If the device cannot hold it; the model itself is tested.
+    /// None in a build that passes its tests: the same checks run as for a model from a folder.
+    #[cfg(feature = "compact")]
     pub fn embedded(device: &Device) -> Result<Self, LoadError> {
         use lamogen_compact as compact;
         let name = |file: &str| format!("lamogen-compact/{file}");
@@ -87,7 +88,9 @@ impl LaMoGen<MotionDiffuse> {
 }
 
 impl<D: Denoiser> LaMoGen<D> {
-    /// Guides any denoiser, with the tokenizer and the feature statistics it was trained with.
+    /// Guides any denoiser, with the tokenizer and the feature statistics it was trained with. Requests
+    /// that say nothing else run with [`Preset::Fast`]; [`with_preset`](Self::with_preset) changes
+    /// that.
     ///
     /// # Panics
     ///

@@ -128,6 +128,8 @@ impl Length {
             }
             Length::Seconds(_) => None,
         };
+        // A motion without frames is none, whatever a network says.
+        let shortest = shortest.max(1);
         match frames {
             Some(frames) if (shortest..=longest).contains(&frames) => Ok(frames),
             _ => Err(RequestError::Length {
