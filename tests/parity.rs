@@ -18,16 +18,18 @@ fn a_network_that_predicts_motion_agrees_with_the_reference() {
 #[test]
 fn a_network_that_predicts_noise_agrees_with_the_reference() {
     for (name, result) in results("tiny") {
-        assert!(result.passes(), "{name}: {result:?}");
-        // Rounding must not excuse anything but what is behind the amplified first step.
+        // Behind the amplified first step the reference differs from itself by up to 7e-3 from one
+        // CPU to the next (docs/parity.md); nothing else is excused.
         let magnified = [
             "out.e_grad",
             "out.trace_loss",
             "out.trace_e",
             "out.guided_mean",
         ];
+        let is_excused =
+            magnified.contains(&&*name) && result.is_within_rounding() && result.error < 1e-2;
         assert!(
-            result.is_within_tolerance() || (magnified.contains(&&*name) && result.error < 1e-2),
+            result.is_within_tolerance() || is_excused,
             "{name}: {result:?}"
         );
     }

@@ -26,9 +26,9 @@ enum Task {
         /// Where to compute.
         #[arg(long, default_value = "flex", value_parser = ["flex"])]
         device: String,
-        /// Fail on every value beyond its tolerance, also where rounding alone moves it further.
+        /// Accept values beyond their tolerance where rounding alone moves them as far.
         #[arg(long)]
-        strict: bool,
+        allow_rounding: bool,
     },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
@@ -52,8 +52,8 @@ fn main() -> ExitCode {
         Task::Parity {
             folder,
             device: _,
-            strict,
-        } => parity(&folder, strict),
+            allow_rounding,
+        } => parity(&folder, allow_rounding),
         Task::Embed {
             from,
             to,
@@ -69,7 +69,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn parity(folder: &Path, strict: bool) -> ExitCode {
+fn parity(folder: &Path, allow_rounding: bool) -> ExitCode {
     let spinner = ProgressBar::new_spinner();
     let result = xtask::parity::run(folder, &Device::flex(), &mut |step| {
         let (pass, index, steps) = (step.pass, step.index + 1, step.steps);
@@ -78,7 +78,7 @@ fn parity(folder: &Path, strict: bool) -> ExitCode {
     });
     spinner.finish_and_clear();
     match result {
-        Ok(rows) => report(&rows, strict),
+        Ok(rows) => report(&rows, allow_rounding),
         Err(error) => fail(&error),
     }
 }
@@ -88,18 +88,17 @@ fn fail(error: &dyn std::error::Error) -> ExitCode {
     ExitCode::FAILURE
 }
 
-fn report(rows: &[xtask::parity::Row], strict: bool) -> ExitCode {
-    let mut failed = 0;
+fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
+    let (mut failed, mut excusable) = (0, 0);
     for Row { name, result } in rows {
         let Some(result) = result else {
             println!("{name:16} not yet covered");
             continue;
         };
-        let passes = match strict {
-            true => result.is_within_tolerance(),
-            false => result.passes(),
-        };
+        let is_excusable = !result.is_within_tolerance() && result.is_within_rounding();
+        let passes = result.is_within_tolerance() || (is_excusable && allow_rounding);
         failed += usize::from(!passes);
+        excusable += usize::from(!passes && is_excusable);
         let verdict = match passes {
             true => "ok",
             false => "TOO FAR OFF",
@@ -113,11 +112,12 @@ fn report(rows: &[xtask::parity::Row], strict: bool) -> ExitCode {
             result.error, result.tolerance
         );
     }
-    match failed {
-        0 => ExitCode::SUCCESS,
-        _ => {
-            println!("{failed} values are too far off");
-            ExitCode::FAILURE
-        }
+    if failed == 0 {
+        return ExitCode::SUCCESS;
     }
+    println!(
+        "{failed} too far off, {excusable} of them within what rounding alone does in this case \
+         (docs/parity.md; --allow-rounding accepts those)"
+    );
+    ExitCode::FAILURE
 }

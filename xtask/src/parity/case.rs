@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_laban::Scale;
+use lamogen_model::ModelConfig;
+use lamogen_motion::JOINTS;
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 
@@ -51,18 +53,85 @@ impl<'a> Case<'a> {
         }
     }
 
+    /// A tensor that is there and whose numbers can be read.
     pub(super) fn view(&self, name: &str) -> Result<TensorView<'_>, ParityError> {
-        self.tensors
+        let view = self
+            .tensors
             .tensor(name)
-            .map_err(|_| self.problem(format!("{name} is missing")))
+            .map_err(|_| self.problem(format!("{name} is missing")))?;
+        match view.dtype() {
+            Dtype::F32 | Dtype::F64 | Dtype::I32 | Dtype::I64 => Ok(view),
+            other => Err(self.problem(format!(
+                "{name} holds {other:?}; expected F32, F64, I32 or I64"
+            ))),
+        }
+    }
+
+    /// Checks that the inputs are of one batch, and of one that the network can do.
+    pub(super) fn check(&self, config: &ModelConfig) -> Result<(), ParityError> {
+        let [batch, frames, features] = self.dims("in.z")?;
+        let [motions, tokens] = self.dims("in.tokens")?;
+        let ids = self.integers("in.tokens")?;
+        let problem = if features != config.input_feats {
+            Some(format!(
+                "in.z has {features} features, the network {}",
+                config.input_feats
+            ))
+        } else if !(1..=config.num_frames).contains(&frames) {
+            Some(format!(
+                "in.z has {frames} frames, the network does 1 to {}",
+                config.num_frames
+            ))
+        } else if tokens > config.clip.context_length {
+            Some(format!(
+                "in.tokens has {tokens} tokens a prompt, the network's context {}",
+                config.clip.context_length
+            ))
+        } else if let Some(id) = ids.iter().find(|&&id| id >= config.clip.vocab_size) {
+            Some(format!(
+                "in.tokens has the id {id}, the vocabulary {} ids",
+                config.clip.vocab_size
+            ))
+        } else if self.integers("in.lengths")?.contains(&0) {
+            Some("in.lengths has a motion of 0 frames".into())
+        } else {
+            let counts = [
+                ("in.tokens", motions),
+                ("in.lengths", self.dims::<1>("in.lengths")?[0]),
+                ("in.t", self.dims::<1>("in.t")?[0]),
+            ];
+            let wrong = counts.iter().find(|(_, count)| *count != batch);
+            wrong.map(|(name, count)| format!("{name} is of {count} motions, in.z of {batch}"))
+        };
+        for name in ["in.x_t", "out.baseline"] {
+            let found = self.dims::<3>(name)?;
+            if found != [batch, frames, features] {
+                return Err(self.problem(format!(
+                    "{name} is {found:?}, in.z {:?}",
+                    [batch, frames, features]
+                )));
+            }
+        }
+        let [_, length, joints, axes] = self.dims("in.joints")?;
+        if length == 0 || [joints, axes] != [JOINTS, 3] {
+            return Err(self.problem(format!(
+                "in.joints is of {length} frames, {joints} joints and {axes} axes"
+            )));
+        }
+        problem.map_or(Ok(()), |problem| Err(self.problem(problem)))
+    }
+
+    fn dims<const D: usize>(&self, name: &str) -> Result<[usize; D], ParityError> {
+        let view = self.view(name)?;
+        let shape = view.shape();
+        shape
+            .try_into()
+            .map_err(|_| self.problem(format!("expected {D} axes of {name}, found {shape:?}")))
     }
 
     pub(super) fn tensor<const D: usize>(&self, name: &str) -> Result<Tensor<D>, ParityError> {
+        self.dims::<D>(name)?;
         let view = self.view(name)?;
-        if view.shape().len() != D {
-            let shape = view.shape();
-            return Err(self.problem(format!("expected {D} axes of {name}, found {shape:?}")));
-        }
         let values: Vec<f32> = numbers(&view).map(|x| x as f32).collect();
         let data = TensorData::new(values, view.shape().to_vec());
         Ok(Tensor::from_data(data, &self.device))
@@ -79,8 +148,11 @@ impl<'a> Case<'a> {
         Ok(Tensor::from_data(data, &self.device))
     }
 
+    /// Lengths of the motions. The reference takes a length beyond the batch's frames for all of them.
     pub(super) fn lengths(&self) -> Result<Vec<usize>, ParityError> {
-        self.integers("in.lengths")
+        let [_, frames, _] = self.dims("in.z")?;
+        let lengths = self.integers("in.lengths")?.into_iter();
+        Ok(lengths.map(|length| length.min(frames)).collect())
     }
 
     pub(super) fn steps(&self) -> Result<usize, ParityError> {
@@ -118,7 +190,12 @@ pub(super) fn numbers<'v>(view: &TensorView<'v>) -> Box<dyn Iterator<Item = f64>
                 .iter()
                 .map(|&bytes| i64::from_le_bytes(bytes) as f64),
         ),
-        // Comparing with nothing fails on its shape.
-        _ => Box::new(std::iter::empty()),
+        Dtype::I32 => Box::new(
+            data.as_chunks()
+                .0
+                .iter()
+                .map(|&bytes| f64::from(i32::from_le_bytes(bytes))),
+        ),
+        other => unreachable!("{other:?} is refused by Case::view"),
     }
 }
