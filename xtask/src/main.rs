@@ -92,7 +92,7 @@ fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
     let (mut failed, mut excusable) = (0, 0);
     for Row { name, result } in rows {
         let Some(result) = result else {
-            println!("{name:16} not yet covered");
+            println!("{name:20} not yet covered");
             continue;
         };
         let is_excusable = !result.is_within_tolerance() && result.is_within_rounding();
@@ -108,7 +108,7 @@ fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
             None => String::new(),
         };
         println!(
-            "{name:16} {:9.2e}  of at most {:.0e}  {verdict}{rounding}",
+            "{name:20} {:9.2e}  of at most {:.0e}  {verdict}{rounding}",
             result.error, result.tolerance
         );
     }

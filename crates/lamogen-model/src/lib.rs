@@ -7,7 +7,7 @@
 //! ```
 //!
 //! [`Denoiser`] is what guidance needs to know of a network; [`MotionDiffuse`] is the network of
-//! Zhang et al. 2022 (arXiv 2208.15001), whose public checkpoint loads as it is. Sizes come from a
+//! Zhang et al. 2022 (arXiv 2208.15001), with the keys and layouts of its public checkpoint. Sizes come from a
 //! [`ModelConfig`], weights from a [`Checkpoint`].
 
 mod checkpoint;

@@ -5,6 +5,7 @@
 //! (`out.*`). docs/parity.md says what each of them is.
 
 mod case;
+mod options;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -110,27 +111,42 @@ pub enum ParityError {
 ///
 /// If a file of the case is missing or damaged, or an input is not there.
 pub fn run(folder: &Path, device: &Device, watch: Watch<'_>) -> Result<Vec<Row>, ParityError> {
-    let path = folder.join("case.safetensors");
-    let bytes = std::fs::read(&path).map_err(|reason| ParityError::Io {
-        path: path.clone(),
-        reason,
-    })?;
-    let case = Case::new(path, &bytes, device)?;
+    let bytes = read(&folder.join("case.safetensors"))?;
+    let case = Case::new(folder.join("case.safetensors"), &bytes, device)?;
     let network = Network::load(folder, &case)?;
     let actual = network.compute(&case, watch)?;
-    let mut rows = Vec::new();
-    for name in case.expected() {
+    let mut rows = compare(&case, &actual)?;
+    network.measure_rounding(&case, &actual, &mut rows, watch)?;
+
+    let path = folder.join("options.safetensors");
+    if path.exists() {
+        let bytes = read(&path)?;
+        let expected = Case::new(path, &bytes, device)?;
+        rows.extend(compare(&expected, &network.options(&case)?)?);
+    }
+    Ok(rows)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ParityError> {
+    std::fs::read(path).map_err(|reason| ParityError::Io {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// A row for every value that a file expects.
+fn compare(expected: &Case, actual: &Values) -> Result<Vec<Row>, ParityError> {
+    let row = |name: &str| {
         let result = match actual.get(name) {
             None => None,
-            Some(actual) => Some(actual.compare(&case.view(name)?)),
+            Some(actual) => Some(actual.compare(&expected.view(name)?)),
         };
-        rows.push(Row {
+        Ok(Row {
             name: name.to_owned(),
             result,
-        });
-    }
-    network.measure_rounding(&case, &actual, &mut rows, watch)?;
-    Ok(rows)
+        })
+    };
+    expected.expected().into_iter().map(row).collect()
 }
 
 type Values = BTreeMap<&'static str, Actual>;

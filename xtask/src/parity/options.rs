@@ -1,0 +1,77 @@
+//! Guidance options that the main file of a case does not hold.
+//!
+//! A case may have a second file, `options.safetensors`: the guided pass of the same inputs with the
+//! loss divided by the mean, learning rate 0.05, and one option changed. Frames past a motion's
+//! length hold 0.
+
+use burn::tensor::Tensor;
+use lamogen_guide::{Batch, Guidance, Sampler, Update};
+use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
+use lamogen_model::{Denoiser, FrameMask};
+
+use super::case::Case;
+use super::{Actual, GUIDED, Network, ParityError, Values};
+
+/// Each option by the name of its expected value.
+fn options() -> [(&'static str, Guidance); 4] {
+    let fast = Guidance::fast;
+    [
+        (
+            "out.updates_3",
+            Guidance {
+                updates_per_step: 3,
+                ..fast()
+            },
+        ),
+        (
+            "out.lagged",
+            Guidance {
+                update: Update::Lagged,
+                ..fast()
+            },
+        ),
+        (
+            "out.emphasis_10",
+            Guidance {
+                emphasis: 10.0,
+                ..fast()
+            },
+        ),
+        (
+            "out.each_difference",
+            Guidance {
+                laban: LabanOptions {
+                    smoothing: Smoothing::EachDifference(Gaussian::PAPER),
+                    ..LabanOptions::default()
+                },
+                ..fast()
+            },
+        ),
+    ]
+}
+
+impl Network {
+    /// The guided pass with each option.
+    pub(super) fn options(&self, case: &Case) -> Result<Values, ParityError> {
+        let batch = Batch {
+            prompt: self.model.encode(case.tokens()?),
+            noise: case.tensor("in.z")?,
+            lengths: case.lengths()?,
+        };
+        let baseline = case.tensor::<3>("out.baseline")?;
+        let [size, frames, _] = baseline.dims();
+        let scales = vec![case.scale()?; size];
+        let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
+        let mask = FrameMask::new(&batch.lengths, frames, &case.device).keep();
+        let mask = mask.unwrap_or_else(|| Tensor::ones([size, frames, 1], &case.device));
+        options()
+            .into_iter()
+            .map(|(name, guidance)| {
+                let baseline = baseline.clone();
+                let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut ())?;
+                let motion = guided.motion * mask.clone();
+                Ok((name, Actual::of(motion, GUIDED)))
+            })
+            .collect()
+    }
+}
