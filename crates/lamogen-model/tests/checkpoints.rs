@@ -29,7 +29,10 @@ fn load(path: &Path) -> Result<MotionDiffuse, CheckpointError> {
 }
 
 fn message(result: Result<MotionDiffuse, CheckpointError>) -> String {
-    result.expect_err("the file is damaged").to_string()
+    match result {
+        Ok(_) => panic!("the file is damaged"),
+        Err(error) => error.to_string(),
+    }
 }
 
 /// What a network says about a fixed input.
@@ -197,10 +200,10 @@ fn a_missing_tensor_is_named() {
 #[test]
 fn a_network_that_is_smaller_than_its_weights_is_no_silent_cut() {
     let mut config = config();
-    config.num_text_layers = 1;
+    config.num_text_layers = 0;
     let checkpoint = Checkpoint::open(data("zip.tar")).unwrap();
     let message = message(checkpoint.load(&config, &Device::flex()));
-    assert!(message.contains("textTransEncoder.layers.1."), "{message}");
+    assert!(message.contains("textTransEncoder.layers.0."), "{message}");
     assert!(message.contains("not part of a network"), "{message}");
 }
 
