@@ -5,23 +5,21 @@
 //! (`out.*`). docs/parity.md says what each of them is.
 
 mod case;
+mod network;
 mod options;
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Device, Tensor, TensorData};
-use lamogen_guide::{Batch, Guidance, Sampler, Schedule, Step, noise};
-use lamogen_laban::{Divisor, LabanFeatures, LabanOptions, Smoothing, Target};
-use lamogen_model::{
-    Checkpoint, CheckpointError, ConfigError, CrossAttentionContext, Denoiser, DenoiserInput,
-    FrameMask, ModelConfig, MotionDiffuse, Prompt,
-};
-use lamogen_motion::{Normalization, NormalizationError, joints};
+use burn::tensor::{Device, Tensor};
+use lamogen_guide::{GuideError, Step};
+use lamogen_laban::ScaleError;
+use lamogen_model::{CheckpointError, ConfigError};
+use lamogen_motion::NormalizationError;
 use safetensors::tensor::TensorView;
 
 use case::{Case, numbers};
+use network::Network;
 
 /// Outputs of the network, of the joints and of the Laban features.
 const SINGLE: f64 = 1e-5;
@@ -31,18 +29,6 @@ const SEVERAL: f64 = 1e-4;
 const GUIDED: f64 = 2e-3;
 /// Numbers of 64 bits.
 const EXACT: f64 = 1e-12;
-
-/// Values that add up what the network says at every step of a pass.
-const BEHIND_PASSES: [&str; 5] = [
-    "out.e_grad",
-    "out.guided",
-    "out.guided_mean",
-    "out.trace_e",
-    "out.trace_loss",
-];
-
-/// Runs that measure what rounding does.
-const ROUNDING_RUNS: u64 = 8;
 
 /// One expected value beside what lamogen computes.
 #[derive(Clone, Debug)]
@@ -100,9 +86,9 @@ pub enum ParityError {
     #[error(transparent)]
     Normalization(#[from] NormalizationError),
     #[error(transparent)]
-    Guide(#[from] lamogen_guide::GuideError),
+    Guide(#[from] GuideError),
     #[error("in.scale: {0}")]
-    Scale(#[from] lamogen_laban::ScaleError),
+    Scale(#[from] ScaleError),
 }
 
 /// Runs a case and compares every `out.*`, in the order of their names. `watch` sees every step.
@@ -153,230 +139,6 @@ type Values = BTreeMap<&'static str, Actual>;
 
 /// Sees every step of every pass; a full-size case takes minutes.
 type Watch<'a> = &'a mut dyn FnMut(&Step<'_>);
-
-/// What a case is computed with.
-struct Network {
-    model: MotionDiffuse,
-    normalization: Normalization,
-}
-
-impl Network {
-    fn load(folder: &Path, case: &Case) -> Result<Self, ParityError> {
-        let config = ModelConfig::from_file(folder.join("config.json"))?;
-        case.check(&config)?;
-        let checkpoint = Checkpoint::open(folder.join("latest.tar"))?;
-        Ok(Network {
-            model: checkpoint.load(&config, &case.device)?,
-            normalization: Normalization::from_files(
-                folder.join("mean.npy"),
-                folder.join("std.npy"),
-                config.input_feats,
-                &case.device,
-            )?,
-        })
-    }
-
-    /// Everything that lamogen computes from the inputs of a case.
-    fn compute(&self, case: &Case, watch: Watch<'_>) -> Result<Values, ParityError> {
-        let prompt = self.model.encode(case.tokens()?);
-        let mut values = Values::new();
-        schedule(case, &mut values)?;
-        self.evaluate(case, &prompt, &mut values)?;
-        laban(case, &mut values)?;
-        values.append(&mut self.passes(case, prompt, case.tensor("in.z")?, watch)?);
-        Ok(values)
-    }
-
-    /// Repeats the passes from start noise that is off by its own rounding, and embeddings that are
-    /// off by as much as lamogen's and the reference's are from each other, at random; and notes how
-    /// far that moves the values that are off.
-    fn measure_rounding(
-        &self,
-        case: &Case,
-        actual: &Values,
-        rows: &mut [Row],
-        watch: Watch<'_>,
-    ) -> Result<(), ParityError> {
-        let error_of = |name: &str| rows.iter().find(|row| row.name == name)?.result;
-        let encoder = error_of("out.e").map_or(0.0, |result| result.error);
-        let size = encoder.clamp(f64::from(f32::EPSILON), SINGLE);
-        let is_off = |row: &Row| {
-            row.result
-                .is_some_and(|result| !result.is_within_tolerance())
-        };
-        let mut off: Vec<&mut Row> = rows
-            .iter_mut()
-            .filter(|row| is_off(row) && BEHIND_PASSES.contains(&row.name.as_str()))
-            .collect();
-        if off.is_empty() {
-            return Ok(());
-        }
-        let prompt = self.model.encode(case.tokens()?);
-        let [batch, width] = prompt.embedding.dims();
-        let largest: f32 = prompt.embedding.clone().abs().max().into_scalar();
-        for seed in 0..ROUNDING_RUNS {
-            // Three standard deviations are as much as the largest difference seen.
-            let directions: Vec<f32> = noise(seed, batch, width)
-                .into_iter()
-                .map(|x| x / 3.0 * largest * size as f32)
-                .collect();
-            let directions = TensorData::new(directions, [batch, width]);
-            let moved = Prompt {
-                embedding: prompt.embedding.clone() + Tensor::from_data(directions, &case.device),
-                context: prompt.context.clone(),
-            };
-            let start = case.tensor::<3>("in.z")?;
-            let [motions, frames, features] = start.dims();
-            let rounding = noise(ROUNDING_RUNS + seed, motions * frames, features);
-            let rounding = TensorData::new(rounding, [motions, frames, features]);
-            let rounding = Tensor::<3>::from_data(rounding, &case.device) * f32::EPSILON;
-            let start = start.clone() + start * rounding;
-            let values = self.passes(case, moved, start, watch)?;
-            for row in &mut off {
-                let name = row.name.as_str();
-                let (Some(result), Some(actual), Some(moved)) =
-                    (&mut row.result, actual.get(name), values.get(name))
-                else {
-                    continue;
-                };
-                // Both programs round, so they may be twice as far apart.
-                let distance = 2.0 * moved.distance(actual.values.iter().copied());
-                // A run that leaves the numbers says nothing about rounding.
-                if distance.is_finite() {
-                    result.rounding = Some(result.rounding.unwrap_or(0.0).max(distance));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Text encoder, one evaluation, and joints.
-    fn evaluate(
-        &self,
-        case: &Case,
-        prompt: &Prompt<CrossAttentionContext>,
-        actual: &mut Values,
-    ) -> Result<(), ParityError> {
-        let (x_t, lengths) = (case.tensor::<3>("in.x_t")?, case.lengths()?);
-        let (e, text) = self.model.encode_text(case.tokens()?);
-        actual.insert("out.e", Actual::of(e, SINGLE));
-        actual.insert("out.text", Actual::of(text, SINGLE));
-
-        let timesteps: Vec<usize> = case.integers("in.t")?;
-        let input = DenoiserInput {
-            x_t: x_t.clone(),
-            time: self.model.embed_timesteps(&timesteps),
-            embedding: prompt.embedding.clone(),
-            mask: FrameMask::new(&lengths, x_t.dims()[1], &case.device),
-        };
-        let eps = self.model.denoise(input, &prompt.context);
-        actual.insert("out.eps", Actual::of(eps, SINGLE));
-
-        let positions = joints(self.normalization.denormalize(x_t));
-        actual.insert("out.joints", Actual::of(positions, SINGLE));
-        Ok(())
-    }
-
-    /// Baseline and guided passes.
-    fn passes(
-        &self,
-        case: &Case,
-        prompt: Prompt<CrossAttentionContext>,
-        noise: Tensor<3>,
-        watch: Watch<'_>,
-    ) -> Result<Values, ParityError> {
-        let mut actual = Values::new();
-        let batch = Batch {
-            prompt,
-            noise,
-            lengths: case.lengths()?,
-        };
-        let size = batch.lengths.len();
-        let scales = vec![case.scale()?; size];
-        let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
-        let mut watched = |step: &Step<'_>| {
-            watch(step);
-            ControlFlow::Continue(())
-        };
-        let baseline = sampler.baseline(&batch, &mut watched)?;
-        actual.insert("out.baseline", Actual::of(baseline, SEVERAL));
-
-        // The reference's baseline is the guided pass's input, so that an error shows where it arises.
-        let baseline = case.tensor::<3>("out.baseline")?;
-
-        let (mut gradient, mut embeddings) = (None, Vec::new());
-        let mut record = |step: &Step<'_>| {
-            gradient = gradient.take().or(step.gradient.cloned());
-            embeddings.push(step.embedding.clone());
-            watched(step)
-        };
-        let guided = sampler.guided(
-            &batch,
-            baseline.clone(),
-            &scales,
-            &Guidance::paper(),
-            &mut record,
-        )?;
-        actual.insert("out.guided", Actual::of(guided.motion, GUIDED));
-        actual.insert(
-            "out.trace_e",
-            Actual::of(Tensor::stack::<3>(embeddings, 0), GUIDED),
-        );
-        let shape = vec![guided.loss.len(), size];
-        let loss = guided.loss.into_iter().flatten().map(f64::from).collect();
-        actual.insert("out.trace_loss", Actual::new(loss, shape, GUIDED));
-        if let Some(gradient) = gradient {
-            actual.insert("out.e_grad", Actual::of(gradient, SEVERAL));
-        }
-
-        let guidance = Guidance::fast();
-        let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
-        actual.insert("out.guided_mean", Actual::of(guided.motion, GUIDED));
-        Ok(actual)
-    }
-}
-
-fn schedule(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
-    let schedule = Schedule::linear();
-    let timesteps = schedule.ddim(case.steps()?)?;
-    let timesteps: Vec<f64> = timesteps.iter().map(|s| s.timestep as f64).collect();
-    let shape = vec![timesteps.len()];
-    actual.insert("out.timesteps", Actual::new(timesteps, shape, EXACT));
-    let abar = schedule.alphas_cumprod().to_vec();
-    let shape = vec![abar.len()];
-    actual.insert("out.abar", Actual::new(abar, shape, EXACT));
-    Ok(())
-}
-
-/// Laban features of given joints, and the gradient of the loss.
-fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
-    let joints = case.tensor::<4>("in.joints")?;
-    let [batch, frames, _, _] = joints.dims();
-    let lengths = vec![frames; batch];
-    let extractor = |smoothing| {
-        let options = LabanOptions {
-            smoothing,
-            ..LabanOptions::default()
-        };
-        LabanFeatures::new(&options, frames, &lengths, &case.device)
-    };
-    let raw = extractor(Smoothing::None).measure(joints.clone());
-    actual.insert("out.laban_raw", Actual::of(raw, SINGLE));
-
-    let features = extractor(Smoothing::default());
-    let baseline = features.measure(joints.clone());
-    actual.insert("out.laban", Actual::of(baseline.clone(), SINGLE));
-
-    let scales = vec![case.scale()?; batch];
-    let target = Target::new(baseline, &lengths, &scales, Divisor::Frame, 1.0);
-    let leaf = (joints * 0.9).autodiff().require_grad();
-    let loss = target.loss(features.measure(leaf.clone())).sum();
-    let gradient = leaf
-        .grad_remove(&mut loss.backward())
-        .expect("the loss depends on the joints");
-    actual.insert("out.laban_grad", Actual::of(gradient, SEVERAL));
-    Ok(())
-}
 
 /// A computed value and how close it must be.
 struct Actual {

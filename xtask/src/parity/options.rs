@@ -10,7 +10,8 @@ use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
 use lamogen_model::{Denoiser, FrameMask};
 
 use super::case::Case;
-use super::{Actual, GUIDED, Network, ParityError, Values};
+use super::network::Network;
+use super::{Actual, GUIDED, ParityError, Values};
 
 /// Each option by the name of its expected value.
 fn options() -> [(&'static str, Guidance); 4] {
