@@ -83,6 +83,8 @@ fn draw(
         let largest = values().filter(|x| x.is_finite()).fold(0.0, f32::max);
         let frames = curves.iter().map(|c| c.series.frames().len()).max();
         let seconds = frames.unwrap_or(1).saturating_sub(1).max(1) as f32 / FRAMES_PER_SECOND;
+        // Room above the curves for the legend.
+        let top = largest.max(1e-6) * 1.25;
         let mut chart = ChartBuilder::on(panel)
             .caption(
                 format!("{component} ({})", unit(component)),
@@ -91,7 +93,7 @@ fn draw(
             .margin(10)
             .x_label_area_size(34)
             .y_label_area_size(58)
-            .build_cartesian_2d(0.0..seconds, 0.0..largest.max(1e-6) * 1.05)?;
+            .build_cartesian_2d(0.0..seconds, 0.0..top)?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
