@@ -9,7 +9,7 @@ use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
 
 use crate::generation::Generation;
-use crate::request::Length;
+use crate::request::{Length, Request};
 
 /// Why a model cannot be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +62,16 @@ pub struct Which {
     pub count: usize,
     /// Its prompt.
     pub prompt: String,
+}
+
+impl Which {
+    pub(crate) fn new(requests: &[Request], index: usize) -> Self {
+        Which {
+            index,
+            count: requests.len(),
+            prompt: requests[index].prompt.clone(),
+        }
+    }
 }
 
 impl fmt::Display for Which {

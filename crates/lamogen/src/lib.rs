@@ -30,6 +30,7 @@ mod groups;
 mod licence;
 mod load;
 mod request;
+mod run;
 
 pub use error::{
     Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
