@@ -7,7 +7,7 @@ use std::path::Path;
 
 use burn::tensor::Device;
 use lamogen::LaMoGen;
-use lamogen_model::{Checkpoint, ModelConfig, Precision};
+use lamogen_model::Precision;
 use lamogen_motion::write_atomically;
 
 /// Files that are taken as they are.
@@ -26,10 +26,7 @@ pub fn run(
     attribution: String,
 ) -> Result<u64, Box<dyn Error>> {
     // Everything is read and checked before anything is written.
-    LaMoGen::load(from, &Device::flex())?;
-    let config = ModelConfig::from_file(from.join("config.json"))?;
-    let checkpoint = Checkpoint::open(from.join("model.safetensors"))?;
-    let model = checkpoint.load(&config, &Device::flex())?;
+    let model = LaMoGen::load(from, &Device::flex())?;
     let read = |name: &str| {
         let path = from.join(name);
         std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))
@@ -44,7 +41,7 @@ pub fn run(
         ("license".to_owned(), license),
         ("attribution".to_owned(), attribution),
     ]);
-    model.save(&weights, Precision::F16, metadata)?;
+    model.network().save(&weights, Precision::F16, metadata)?;
     for (name, bytes) in copied {
         let path = to.join(name);
         write_atomically(&path, |file| file.write_all(&bytes))

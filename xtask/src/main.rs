@@ -32,7 +32,7 @@ enum Task {
     },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
-        /// Folder with config.json, model.safetensors, tokenizer.json, mean.npy and std.npy.
+        /// A model folder (docs/checkpoints.md).
         from: PathBuf,
         /// Folder to write to.
         #[arg(long, default_value = "crates/lamogen-compact/model")]

@@ -5,7 +5,7 @@ use std::fmt;
 use burn::tensor::Tensor;
 use lamogen_laban::Component;
 
-use crate::observer::Pass;
+use crate::observer::{Pass, Step};
 
 /// What can go wrong in a run.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +42,17 @@ pub enum GuideError {
 }
 
 impl GuideError {
+    /// The end of a pass after a step, with the losses of the steps until then.
+    pub(crate) fn stopped(step: &Step<'_>, loss: &[Vec<f32>]) -> Self {
+        GuideError::Stopped(Box::new(Stopped {
+            pass: step.pass,
+            index: step.index,
+            steps: step.steps,
+            prediction: step.prediction.clone(),
+            loss: loss.to_vec(),
+        }))
+    }
+
     /// The motion of the batch that the error is about, if it is about one.
     pub fn motion(&self) -> Option<usize> {
         match self {

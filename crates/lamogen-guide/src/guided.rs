@@ -6,7 +6,7 @@ use lamogen_laban::{COMPONENTS, Component, LabanFeatures, Scale, Target};
 use lamogen_model::Denoiser;
 use lamogen_motion::joints;
 
-use crate::error::{GuideError, Quantity, Stopped};
+use crate::error::{GuideError, Quantity};
 use crate::guidance::{Guidance, Update};
 use crate::observer::{Observer, Pass, Step};
 use crate::sampler::{Batch, Latent, Sampler};
@@ -135,25 +135,19 @@ impl<D: Denoiser> Goal<'_, '_, D> {
             };
             let prediction = sampler.clean(&latent.x, output.clone(), step);
             latent.x = sampler.advance(latent.x, &prediction, output, step);
-            let observed = observer.step(&Step {
+            trace.push(gradient.loss);
+            let step = Step {
                 pass: Pass::Guided,
                 index,
                 steps: sampler.steps().len(),
                 timestep: step.timestep,
-                loss: Some(&gradient.loss),
+                loss: trace.last().map(Vec::as_slice),
                 gradient: Some(&gradient.embedding),
                 embedding: &optimised.embedding,
                 prediction: &prediction,
-            });
-            trace.push(gradient.loss);
-            if observed.is_break() {
-                return Err(GuideError::Stopped(Box::new(Stopped {
-                    pass: Pass::Guided,
-                    index,
-                    steps: sampler.steps().len(),
-                    prediction,
-                    loss: trace,
-                })));
+            };
+            if observer.step(&step).is_break() {
+                return Err(GuideError::stopped(&step, &trace));
             }
         }
         Ok((latent.x, trace))
@@ -288,9 +282,5 @@ fn first_not_finite(rows: &Tensor<2>) -> Option<usize> {
 }
 
 fn host(tensor: Tensor<2>) -> Vec<f32> {
-    tensor
-        .into_data()
-        .convert::<f32>()
-        .try_into_vec()
-        .expect("converted to f32")
+    tensor.try_into_vec_as().expect("floats convert to f32")
 }

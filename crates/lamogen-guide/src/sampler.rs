@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Prediction, Prompt};
 use lamogen_motion::Normalization;
 
-use crate::error::{GuideError, Stopped};
+use crate::error::GuideError;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 
@@ -82,7 +82,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             let output = self.evaluate(&latent, index, embedding.clone());
             let prediction = self.clean(&latent.x, output.clone(), step);
             latent.x = self.advance(latent.x, &prediction, output, step);
-            let observed = observer.step(&Step {
+            let step = Step {
                 pass: Pass::Baseline,
                 index,
                 steps: self.steps.len(),
@@ -91,15 +91,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
                 gradient: None,
                 embedding,
                 prediction: &prediction,
-            });
-            if observed.is_break() {
-                return Err(GuideError::Stopped(Box::new(Stopped {
-                    pass: Pass::Baseline,
-                    index,
-                    steps: self.steps.len(),
-                    prediction,
-                    loss: Vec::new(),
-                })));
+            };
+            if observer.step(&step).is_break() {
+                return Err(GuideError::stopped(&step, &[]));
             }
         }
         Ok(latent.x)

@@ -1,7 +1,7 @@
 //! Weight, Time, Flow and Shape of joint positions.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
-use lamogen_motion::JOINTS;
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_motion::{JOINTS, frame_mask};
 
 use crate::effectors::EndEffectors;
 use crate::smoothing::{Gaussian, Smoothing};
@@ -54,10 +54,7 @@ impl LabanFeatures {
     ///
     /// If a length is 0 or above `frames`, or there is none.
     pub fn new(options: &LabanOptions, frames: usize, lengths: &[usize], device: &Device) -> Self {
-        assert!(
-            !lengths.is_empty() && lengths.iter().all(|&length| (1..=frames).contains(&length)),
-            "expected lengths from 1 to {frames}, found {lengths:?}"
-        );
+        let mask = frame_mask(lengths, frames, device);
         // The n-th difference is n frames shorter.
         let window = |gaussian: &Gaussian, order: usize| {
             let lengths = lengths.iter().map(|length| length.saturating_sub(order));
@@ -76,15 +73,6 @@ impl LabanFeatures {
             .map(|joint| joint.index() as i32)
             .collect();
         let masses: Vec<f32> = options.end_effectors.masses().collect();
-        let padded = lengths.iter().any(|&length| length < frames);
-        let mask = padded.then(|| {
-            let values: Vec<f32> = lengths
-                .iter()
-                .flat_map(|&length| (0..frames).map(move |t| f32::from(u8::from(t < length))))
-                .collect();
-            let data = TensorData::new(values, [lengths.len(), frames, 1]);
-            Tensor::from_data(data, device)
-        });
         LabanFeatures {
             frames,
             lengths: lengths.to_vec(),
@@ -182,6 +170,7 @@ fn volume(joints: Tensor<4>) -> Tensor<3> {
 mod tests {
     use super::*;
     use crate::tags::{COMPONENTS, Component};
+    use burn::tensor::TensorData;
 
     const FRAMES: usize = 30;
 

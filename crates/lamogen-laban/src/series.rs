@@ -42,11 +42,7 @@ impl LabanSeries {
     /// If there are not four features a frame.
     pub fn from_tensor(features: Tensor<2>) -> LabanSeries {
         assert_eq!(features.dims()[1], COMPONENTS, "four features a frame");
-        let values = features
-            .into_data()
-            .convert::<f32>()
-            .try_into_vec::<f32>()
-            .expect("converted to f32");
+        let values: Vec<f32> = features.try_into_vec_as().expect("floats convert to f32");
         LabanSeries {
             frames: values.as_chunks().0.to_vec(),
         }

@@ -1,6 +1,7 @@
 //! What guidance needs to know of a network.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_motion::frame_mask;
 
 use crate::config::Prediction;
 
@@ -102,26 +103,13 @@ impl FrameMask {
     ///
     /// If a length is 0 or above `frames`, or there is none.
     pub fn new(lengths: &[usize], frames: usize, device: &Device) -> Self {
-        assert!(
-            !lengths.is_empty() && lengths.iter().all(|&length| (1..=frames).contains(&length)),
-            "expected lengths from 1 to {frames}, found {lengths:?}"
-        );
-        let fill = |inside: f32, outside: f32| {
-            let values: Vec<f32> = lengths
-                .iter()
-                .flat_map(|&length| {
-                    (0..frames).map(move |t| if t < length { inside } else { outside })
-                })
-                .collect();
-            Tensor::from_data(TensorData::new(values, [lengths.len(), frames, 1]), device)
-        };
-        let padded = lengths.iter().any(|&length| length < frames);
+        let keep = frame_mask(lengths, frames, device);
         FrameMask {
             lengths: lengths.to_vec(),
             frames,
-            padding: padded.then(|| Padding {
-                keep: fill(1.0, 0.0),
-                penalty: fill(0.0, 1e6),
+            padding: keep.map(|keep| Padding {
+                penalty: (1.0 - keep.clone()) * 1e6,
+                keep,
             }),
         }
     }

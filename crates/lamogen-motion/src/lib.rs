@@ -14,6 +14,7 @@ mod joints;
 mod motion;
 mod normalization;
 pub mod npy;
+mod padding;
 mod skeleton;
 
 pub use atomic::{replace_atomically, write_atomically};
@@ -21,4 +22,5 @@ pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use joints::joints;
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
+pub use padding::frame_mask;
 pub use skeleton::{CHAINS, JOINTS, Joint};

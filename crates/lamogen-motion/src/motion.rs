@@ -145,11 +145,7 @@ impl Motion {
 }
 
 fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor
-        .into_data()
-        .convert::<f32>()
-        .try_into_vec()
-        .expect("converted to f32")
+    tensor.try_into_vec_as().expect("floats convert to f32")
 }
 
 #[cfg(test)]

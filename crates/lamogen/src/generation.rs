@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use lamogen_guide::{Preset, Step};
 use lamogen_laban::{LabanSeries, Scale};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
-use lamogen_motion::{Motion, Normalization};
+use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, Which};
 use crate::groups::{Group, assign};
@@ -58,11 +58,19 @@ pub struct Progress<'a> {
 }
 
 impl<D: Denoiser> LaMoGen<D> {
-    pub(crate) fn from_parts(
-        network: D,
-        tokenizer: Tokenizer,
-        normalization: Normalization,
-    ) -> Self {
+    /// Guides any denoiser, with the tokenizer and the feature statistics it was trained with. Requests
+    /// that say nothing else run with [`Preset::Fast`]; [`with_preset`](Self::with_preset) changes
+    /// that.
+    ///
+    /// # Panics
+    ///
+    /// If the network's poses are not of 263 features, or the statistics of another width.
+    pub fn new(network: D, tokenizer: Tokenizer, normalization: Normalization) -> Self {
+        assert_eq!(
+            [network.pose_features(), normalization.features()],
+            [POSE_FEATURES; 2],
+            "the network and its statistics must be of HumanML3D's pose features"
+        );
         LaMoGen {
             network,
             tokenizer,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use burn::tensor::Device;
 use lamogen_guide::Preset;
-use lamogen_model::{Checkpoint, Denoiser, ModelConfig, MotionDiffuse, Tokenizer};
+use lamogen_model::{Checkpoint, ModelConfig, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::error::LoadError;
@@ -84,24 +84,6 @@ impl LaMoGen<MotionDiffuse> {
     /// Sizes of the network.
     pub fn config(&self) -> &ModelConfig {
         self.network().config()
-    }
-}
-
-impl<D: Denoiser> LaMoGen<D> {
-    /// Guides any denoiser, with the tokenizer and the feature statistics it was trained with. Requests
-    /// that say nothing else run with [`Preset::Fast`]; [`with_preset`](Self::with_preset) changes
-    /// that.
-    ///
-    /// # Panics
-    ///
-    /// If the network's poses are not of 263 features, or the statistics of another width.
-    pub fn new(network: D, tokenizer: Tokenizer, normalization: Normalization) -> Self {
-        assert_eq!(
-            [network.pose_features(), normalization.features()],
-            [POSE_FEATURES; 2],
-            "the network and its statistics must be of HumanML3D's pose features"
-        );
-        Self::from_parts(network, tokenizer, normalization)
     }
 }
 

@@ -7,7 +7,8 @@
 use burn::tensor::Tensor;
 use lamogen_guide::{Batch, Guidance, Sampler, Update};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
-use lamogen_model::{Denoiser, FrameMask};
+use lamogen_model::Denoiser;
+use lamogen_motion::frame_mask;
 
 use super::case::Case;
 use super::network::Network;
@@ -63,7 +64,7 @@ impl Network {
         let [size, frames, _] = baseline.dims();
         let scales = vec![case.scale()?; size];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
-        let mask = FrameMask::new(&batch.lengths, frames, &case.device).keep();
+        let mask = frame_mask(&batch.lengths, frames, &case.device);
         let mask = mask.unwrap_or_else(|| Tensor::ones([size, frames, 1], &case.device));
         options()
             .into_iter()
