@@ -42,7 +42,10 @@ pub fn replace_atomically(
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
     let temporary = builder.tempfile_in(folder)?;
+    let permissions = temporary.as_file().metadata()?.permissions();
     content(temporary.path())?;
+    // A library that replaces the file instead of filling it brings permissions of its own.
+    std::fs::set_permissions(temporary.path(), permissions)?;
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
@@ -50,6 +53,24 @@ pub fn replace_atomically(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn a_file_is_as_readable_as_any_other_even_if_its_content_replaced_it() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let plain = folder.path().join("plain");
+        std::fs::write(&plain, "").unwrap();
+        let path = folder.path().join("a.txt");
+        replace_atomically(&path, |temporary| {
+            let private = tempfile::NamedTempFile::new_in(folder.path())?;
+            private.persist(temporary).map_err(|error| error.error)?;
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(mode(&path), mode(&plain) & 0o644);
+    }
 
     #[test]
     fn a_failure_keeps_the_old_file_and_leaves_nothing_behind() {
