@@ -1,5 +1,6 @@
 //! Development tasks of lamogen, as a library so that tests can run them too.
 
+pub mod bench;
 pub mod embed;
 pub mod parity;
 pub mod test;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use burn::tensor::Device;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
+use xtask::bench::Options;
 use xtask::parity::Row;
 
 #[derive(Parser)]
@@ -29,6 +30,14 @@ enum Task {
         /// Accept values beyond their tolerance where rounding alone moves them as far.
         #[arg(long)]
         allow_rounding: bool,
+    },
+    /// Time the network and both passes; prints one line of JSON, seconds and MiB.
+    Bench {
+        #[command(flatten)]
+        options: xtask::bench::Options,
+        /// Where to compute.
+        #[arg(long, default_value = "flex", value_parser = ["flex"])]
+        device: String,
     },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
@@ -54,6 +63,7 @@ fn main() -> ExitCode {
             device: _,
             allow_rounding,
         } => parity(&folder, allow_rounding),
+        Task::Bench { options, device: _ } => bench(&options, &Device::flex()),
         Task::Embed {
             from,
             to,
@@ -81,6 +91,24 @@ fn parity(folder: &Path, allow_rounding: bool) -> ExitCode {
         Ok(rows) => report(&rows, allow_rounding),
         Err(error) => fail(&error),
     }
+}
+
+fn bench(options: &Options, device: &Device) -> ExitCode {
+    let times = match xtask::bench::run(options, device) {
+        Ok(times) => times,
+        Err(error) => return fail(&*error),
+    };
+    let line = serde_json::json!({
+        "threads": rayon::current_num_threads(),
+        "batch": options.batch,
+        "frames": options.frames,
+        "denoiser_s": times.denoiser,
+        "baseline_step_s": times.baseline_step,
+        "guided_step_s": times.guided_step,
+        "peak_mib": xtask::bench::peak_memory(),
+    });
+    println!("{line}");
+    ExitCode::SUCCESS
 }
 
 fn fail(error: &dyn std::error::Error) -> ExitCode {

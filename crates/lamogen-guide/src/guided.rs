@@ -33,12 +33,6 @@ struct Optimised {
     state: Option<AdamState<2>>,
 }
 
-/// The network's output and the Laban loss `[batch, 4]` of the motion it speaks of.
-struct Evaluation {
-    output: Tensor<3>,
-    loss: Tensor<2>,
-}
-
 /// An evaluation with the gradient of its loss; nothing of it on the tape.
 struct Gradient {
     output: Tensor<3>,
@@ -159,15 +153,15 @@ impl<D: Denoiser> Goal<'_, '_, D> {
         index: usize,
         embedding: &Tensor<2>,
     ) -> Result<Gradient, GuideError> {
-        let leaf = embedding.clone().autodiff().require_grad();
-        let Evaluation { output, loss } = self.evaluate(latent, index, leaf.clone());
-        let output = output.inner();
+        let linearized = self.sampler.linearize(latent, index, embedding.clone());
+        let output = linearized.output.clone();
+        let (leaf, loss) = self.loss(latent, index, &output);
         let values = host(loss.clone().inner());
         if let Some(place) = values.iter().position(|value| !value.is_finite()) {
             let (motion, component) = (place / COMPONENTS, Component::ALL[place % COMPONENTS]);
             return Err(self.not_finite(Quantity::Loss, component, index, motion));
         }
-        let gradient = slope(&leaf, loss.sum());
+        let gradient = linearized.pull(slope(&leaf, loss.sum()));
         if let Some(motion) = first_not_finite(&gradient) {
             let component = self.blame(latent, index, embedding, motion);
             return Err(self.not_finite(Quantity::Gradient, component, index, motion));
@@ -182,20 +176,19 @@ impl<D: Denoiser> Goal<'_, '_, D> {
         })
     }
 
-    fn evaluate(
+    /// The Laban loss `[batch, 4]` of the motion that an output speaks of, as a function of the output,
+    /// which comes first.
+    fn loss(
         &self,
         latent: &Latent<'_, D::Context>,
         index: usize,
-        embedding: Tensor<2>,
-    ) -> Evaluation {
+        output: &Tensor<3>,
+    ) -> (Tensor<3>, Tensor<2>) {
         let sampler = self.sampler;
-        let output = sampler.evaluate(latent, index, embedding);
-        let clean = sampler.clean(&latent.x, output.clone(), &sampler.steps()[index]);
+        let leaf = output.clone().autodiff().require_grad();
+        let clean = sampler.clean(&latent.x, leaf.clone(), &sampler.steps()[index]);
         let features = self.features.measure(sampler.joints(clean));
-        Evaluation {
-            output,
-            loss: self.target.loss(features),
-        }
+        (leaf, self.target.loss(features))
     }
 
     /// The component whose gradient is not finite for a motion; the first where each is finite
@@ -210,10 +203,10 @@ impl<D: Denoiser> Goal<'_, '_, D> {
         Component::ALL
             .into_iter()
             .find(|component| {
-                let leaf = embedding.clone().autodiff().require_grad();
-                let loss = self.evaluate(latent, index, leaf.clone()).loss;
+                let linearized = self.sampler.linearize(latent, index, embedding.clone());
+                let (leaf, loss) = self.loss(latent, index, &linearized.output);
                 let loss = loss.narrow(0, motion, 1).narrow(1, component.index(), 1);
-                first_not_finite(&slope(&leaf, loss.sum())).is_some()
+                first_not_finite(&linearized.pull(slope(&leaf, loss.sum()))).is_some()
             })
             .unwrap_or(Component::Weight)
     }
@@ -265,13 +258,13 @@ impl Optimised {
     }
 }
 
-/// The gradient of a loss with respect to the embedding: zeros where a network ignores it.
-fn slope(embedding: &Tensor<2>, loss: Tensor<1>) -> Tensor<2> {
+/// The gradient of a loss with respect to a leaf: zeros where it does not depend on it.
+fn slope(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
     let gradient = match loss.is_tracked() {
-        true => embedding.grad_remove(&mut loss.backward()),
+        true => leaf.grad_remove(&mut loss.backward()),
         false => None,
     };
-    gradient.unwrap_or_else(|| embedding.clone().inner().zeros_like())
+    gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
 }
 
 /// The first row that holds infinities or NaN.

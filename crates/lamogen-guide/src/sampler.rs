@@ -1,7 +1,7 @@
 //! DDIM sampling: the first pass, and the steps that both passes are made of.
 
 use burn::tensor::Tensor;
-use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Prediction, Prompt};
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Linearized, Prediction, Prompt};
 use lamogen_motion::Normalization;
 
 use crate::error::GuideError;
@@ -120,13 +120,33 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         index: usize,
         embedding: Tensor<2>,
     ) -> Tensor<3> {
-        let input = DenoiserInput {
+        let input = self.input(latent, index, embedding);
+        self.model.denoise(input, latent.context)
+    }
+
+    /// The network's output at a step, with the way back to the embedding.
+    pub(crate) fn linearize<'b>(
+        &'b self,
+        latent: &'b Latent<'_, D::Context>,
+        index: usize,
+        embedding: Tensor<2>,
+    ) -> Linearized<'b> {
+        let input = self.input(latent, index, embedding);
+        self.model.linearize(input, latent.context)
+    }
+
+    fn input(
+        &self,
+        latent: &Latent<'_, D::Context>,
+        index: usize,
+        embedding: Tensor<2>,
+    ) -> DenoiserInput {
+        DenoiserInput {
             x_t: latent.x.clone(),
             time: self.time.clone().narrow(0, index, 1),
             embedding,
             mask: latent.mask.clone(),
-        };
-        self.model.denoise(input, latent.context)
+        }
     }
 
     /// The clean motion that an output speaks of.

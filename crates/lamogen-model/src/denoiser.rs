@@ -55,6 +55,59 @@ pub trait Denoiser {
     /// May, if there are more frames than [`max_frames`](Denoiser::max_frames) or another number of
     /// features than [`pose_features`](Denoiser::pose_features).
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
+
+    /// One evaluation, and the way back from its output to the embedding. Nothing of the input is
+    /// tracked by autodiff. By default autodiff goes through [`denoise`](Denoiser::denoise); a network
+    /// that knows a shorter way says so here.
+    ///
+    /// # Panics
+    ///
+    /// As [`denoise`](Denoiser::denoise).
+    fn linearize<'a>(&'a self, input: DenoiserInput, context: &'a Self::Context) -> Linearized<'a> {
+        Linearized::by_autodiff(input, |input| self.denoise(input, context))
+    }
+}
+
+/// An evaluation of a network with the derivative of its output with respect to the embedding.
+pub struct Linearized<'a> {
+    /// As [`Denoiser::denoise`] returns it, not tracked by autodiff.
+    pub output: Tensor<3>,
+    pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<2> + 'a>,
+}
+
+impl<'a> Linearized<'a> {
+    /// An output, and what turns its gradient into that of the embedding.
+    pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<2> + 'a) -> Self {
+        Linearized {
+            output,
+            pullback: Box::new(pullback),
+        }
+    }
+
+    /// By autodiff through an evaluation.
+    pub fn by_autodiff(
+        mut input: DenoiserInput,
+        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
+    ) -> Self {
+        let leaf = input.embedding.autodiff().require_grad();
+        input.embedding = leaf.clone();
+        let output = evaluate(input);
+        Linearized::new(output.clone().inner(), move |gradient| {
+            let along = (output * gradient.autodiff()).sum();
+            let gradient = match along.is_tracked() {
+                true => leaf.grad_remove(&mut along.backward()),
+                false => None,
+            };
+            // A network may ignore its embedding.
+            gradient.unwrap_or_else(|| leaf.inner().zeros_like())
+        })
+    }
+
+    /// The gradient with respect to the embedding, `[batch, d_condition]`, of what has the given
+    /// gradient with respect to the output, `[batch, frames, features]`.
+    pub fn pull(self, gradient: Tensor<3>) -> Tensor<2> {
+        (self.pullback)(gradient)
+    }
 }
 
 /// An encoded batch of prompts.

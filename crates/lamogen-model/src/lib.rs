@@ -18,6 +18,6 @@ mod tokenizer;
 
 pub use checkpoint::{Checkpoint, CheckpointError, Precision};
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
-pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
+pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use network::{CrossAttentionContext, MotionDiffuse};
 pub use tokenizer::{Tokenizer, TokenizerError, Tokens};

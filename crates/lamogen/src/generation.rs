@@ -111,6 +111,11 @@ impl<D: Denoiser> LaMoGen<D> {
         &self.network
     }
 
+    /// Mean and standard deviation of the features that the network was trained on.
+    pub fn normalization(&self) -> &Normalization {
+        &self.normalization
+    }
+
     /// Generates a motion.
     ///
     /// # Errors

@@ -24,6 +24,7 @@
 //!
 //! The parts are crates of their own, re-exported here: [`motion`], [`laban`], [`model`], [`guide`].
 
+mod device;
 mod error;
 mod generation;
 mod groups;
@@ -32,6 +33,7 @@ mod load;
 mod request;
 mod run;
 
+pub use device::{DeviceError, DeviceName};
 pub use error::{
     Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
 };

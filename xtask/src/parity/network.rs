@@ -143,7 +143,7 @@ impl Network {
             mask: FrameMask::new(&lengths, x_t.dims()[1], &case.device),
         };
         let eps = self.model.denoise(input, &prompt.context);
-        actual.insert("out.eps", Actual::of(eps, SINGLE));
+        actual.insert("out.eps", Actual::of_motions(eps, &lengths, SINGLE));
 
         let positions = joints(self.normalization.denormalize(x_t));
         actual.insert("out.joints", Actual::of(positions, SINGLE));
@@ -172,7 +172,8 @@ impl Network {
             ControlFlow::Continue(())
         };
         let baseline = sampler.baseline(&batch, &mut watched)?;
-        actual.insert("out.baseline", Actual::of(baseline, SEVERAL));
+        let motions = |motions, tolerance| Actual::of_motions(motions, &batch.lengths, tolerance);
+        actual.insert("out.baseline", motions(baseline, SEVERAL));
 
         // The reference's baseline is the guided pass's input, so that an error shows where it arises.
         let baseline = case.tensor::<3>("out.baseline")?;
@@ -190,7 +191,7 @@ impl Network {
             &Guidance::paper(),
             &mut record,
         )?;
-        actual.insert("out.guided", Actual::of(guided.motion, GUIDED));
+        actual.insert("out.guided", motions(guided.motion, GUIDED));
         actual.insert(
             "out.trace_e",
             Actual::of(Tensor::stack::<3>(embeddings, 0), GUIDED),
@@ -204,7 +205,7 @@ impl Network {
 
         let guidance = Guidance::fast();
         let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
-        actual.insert("out.guided_mean", Actual::of(guided.motion, GUIDED));
+        actual.insert("out.guided_mean", motions(guided.motion, GUIDED));
         Ok(actual)
     }
 }

@@ -1,14 +1,11 @@
 //! Guidance options that the main file of a case does not hold.
 //!
 //! A case may have a second file, `options.safetensors`: the guided pass of the same inputs with the
-//! loss divided by the mean, learning rate 0.05, and one option changed. Frames past a motion's
-//! length hold 0.
+//! loss divided by the mean, learning rate 0.05, and one option changed.
 
-use burn::tensor::Tensor;
 use lamogen_guide::{Batch, Guidance, Sampler, Update};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
 use lamogen_model::Denoiser;
-use lamogen_motion::frame_mask;
 
 use super::case::Case;
 use super::network::Network;
@@ -61,18 +58,15 @@ impl Network {
             lengths: case.lengths()?,
         };
         let baseline = case.tensor::<3>("out.baseline")?;
-        let [size, frames, _] = baseline.dims();
-        let scales = vec![case.scale()?; size];
+        let scales = vec![case.scale()?; batch.lengths.len()];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
-        let mask = frame_mask(&batch.lengths, frames, &case.device);
-        let mask = mask.unwrap_or_else(|| Tensor::ones([size, frames, 1], &case.device));
         options()
             .into_iter()
             .map(|(name, guidance)| {
                 let baseline = baseline.clone();
                 let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut ())?;
-                let motion = guided.motion * mask.clone();
-                Ok((name, Actual::of(motion, GUIDED)))
+                let motions = Actual::of_motions(guided.motion, &batch.lengths, GUIDED);
+                Ok((name, motions))
             })
             .collect()
     }

@@ -3,6 +3,8 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "flex")]
+use super::cpu::Numbers;
 use super::cross_attention::CrossAttention;
 use super::feed_forward::FeedForward;
 use super::modulation::Modulation;
@@ -45,6 +47,17 @@ impl DecoderBlock {
         let x = self.self_attention.forward(x, first, mask);
         let x = self.cross_attention.forward(x, context, second);
         self.feed_forward.forward(x, third)
+    }
+}
+
+#[cfg(feature = "flex")]
+impl DecoderBlock {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Block<Numbers>> {
+        Some(lamogen_cpu::Block {
+            self_attention: self.self_attention.cpu()?,
+            cross_attention: self.cross_attention.cpu()?,
+            feed_forward: self.feed_forward.cpu()?,
+        })
     }
 }
 

@@ -5,6 +5,8 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "flex")]
+use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::self_attention::context;
 use super::stylization::Stylization;
@@ -69,6 +71,17 @@ impl CrossAttention {
         let query = self.query.forward(self.norm.forward(x.clone()));
         let y = softmax(split_heads(query, self.heads), 3).matmul(context);
         x + self.output.forward(merge_heads(y), modulation)
+    }
+}
+
+#[cfg(feature = "flex")]
+impl CrossAttention {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::CrossAttention<Numbers>> {
+        Some(lamogen_cpu::CrossAttention {
+            norm: cpu::norm(&self.norm)?,
+            query: cpu::linear(&self.query)?,
+            output: self.output.cpu()?,
+        })
     }
 }
 

@@ -5,6 +5,8 @@ use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "flex")]
+use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
 use crate::checkpoint::{Keyed, Keys};
@@ -36,6 +38,17 @@ impl FeedForward {
         x + self
             .output
             .forward(self.contract.forward(hidden), modulation)
+    }
+}
+
+#[cfg(feature = "flex")]
+impl FeedForward {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::FeedForward<Numbers>> {
+        Some(lamogen_cpu::FeedForward {
+            expand: cpu::linear(&self.expand)?,
+            contract: cpu::linear(&self.contract)?,
+            output: self.output.cpu()?,
+        })
     }
 }
 

@@ -2,6 +2,8 @@
 
 mod block;
 mod clip;
+#[cfg(feature = "flex")]
+mod cpu;
 mod cross_attention;
 mod feed_forward;
 mod modulation;
@@ -16,6 +18,10 @@ pub use cross_attention::CrossAttentionContext;
 pub use motion_diffuse::MotionDiffuse;
 
 use burn::tensor::Tensor;
+
+/// Added to the variance by layer normalization, in burn as in PyTorch.
+#[cfg(feature = "flex")]
+const NORM_EPSILON: f64 = 1e-5;
 
 /// Splits the channels among heads: `[batch, positions, width]` → `[batch, heads, positions, width / heads]`.
 fn split_heads(x: Tensor<3>, heads: usize) -> Tensor<4> {

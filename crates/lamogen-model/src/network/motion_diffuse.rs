@@ -5,13 +5,15 @@ use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Int, Tensor};
 
 use super::block::{DecoderBlock, STYLIZATIONS};
+#[cfg(feature = "flex")]
+use super::cpu::{self, Evaluation, Numbers};
 use super::cross_attention::CrossAttentionContext;
 use super::modulation::Modulations;
 use super::text_encoder::TextEncoder;
 use super::time_embedding::TimeEmbedding;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::{ModelConfig, Prediction};
-use crate::denoiser::{Denoiser, DenoiserInput, Prompt};
+use crate::denoiser::{Denoiser, DenoiserInput, Linearized, Prompt};
 
 /// MotionDiffuse (Zhang et al. 2022, arXiv 2208.15001): a transformer decoder over frames with
 /// efficient attention, steered by stylization layers, with its text encoder.
@@ -120,6 +122,30 @@ impl Denoiser for MotionDiffuse {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.on_cpu(&input, context) {
+            return evaluation.run();
+        }
+        self.forward(input, context)
+    }
+
+    fn linearize<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a CrossAttentionContext,
+    ) -> Linearized<'a> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.on_cpu(&input, context) {
+            let (output, tape) = evaluation.record();
+            return Linearized::new(output, move |gradient| evaluation.backward(tape, gradient));
+        }
+        Linearized::by_autodiff(input, |input| self.forward(input, context))
+    }
+}
+
+impl MotionDiffuse {
+    /// One evaluation in tensor operations, on any device, with or without gradients.
+    fn forward(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
         let [_, frames, _] = input.x_t.dims();
         let condition = input.time + input.embedding;
         let mut modulations = self.modulations.forward(condition);
@@ -134,6 +160,25 @@ impl Denoiser for MotionDiffuse {
             x = block.forward(x, context.clone(), &input.mask, modulations);
         }
         self.output.forward(x)
+    }
+
+    /// The evaluation by vectorised kernels, where all that it needs lies in the CPU's memory.
+    #[cfg(feature = "flex")]
+    fn on_cpu(&self, input: &DenoiserInput, context: &CrossAttentionContext) -> Option<Evaluation> {
+        Evaluation::new(|| self.cpu(), input, context)
+    }
+
+    #[cfg(feature = "flex")]
+    fn cpu(&self) -> Option<lamogen_cpu::Decoder<Numbers>> {
+        let blocks = self.blocks.iter().map(DecoderBlock::cpu);
+        Some(lamogen_cpu::Decoder {
+            heads: self.config.num_heads,
+            pose_embedding: cpu::linear(&self.pose_embedding)?,
+            frame_embedding: Numbers::of(self.frame_embedding.val())?,
+            modulations: cpu::linear(&self.modulations.project)?,
+            blocks: blocks.collect::<Option<_>>()?,
+            output: cpu::linear(&self.output)?,
+        })
     }
 }
 

@@ -5,6 +5,8 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "flex")]
+use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
 use super::{merge_heads, split_heads};
@@ -59,6 +61,19 @@ impl SelfAttention {
         let context = context(heads(key), heads(value));
         let y = softmax(heads(query), 3).matmul(context);
         x + self.output.forward(merge_heads(y), modulation)
+    }
+}
+
+#[cfg(feature = "flex")]
+impl SelfAttention {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::SelfAttention<Numbers>> {
+        Some(lamogen_cpu::SelfAttention {
+            norm: cpu::norm(&self.norm)?,
+            query: cpu::linear(&self.query)?,
+            key: cpu::linear(&self.key)?,
+            value: cpu::linear(&self.value)?,
+            output: self.output.cpu()?,
+        })
     }
 }
 

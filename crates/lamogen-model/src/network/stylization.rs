@@ -5,6 +5,8 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "flex")]
+use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use crate::checkpoint::{Keyed, Keys};
 
@@ -31,6 +33,16 @@ impl Stylization {
     pub(super) fn forward(&self, hidden: Tensor<3>, modulation: Modulation) -> Tensor<3> {
         let styled = self.norm.forward(hidden) * (modulation.scale + 1.0) + modulation.shift;
         self.output.forward(silu(styled))
+    }
+}
+
+#[cfg(feature = "flex")]
+impl Stylization {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Stylization<Numbers>> {
+        Some(lamogen_cpu::Stylization {
+            norm: cpu::norm(&self.norm)?,
+            output: cpu::linear(&self.output)?,
+        })
     }
 }
 

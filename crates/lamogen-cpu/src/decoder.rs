@@ -1,0 +1,150 @@
+//! Weights of a decoder, and what can be done with them.
+
+use crate::Numbers;
+use crate::attention::Heads;
+use crate::chunk::Chunk;
+use crate::linear::Linear;
+use crate::norm::Norm;
+use crate::stylization::Stylization;
+use crate::tape::Tape;
+
+/// Weights of a decoder.
+#[derive(Clone, Debug)]
+pub struct Decoder<S> {
+    /// Heads of all attention layers.
+    pub heads: usize,
+    /// From pose features to the hidden state.
+    pub pose_embedding: Linear<S>,
+    /// Added to the hidden state, `[frames, width]`.
+    pub frame_embedding: S,
+    /// Scales and shifts of all stylization layers, in the order of blocks and layers.
+    pub modulations: Linear<S>,
+    /// One after another.
+    pub blocks: Vec<Block<S>>,
+    /// From the hidden state to pose features.
+    pub output: Linear<S>,
+}
+
+/// Weights of one block.
+#[derive(Clone, Debug)]
+pub struct Block<S> {
+    /// Frames to each other.
+    pub self_attention: SelfAttention<S>,
+    /// Frames to the text.
+    pub cross_attention: CrossAttention<S>,
+    /// Each frame alone.
+    pub feed_forward: FeedForward<S>,
+}
+
+/// Attention of the frames to each other.
+#[derive(Clone, Debug)]
+pub struct SelfAttention<S> {
+    /// Before the projections.
+    pub norm: Norm<S>,
+    /// Softmax over channels.
+    pub query: Linear<S>,
+    /// Softmax over frames.
+    pub key: Linear<S>,
+    /// What is summed.
+    pub value: Linear<S>,
+    /// After the attention.
+    pub output: Stylization<S>,
+}
+
+/// Attention of the frames to the text, whose side is part of the [`Input`].
+#[derive(Clone, Debug)]
+pub struct CrossAttention<S> {
+    /// Before the projection.
+    pub norm: Norm<S>,
+    /// Softmax over channels.
+    pub query: Linear<S>,
+    /// After the attention.
+    pub output: Stylization<S>,
+}
+
+/// Two layers around a GELU.
+#[derive(Clone, Debug)]
+pub struct FeedForward<S> {
+    /// To more channels.
+    pub expand: Linear<S>,
+    /// And back.
+    pub contract: Linear<S>,
+    /// After both.
+    pub output: Stylization<S>,
+}
+
+/// What a decoder is evaluated on.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// Noisy motions, `[batch, frames, features]`.
+    pub x_t: &'a [f32],
+    /// Embedded timestep plus sentence embedding, `[batch, condition]`.
+    pub condition: &'a [f32],
+    /// What each block attends to in the text, `[batch, heads, d, d]`.
+    pub text: &'a [&'a [f32]],
+    /// Frames of each motion, at least 1.
+    pub lengths: &'a [usize],
+    /// Frames with padding.
+    pub frames: usize,
+}
+
+/// Stylization layers of a block.
+pub(crate) const LAYERS: usize = 3;
+
+impl<S: Numbers> Decoder<S> {
+    /// The network's output `[batch, frames, features]`; zeros past a motion's length.
+    ///
+    /// # Panics
+    ///
+    /// If the sizes of weights and input do not belong together.
+    pub fn evaluate(&self, input: Input<'_>) -> Vec<f32> {
+        self.forward(input, false).0
+    }
+
+    /// The network's output, and what [`backward`](Self::backward) needs.
+    ///
+    /// # Panics
+    ///
+    /// As [`evaluate`](Self::evaluate).
+    pub fn record(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
+        self.forward(input, true)
+    }
+
+    pub(crate) fn width(&self) -> usize {
+        self.pose_embedding.weight.outputs()
+    }
+
+    pub(crate) fn heads(&self) -> Heads {
+        Heads {
+            width: self.width(),
+            channels: self.width() / self.heads,
+        }
+    }
+
+    /// Where the pose features of a chunk stand in the batch.
+    pub(crate) fn place(&self, chunk: &Chunk, input: Input<'_>) -> std::ops::Range<usize> {
+        let features = self.pose_embedding.weight.inputs();
+        let start = (chunk.motion * input.frames + chunk.first) * features;
+        start..start + chunk.frames() * features
+    }
+}
+
+impl<S> Block<S> {
+    /// Normalizations of the stylization layers.
+    pub(crate) fn styled_norms(&self) -> [&Norm<S>; LAYERS] {
+        [
+            &self.self_attention.output.norm,
+            &self.cross_attention.output.norm,
+            &self.feed_forward.output.norm,
+        ]
+    }
+}
+
+impl<'a> Input<'a> {
+    /// What a block attends to in the text of a motion, `[width, d]`.
+    pub(crate) fn text(&self, block: usize, motion: usize) -> &'a [f32] {
+        let all = self.text[block];
+        let size = all.len() / self.lengths.len();
+        &all[motion * size..][..size]
+    }
+}

@@ -1,0 +1,199 @@
+//! From noisy motions to the network's output.
+
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use crate::Numbers;
+use crate::attention::{self, Context};
+use crate::chunk::Chunk;
+use crate::decoder::{Decoder, Input, LAYERS};
+use crate::math;
+use crate::stylization::Style;
+use crate::tape::{Passage, Record, Styles, Tape};
+
+impl<S: Numbers> Decoder<S> {
+    /// The output, and a tape that can be used only if everything is kept.
+    pub(crate) fn forward(&self, input: Input<'_>, keep: bool) -> (Vec<f32>, Tape) {
+        let styles = self.styles(input.condition);
+        let mut passages: Vec<Passage> = Chunk::cut(input.lengths, rayon::current_num_threads())
+            .into_iter()
+            .map(|chunk| Passage::new(chunk, self.width()))
+            .collect();
+        passages.par_iter_mut().for_each(|passage| {
+            self.enter(passage, input);
+            self.attend(passage, 0, keep);
+        });
+        let mut contexts = Vec::new();
+        for (block, _) in self.blocks.iter().enumerate() {
+            let all = self.contexts(&passages, input.lengths.len());
+            passages.par_iter_mut().for_each(|passage| {
+                let motion = passage.chunk.motion;
+                let text = input.text(block, motion);
+                self.finish(passage, block, &all[motion], text, &styles[motion][block]);
+                if keep {
+                    self.share_keys(passage, &all[motion]);
+                }
+                if block + 1 < self.blocks.len() {
+                    self.attend(passage, block + 1, keep);
+                }
+            });
+            contexts.push(all);
+        }
+        let out = self.leave(&passages, input);
+        let tape = Tape {
+            passages,
+            contexts,
+            styles,
+        };
+        (out, tape)
+    }
+
+    fn styles(&self, condition: &[f32]) -> Styles {
+        let modulations = self.modulations.modulate(condition);
+        let motions = modulations.chunks_exact(self.modulations.weight.outputs());
+        let of_motion = |modulations: &[f32]| {
+            let mut layers = modulations.chunks_exact(2 * self.width());
+            let mut style = |norm| Style::new(norm, layers.next().expect("one a layer"));
+            let blocks = self.blocks.iter();
+            blocks
+                .map(|block| block.styled_norms().map(&mut style))
+                .collect()
+        };
+        motions.map(of_motion).collect()
+    }
+
+    /// From pose features to the hidden state.
+    fn enter(&self, passage: &mut Passage, input: Input<'_>) {
+        let x_t = &input.x_t[self.place(&passage.chunk, input)];
+        self.pose_embedding.forward(x_t, &mut passage.hidden);
+        let first = passage.chunk.first * self.width();
+        let embedding = &self.frame_embedding.as_ref()[first..];
+        math::add(&mut passage.hidden, embedding);
+    }
+
+    /// The first half of a block: queries, and keys and values summed up.
+    fn attend(&self, passage: &mut Passage, block: usize, keep: bool) {
+        if keep || passage.records.is_empty() {
+            passage.records.push(Record::default());
+        }
+        let attention = &self.blocks[block].self_attention;
+        let record = &mut passage.record().self_attention;
+        let mut record = std::mem::take(record);
+        let hidden = &passage.hidden;
+        let mut normed = vec![0.0; hidden.len()];
+        attention
+            .norm
+            .forward(hidden, &mut record.norm, &mut normed);
+        for (layer, out) in [
+            (&attention.query, &mut record.query),
+            (&attention.key, &mut record.key),
+            (&attention.value, &mut record.value),
+        ] {
+            out.resize(hidden.len(), 0.0);
+            layer.forward(&normed, out);
+        }
+        let heads = self.heads();
+        heads.softmax(&mut record.query);
+        passage.parts = passage
+            .chunk
+            .granules(heads.width)
+            .map(|range| heads.part(&mut record.key[range.clone()], &record.value[range]))
+            .collect();
+        passage.record().self_attention = record;
+    }
+
+    /// What the frames of each motion attend to.
+    fn contexts(&self, passages: &[Passage], motions: usize) -> Vec<Context> {
+        let of_motion = |motion| {
+            let own = passages
+                .iter()
+                .filter(|passage| passage.chunk.motion == motion);
+            Context::of(own.flat_map(|passage| &passage.parts))
+        };
+        (0..motions).into_par_iter().map(of_motion).collect()
+    }
+
+    /// The rest of a block.
+    fn finish(
+        &self,
+        passage: &mut Passage,
+        block: usize,
+        context: &Context,
+        text: &[f32],
+        [first, second, third]: &[Style; LAYERS],
+    ) {
+        let heads = self.heads();
+        let weights = &self.blocks[block];
+        let Passage {
+            hidden, records, ..
+        } = passage;
+        let record = records.last_mut().expect("attention came first");
+        let mut y = vec![0.0; hidden.len()];
+
+        heads.apply(&record.self_attention.query, &context.values, &mut y);
+        let output = &weights.self_attention.output;
+        output.forward(&mut y, first, &mut record.self_style, hidden);
+
+        let attention = &weights.cross_attention;
+        attention
+            .norm
+            .forward(hidden, &mut record.cross_norm, &mut y);
+        record.cross_query.resize(hidden.len(), 0.0);
+        attention.query.forward(&y, &mut record.cross_query);
+        heads.softmax(&mut record.cross_query);
+        heads.apply(&record.cross_query, text, &mut y);
+        attention
+            .output
+            .forward(&mut y, second, &mut record.cross_style, hidden);
+
+        let layers = &weights.feed_forward;
+        let ff_size = layers.expand.weight.outputs();
+        record
+            .expanded
+            .resize(hidden.len() / heads.width * ff_size, 0.0);
+        layers.expand.forward(hidden, &mut record.expanded);
+        let mut active = vec![0.0; record.expanded.len()];
+        gelu(&record.expanded, &mut active);
+        layers.contract.forward(&active, &mut y);
+        layers
+            .output
+            .forward(&mut y, third, &mut record.feed_forward_style, hidden);
+    }
+
+    /// Makes the keys of the current block their softmax over frames.
+    fn share_keys(&self, passage: &mut Passage, context: &Context) {
+        let width = self.width();
+        let Passage { chunk, records, .. } = passage;
+        let record = records.last_mut().expect("attention came first");
+        let shares = &context.shares[chunk.first_granule..];
+        for (range, share) in chunk.granules(width).zip(shares) {
+            attention::share(&mut record.self_attention.key[range], share);
+        }
+    }
+
+    /// From the hidden state to pose features.
+    fn leave(&self, passages: &[Passage], input: Input<'_>) -> Vec<f32> {
+        let features = self.output.weight.outputs();
+        let parts: Vec<Vec<f32>> = passages
+            .par_iter()
+            .map(|passage| {
+                let mut out = vec![0.0; passage.chunk.frames() * features];
+                self.output.forward(&passage.hidden, &mut out);
+                out
+            })
+            .collect();
+        let mut out = vec![0.0; input.lengths.len() * input.frames * features];
+        for (passage, part) in passages.iter().zip(parts) {
+            out[self.place(&passage.chunk, input)].copy_from_slice(&part);
+        }
+        out
+    }
+}
+
+/// `x · Φ(x)`.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+fn gelu(x: &[f32], out: &mut [f32]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = x * math::normal_cdf(*x);
+    }
+}

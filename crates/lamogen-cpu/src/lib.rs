@@ -1,0 +1,45 @@
+//! The decoder of MotionDiffuse on CPUs: the same mathematics as the tensor code of `lamogen-model`,
+//! with a hand-derived gradient, written for vector units and caches.
+//!
+//! ```text
+//! Decoder (weights) ──┐
+//! Input ──────────────┴─▶ evaluate ─▶ output
+//!                     └─▶ record ───▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
+//! ```
+//!
+//! What a frame costs is spent once and in one place:
+//!
+//! - A motion's frames are cut into [chunks](chunk) of whole rows. A chunk passes through a block on one
+//!   thread, from cache to cache; chunks meet once a block, where attention sums over frames.
+//! - Exponentials and error functions are polynomials that the compiler vectorises; the widest vector
+//!   unit of the machine is found at run time.
+//! - Frames past a motion's length are never computed.
+//! - Only what the gradient with respect to the condition needs is recorded, and nothing is computed
+//!   for the first block's attention, on which the condition has no influence.
+//!
+//! Sums run in an order that depends on neither the number of threads nor the other motions of a
+//! batch, so results are equal bit for bit on any number of threads.
+
+mod attention;
+mod backward;
+mod chunk;
+mod decoder;
+mod forward;
+mod linear;
+mod math;
+mod modulation;
+mod norm;
+mod stylization;
+mod tape;
+
+pub use decoder::{Block, CrossAttention, FeedForward, SelfAttention};
+pub use decoder::{Decoder, Input};
+pub use linear::{Layout, Linear, Matrix};
+pub use norm::Norm;
+pub use stylization::Stylization;
+pub use tape::Tape;
+
+/// Where numbers lie: borrowed or shared memory that threads may read.
+pub trait Numbers: AsRef<[f32]> + Sync {}
+
+impl<T: AsRef<[f32]> + Sync> Numbers for T {}

@@ -1,0 +1,177 @@
+//! Linear layers and matrix products.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+
+use crate::Numbers;
+use crate::math;
+
+/// How a matrix `[inputs, outputs]` lies in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// Input by input: all weights of the first input first.
+    ByInput,
+    /// Output by output, as PyTorch stores linear layers.
+    ByOutput,
+}
+
+/// A matrix of weights `[inputs, outputs]`.
+#[derive(Clone, Debug)]
+pub struct Matrix<S> {
+    numbers: S,
+    inputs: usize,
+    outputs: usize,
+    layout: Layout,
+}
+
+impl<S: Numbers> Matrix<S> {
+    /// A matrix over numbers.
+    ///
+    /// # Panics
+    ///
+    /// If there are not `inputs · outputs` numbers.
+    pub fn new(numbers: S, inputs: usize, outputs: usize, layout: Layout) -> Self {
+        assert_eq!(numbers.as_ref().len(), inputs * outputs);
+        Matrix {
+            numbers,
+            inputs,
+            outputs,
+            layout,
+        }
+    }
+
+    pub(crate) fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    pub(crate) fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    pub(crate) fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    pub(crate) fn numbers(&self) -> &[f32] {
+        self.numbers.as_ref()
+    }
+
+    fn view(&self) -> MatRef<'_, f32> {
+        let numbers = self.numbers.as_ref();
+        match self.layout {
+            Layout::ByInput => MatRef::from_row_major_slice(numbers, self.inputs, self.outputs),
+            Layout::ByOutput => MatRef::from_column_major_slice(numbers, self.inputs, self.outputs),
+        }
+    }
+
+    /// `out += x · W`; both row after row.
+    pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
+        product(
+            rows(x, self.inputs),
+            self.view(),
+            rows_mut(out, self.outputs),
+            Accum::Add,
+        );
+    }
+
+    /// `out = g · Wᵀ`, the gradient with respect to `x` of `x · W`.
+    pub(crate) fn pull(&self, gradient: &[f32], out: &mut [f32]) {
+        self.pull_with(gradient, out, Accum::Replace);
+    }
+
+    /// `out += g · Wᵀ`.
+    pub(crate) fn pull_accumulate(&self, gradient: &[f32], out: &mut [f32]) {
+        self.pull_with(gradient, out, Accum::Add);
+    }
+
+    fn pull_with(&self, gradient: &[f32], out: &mut [f32], accum: Accum) {
+        let weights = self.view().transpose();
+        product(
+            rows(gradient, self.outputs),
+            weights,
+            rows_mut(out, self.inputs),
+            accum,
+        );
+    }
+}
+
+/// `y = x · W + b`.
+#[derive(Clone, Debug)]
+pub struct Linear<S> {
+    pub(crate) weight: Matrix<S>,
+    pub(crate) bias: S,
+}
+
+impl<S: Numbers> Linear<S> {
+    /// A layer with weights `[inputs, outputs]` and a bias `[outputs]`.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one bias for each output.
+    pub fn new(weight: Matrix<S>, bias: S) -> Self {
+        assert_eq!(bias.as_ref().len(), weight.outputs);
+        Linear { weight, bias }
+    }
+
+    /// `out = x · W + b`.
+    pub(crate) fn forward(&self, x: &[f32], out: &mut [f32]) {
+        let bias = self.bias.as_ref();
+        for row in out.chunks_exact_mut(bias.len()) {
+            row.copy_from_slice(bias);
+        }
+        self.weight.accumulate(x, out);
+    }
+
+    /// `out += x · W + b`.
+    pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
+        let bias = self.bias.as_ref();
+        for row in out.chunks_exact_mut(bias.len()) {
+            math::add_row(row, bias);
+        }
+        self.weight.accumulate(x, out);
+    }
+}
+
+/// Rows of `width` numbers as a matrix.
+pub(crate) fn rows(numbers: &[f32], width: usize) -> MatRef<'_, f32> {
+    MatRef::from_row_major_slice(numbers, numbers.len() / width, width)
+}
+
+/// As [`rows`], to write to.
+pub(crate) fn rows_mut(numbers: &mut [f32], width: usize) -> MatMut<'_, f32> {
+    MatMut::from_row_major_slice_mut(numbers, numbers.len() / width, width)
+}
+
+/// A matrix product on this thread. How many rows `a` has does not matter to any of them, unless it is
+/// one.
+pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>, out: MatMut<'_, f32>, accum: Accum) {
+    matmul(out, accum, a, b, 1.0, Par::Seq);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_do_not_depend_on_their_neighbours() {
+        let numbers = |count: usize, seed: f32| -> Vec<f32> {
+            (0..count).map(|i| (i as f32 * seed).sin()).collect()
+        };
+        for (inputs, outputs) in [(512, 64), (16, 16), (263, 128), (128, 263), (1024, 96)] {
+            for layout in [Layout::ByInput, Layout::ByOutput] {
+                let weight = Matrix::new(numbers(inputs * outputs, 0.7), inputs, outputs, layout);
+                let x = numbers(196 * inputs, 1.3);
+                let mut whole = vec![0.0; 196 * outputs];
+                weight.accumulate(&x, &mut whole);
+                for height in [2, 14, 28, 49, 98] {
+                    let mut parts = vec![0.0; 196 * outputs];
+                    let x = x.chunks(height * inputs);
+                    for (x, out) in x.zip(parts.chunks_mut(height * outputs)) {
+                        weight.accumulate(x, out);
+                    }
+                    assert_eq!(whole, parts, "{inputs} {outputs} {layout:?} {height}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Functions of one number and sums over a row, in a form that compilers vectorise.
+//!
+//! They are compiled as part of what calls them, the loops marked `multiversion`: for the widest
+//! vectors of each generation of processors, of which the machine's own is picked at run time.
+
+use multiversion::multiversion;
+
+/// `eˣ` to 1e-7 of itself, between 1e-38 and 2e38; no less and no more. NaN stays NaN.
+#[inline(always)]
+pub(crate) fn exp(x: f32) -> f32 {
+    /// Adding it leaves an integer in the lowest bits.
+    const ROUND: f32 = 12_582_912.0;
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let x = x.clamp(-87.3, 88.37);
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let integer = shifted - ROUND;
+    let rest = x - integer * LN_2_HIGH - integer * LN_2_LOW;
+    // Cephes' polynomial for |rest| ≤ ln 2 / 2.
+    let mut series = 1.987_569_1e-4;
+    for coefficient in [
+        1.398_199_9e-3,
+        8.333_452e-3,
+        4.166_579_6e-2,
+        0.166_666_65,
+        0.5,
+    ] {
+        series = series * rest + coefficient;
+    }
+    let fraction = series * (rest * rest) + rest + 1.0;
+    let power = f32::from_bits(shifted.to_bits().wrapping_add(127) << 23);
+    fraction * power
+}
+
+/// `1 / (1 + e⁻ˣ)`.
+#[inline(always)]
+pub(crate) fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + exp(-x))
+}
+
+/// The standard normal distribution function, to 2e-7.
+#[inline(always)]
+pub(crate) fn normal_cdf(x: f32) -> f32 {
+    0.5 + 0.5 * erf(x * std::f32::consts::FRAC_1_SQRT_2)
+}
+
+/// The standard normal density.
+#[inline(always)]
+pub(crate) fn normal_pdf(x: f32) -> f32 {
+    const AT_ZERO: f32 = 0.398_942_3;
+    AT_ZERO * exp(-0.5 * x * x)
+}
+
+/// The error function as a quotient of two polynomials (minimax on ±4, beyond which it is ±1 in 32
+/// bits).
+#[inline(always)]
+fn erf(x: f32) -> f32 {
+    let x = x.clamp(-4.0, 4.0);
+    let square = x * x;
+    let mut above = -2.726_142_3e-10;
+    for coefficient in [
+        2.770_681_4e-8,
+        -2.101_024e-6,
+        -5.692_506_5e-5,
+        -7.349_906_4e-4,
+        -2.954_6e-3,
+        -1.609_603_3e-2,
+    ] {
+        above = above * square + coefficient;
+    }
+    let mut below = -1.456_607_2e-5;
+    for coefficient in [
+        -2.133_740_6e-4,
+        -1.682_827e-3,
+        -7.373_329e-3,
+        -1.426_473_9e-2,
+    ] {
+        below = below * square + coefficient;
+    }
+    x * above / below
+}
+
+/// Numbers that are summed side by side before they are added up.
+const LANES: usize = 16;
+
+/// The sum of `term(i)`, in an order that depends on `count` alone.
+#[inline(always)]
+pub(crate) fn sum(count: usize, term: impl Fn(usize) -> f32) -> f32 {
+    let mut lanes = [0.0f32; LANES];
+    let whole = count / LANES * LANES;
+    for start in (0..whole).step_by(LANES) {
+        for (lane, total) in lanes.iter_mut().enumerate() {
+            *total += term(start + lane);
+        }
+    }
+    let mut total = 0.0;
+    for lane in lanes {
+        total += lane;
+    }
+    for i in whole..count {
+        total += term(i);
+    }
+    total
+}
+
+/// The sum of the products of two rows.
+#[inline(always)]
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let count = a.len().min(b.len());
+    let (a, b) = (&a[..count], &b[..count]);
+    sum(count, |i| a[i] * b[i])
+}
+
+/// The largest number of a row.
+#[inline(always)]
+pub(crate) fn largest(row: &[f32]) -> f32 {
+    let mut lanes = [f32::NEG_INFINITY; LANES];
+    let mut chunks = row.chunks_exact(LANES);
+    for chunk in &mut chunks {
+        for (largest, x) in lanes.iter_mut().zip(chunk) {
+            *largest = if x > largest { *x } else { *largest };
+        }
+    }
+    let largest = |a: f32, b: &f32| if *b > a { *b } else { a };
+    let rest = chunks.remainder().iter().fold(f32::NEG_INFINITY, largest);
+    lanes.iter().fold(rest, largest)
+}
+
+/// Adds one row to another.
+#[inline(always)]
+pub(crate) fn add_row(to: &mut [f32], row: &[f32]) {
+    for (to, x) in to.iter_mut().zip(row) {
+        *to += x;
+    }
+}
+
+/// Adds numbers to others.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+pub(crate) fn add(to: &mut [f32], numbers: &[f32]) {
+    add_row(to, numbers);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponentials_are_right_over_their_whole_range() {
+        for i in -87_000..88_370 {
+            let x = i as f32 * 1e-3;
+            let exact = f64::from(x).exp();
+            let error = (f64::from(exp(x)) - exact).abs() / exact;
+            assert!(error < 1.5e-7, "exp({x}): {error}");
+        }
+        assert_eq!(exp(0.0), 1.0);
+        assert!(exp(-1e9) < 2e-38);
+        assert!(exp(f32::INFINITY) > 2e38);
+        assert!(exp(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn normal_distribution_is_right_everywhere() {
+        for i in -8_000..8_000 {
+            let x = i as f32 * 1e-3;
+            let exact = 0.5 * libm::erfc(-f64::from(x) / std::f64::consts::SQRT_2);
+            let error = (f64::from(normal_cdf(x)) - exact).abs();
+            assert!(error < 2e-7, "Φ({x}): {error}");
+        }
+        assert!(normal_cdf(f32::NAN).is_nan());
+        assert!((normal_pdf(1.0) - 0.241_970_72).abs() < 1e-7);
+    }
+
+    #[test]
+    fn sums_count_every_number() {
+        for count in [0, 1, 15, 16, 17, 100] {
+            let row: Vec<f32> = (0..count).map(|i| i as f32).collect();
+            let expected = (count * count - count) as f32 / 2.0;
+            assert_eq!(sum(count, |i| row[i]), expected);
+            assert_eq!(dot(&row, &vec![2.0; count]), 2.0 * expected);
+            let last = count.checked_sub(1).map_or(f32::NEG_INFINITY, |i| i as f32);
+            assert_eq!(largest(&row), last);
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Layer normalization.
+
+use multiversion::multiversion;
+
+use crate::Numbers;
+use crate::math;
+
+/// Layer normalization over the channels of a frame.
+#[derive(Clone, Debug)]
+pub struct Norm<S> {
+    /// Scale of each channel.
+    pub gamma: S,
+    /// Shift of each channel.
+    pub beta: S,
+    /// Added to the variance.
+    pub epsilon: f32,
+}
+
+/// What the gradient of a normalization needs: the normalized rows, and by how much each was scaled.
+#[derive(Debug, Default)]
+pub(crate) struct Normalized {
+    pub(crate) rows: Vec<f32>,
+    scale: Vec<f32>,
+}
+
+impl<S: Numbers> Norm<S> {
+    pub(crate) fn width(&self) -> usize {
+        self.gamma.as_ref().len()
+    }
+
+    /// Normalizes the rows of `x`; `out` gets them with scale and shift.
+    pub(crate) fn forward(&self, x: &[f32], normalized: &mut Normalized, out: &mut [f32]) {
+        normalized.of(x, self.width(), self.epsilon);
+        scale_and_shift(
+            &normalized.rows,
+            self.gamma.as_ref(),
+            self.beta.as_ref(),
+            out,
+        );
+    }
+
+    /// Adds the gradient with respect to `x` to `out`, from the gradient of the output, which is used up.
+    pub(crate) fn backward(&self, gradient: &mut [f32], normalized: &Normalized, out: &mut [f32]) {
+        scale(gradient, self.gamma.as_ref());
+        normalized.backward(gradient, self.width());
+        math::add(out, gradient);
+    }
+}
+
+impl Normalized {
+    /// Subtracts from each row its mean and divides it by its standard deviation.
+    pub(crate) fn of(&mut self, x: &[f32], width: usize, epsilon: f32) {
+        self.rows.resize(x.len(), 0.0);
+        self.scale.resize(x.len() / width, 0.0);
+        normalize(x, width, epsilon, &mut self.rows, &mut self.scale);
+    }
+
+    /// Turns the gradient of the normalized rows into that of the rows.
+    pub(crate) fn backward(&self, gradient: &mut [f32], width: usize) {
+        normalize_backward(gradient, width, &self.rows, &self.scale);
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+fn normalize(x: &[f32], width: usize, epsilon: f32, out: &mut [f32], scales: &mut [f32]) {
+    let count = width as f32;
+    let rows = x.chunks_exact(width).zip(out.chunks_exact_mut(width));
+    for ((x, out), scale) in rows.zip(scales) {
+        let mean = math::sum(width, |i| x[i]) / count;
+        let variance = math::sum(width, |i| (x[i] - mean) * (x[i] - mean)) / count;
+        *scale = 1.0 / (variance + epsilon).sqrt();
+        for (out, x) in out.iter_mut().zip(x) {
+            *out = (x - mean) * *scale;
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+fn normalize_backward(gradient: &mut [f32], width: usize, rows: &[f32], scales: &[f32]) {
+    let count = width as f32;
+    let rows = gradient
+        .chunks_exact_mut(width)
+        .zip(rows.chunks_exact(width));
+    for ((gradient, row), scale) in rows.zip(scales) {
+        let mean = math::sum(width, |i| gradient[i]) / count;
+        let slope = math::dot(gradient, row) / count;
+        for (g, x) in gradient.iter_mut().zip(row) {
+            *g = (*g - mean - x * slope) * scale;
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+fn scale_and_shift(rows: &[f32], gamma: &[f32], beta: &[f32], out: &mut [f32]) {
+    let rows = rows.chunks_exact(gamma.len());
+    for (out, row) in out.chunks_exact_mut(gamma.len()).zip(rows) {
+        for (((out, x), gamma), beta) in out.iter_mut().zip(row).zip(gamma).zip(beta) {
+            *out = x * gamma + beta;
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+fn scale(rows: &mut [f32], gamma: &[f32]) {
+    for row in rows.chunks_exact_mut(gamma.len()) {
+        for (x, gamma) in row.iter_mut().zip(gamma) {
+            *x *= gamma;
+        }
+    }
+}

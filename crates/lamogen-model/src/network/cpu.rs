@@ -1,0 +1,157 @@
+//! The decoder on the CPU: the modules' own weights, handed to the kernels of `lamogen-cpu`.
+//!
+//! ```text
+//! modules ──shared memory──▶ Decoder ◀── DenoiserInput, if all of it lies in the CPU's memory
+//! ```
+
+use burn::backend::Flex;
+use burn::backend::flex::{FlexTensor, Layout as Strides};
+use burn::module::Param;
+use burn::nn::{LayerNorm, Linear};
+use burn::tensor::{DType, Tensor, TensorData};
+use lamogen_cpu::{Decoder, Input, Layout, Matrix, Tape};
+
+use super::cross_attention::CrossAttentionContext;
+use crate::denoiser::DenoiserInput;
+
+/// A tensor's numbers, shared with the tensor.
+#[derive(Clone, Debug)]
+pub(super) struct Numbers {
+    tensor: FlexTensor,
+    start: usize,
+    count: usize,
+}
+
+impl AsRef<[f32]> for Numbers {
+    fn as_ref(&self) -> &[f32] {
+        &self.tensor.storage::<f32>()[self.start..][..self.count]
+    }
+}
+
+impl Numbers {
+    /// A tensor's numbers, row after row. `None` if they are not 32-bit floats in the CPU's memory, or if
+    /// gradients are followed through them.
+    pub(super) fn of<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
+        Self::of_flex(flex(tensor)?.to_contiguous())
+    }
+
+    fn of_flex(tensor: FlexTensor) -> Option<Self> {
+        Some(Numbers {
+            start: tensor.layout().start_offset(),
+            count: tensor.layout().num_elements(),
+            tensor,
+        })
+    }
+}
+
+fn flex<const D: usize>(tensor: Tensor<D>) -> Option<FlexTensor> {
+    let tensor = tensor.try_into_primitive::<Flex>().ok()?;
+    (tensor.dtype() == DType::F32).then_some(tensor)
+}
+
+fn numbers(parameter: &Param<Tensor<1>>) -> Option<Numbers> {
+    Numbers::of(parameter.val())
+}
+
+/// A linear layer; weights read from PyTorch's files are transposed views, which are shared as they lie.
+pub(super) fn linear(layer: &Linear) -> Option<lamogen_cpu::Linear<Numbers>> {
+    let weight = layer.weight.val();
+    let [inputs, outputs] = weight.dims();
+    let weight = flex(weight)?;
+    let transposed = |strides: &Strides| *strides.strides() == [1, inputs as isize];
+    let (numbers, layout) = match transposed(weight.layout()) {
+        true => (Numbers::of_flex(weight)?, Layout::ByOutput),
+        false => (Numbers::of_flex(weight.to_contiguous())?, Layout::ByInput),
+    };
+    let weight = Matrix::new(numbers, inputs, outputs, layout);
+    Some(lamogen_cpu::Linear::new(weight, numbers_of(&layer.bias)?))
+}
+
+pub(super) fn norm(layer: &LayerNorm) -> Option<lamogen_cpu::Norm<Numbers>> {
+    Some(lamogen_cpu::Norm {
+        gamma: numbers(&layer.gamma)?,
+        beta: numbers_of(&layer.beta)?,
+        epsilon: super::NORM_EPSILON as f32,
+    })
+}
+
+fn numbers_of(parameter: &Option<Param<Tensor<1>>>) -> Option<Numbers> {
+    numbers(parameter.as_ref()?)
+}
+
+/// An evaluation whose weights and inputs all lie in the CPU's memory.
+pub(super) struct Evaluation {
+    decoder: Decoder<Numbers>,
+    x_t: Numbers,
+    condition: Numbers,
+    text: Vec<Numbers>,
+    lengths: Vec<usize>,
+    /// Batch, frames, features.
+    shape: [usize; 3],
+    condition_shape: [usize; 2],
+}
+
+impl Evaluation {
+    /// `None` if something lies elsewhere, or if gradients are followed by other means.
+    pub(super) fn new(
+        decoder: impl FnOnce() -> Option<Decoder<Numbers>>,
+        input: &DenoiserInput,
+        context: &CrossAttentionContext,
+    ) -> Option<Self> {
+        let condition = input.time.clone() + input.embedding.clone();
+        let condition_shape = condition.dims();
+        let text = context.0.iter().cloned();
+        Some(Evaluation {
+            shape: input.x_t.dims(),
+            x_t: Numbers::of(input.x_t.clone())?,
+            condition: Numbers::of(condition)?,
+            text: text.map(Numbers::of).collect::<Option<_>>()?,
+            decoder: decoder()?,
+            lengths: input.mask.lengths().to_vec(),
+            condition_shape,
+        })
+    }
+
+    /// The network's output.
+    pub(super) fn run(&self) -> Tensor<3> {
+        self.with_input(|input| self.output(self.decoder.evaluate(input)))
+    }
+
+    /// The network's output, and what [`backward`](Self::backward) needs.
+    pub(super) fn record(&self) -> (Tensor<3>, Tape) {
+        self.with_input(|input| {
+            let (output, tape) = self.decoder.record(input);
+            (self.output(output), tape)
+        })
+    }
+
+    /// The gradient with respect to the embedding.
+    pub(super) fn backward(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
+        let gradient = Numbers::of(gradient).expect("gradients lie where the output does");
+        let out = self.with_input(|input| self.decoder.backward(input, tape, gradient.as_ref()));
+        tensor(out, self.condition_shape)
+    }
+
+    fn output(&self, numbers: Vec<f32>) -> Tensor<3> {
+        tensor(numbers, self.shape)
+    }
+
+    fn with_input<R>(&self, function: impl FnOnce(Input<'_>) -> R) -> R {
+        let text: Vec<&[f32]> = self.text.iter().map(AsRef::as_ref).collect();
+        let [_, frames, _] = self.shape;
+        function(Input {
+            x_t: self.x_t.as_ref(),
+            condition: self.condition.as_ref(),
+            text: &text,
+            lengths: &self.lengths,
+            frames,
+        })
+    }
+}
+
+fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
+    Tensor::from_data(
+        TensorData::new(numbers, shape),
+        &burn::tensor::Device::flex(),
+    )
+}

@@ -1,0 +1,147 @@
+//! How long one evaluation and one step of each pass take.
+
+use std::error::Error;
+use std::time::Instant;
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use lamogen::LaMoGen;
+use lamogen_guide::{Batch, Guidance, Sampler, noise};
+use lamogen_laban::Scale;
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse};
+
+/// Which network is timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Size {
+    /// The embedded model.
+    Compact,
+    /// MotionDiffuse's sizes, with random weights.
+    Full,
+}
+
+/// What is timed.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Which network.
+    #[arg(long, value_enum, default_value = "compact")]
+    pub size: Size,
+    /// Frames of each motion.
+    #[arg(long, default_value_t = 196, value_parser = clap::value_parser!(u64).range(1..=196))]
+    pub frames: u64,
+    /// Motions at once.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub batch: u64,
+    /// DDIM steps that are timed together, then divided.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub steps: u64,
+    /// Measurements, of which the median is taken.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+    pub repeat: u64,
+}
+
+/// Median seconds of each.
+#[derive(Clone, Copy, Debug)]
+pub struct Times {
+    /// One evaluation of the network.
+    pub denoiser: f64,
+    /// One step of the baseline pass.
+    pub baseline_step: f64,
+    /// One step of the guided pass.
+    pub guided_step: f64,
+}
+
+/// Times a network on a device.
+///
+/// # Errors
+///
+/// If a pass fails.
+pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> {
+    let compact = LaMoGen::embedded(device)?;
+    let normalization = compact.normalization();
+    let full;
+    let model = match options.size {
+        Size::Compact => compact.network(),
+        Size::Full => {
+            full = MotionDiffuse::new(&ModelConfig::motion_diffuse(), device);
+            &full
+        }
+    };
+    let (frames, motions) = (options.frames as usize, options.batch as usize);
+    let batch = batch(model, frames, motions, device);
+    let steps = options.steps as usize;
+    let sampler = Sampler::new(model, normalization, steps)?;
+    let guidance = Guidance::paper();
+    let scales = vec![Scale::new([1.5, 1.0, 1.0, 1.0])?; motions];
+
+    let input = DenoiserInput {
+        x_t: batch.noise.clone(),
+        time: model.embed_timesteps(&[500]),
+        embedding: batch.prompt.embedding.clone(),
+        mask: FrameMask::new(&batch.lengths, frames, device),
+    };
+    let median = |task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>| {
+        median(options.repeat as usize, task)
+    };
+    let denoiser = median(&mut || Ok(model.denoise(input.clone(), &batch.prompt.context)))?;
+    let baseline_step = median(&mut || Ok(sampler.baseline(&batch, &mut ())?))?;
+    let baseline = sampler.baseline(&batch, &mut ())?;
+    let guided_step = median(&mut || {
+        let guided = sampler.guided(&batch, baseline.clone(), &scales, &guidance, &mut ())?;
+        Ok(guided.motion)
+    })?;
+    Ok(Times {
+        denoiser,
+        baseline_step: baseline_step / steps as f64,
+        guided_step: guided_step / steps as f64,
+    })
+}
+
+fn batch(
+    model: &MotionDiffuse,
+    frames: usize,
+    motions: usize,
+    device: &Device,
+) -> Batch<<MotionDiffuse as Denoiser>::Context> {
+    let clip = &model.config().clip;
+    let row: Vec<i32> = (1..=clip.context_length as i32)
+        .map(|i| match i as usize == clip.context_length {
+            true => clip.vocab_size as i32 - 1,
+            false => i % 997,
+        })
+        .collect();
+    let tokens = TensorData::new(row.repeat(motions), [motions, row.len()]);
+    let start: Vec<f32> = (0..motions as u64)
+        .flat_map(|seed| noise(seed, frames, model.pose_features()))
+        .collect();
+    let start = TensorData::new(start, [motions, frames, model.pose_features()]);
+    Batch {
+        prompt: model.encode(Tensor::<2, Int>::from_data(tokens, device)),
+        noise: Tensor::from_data(start, device),
+        lengths: vec![frames; motions],
+    }
+}
+
+/// Median seconds of a task, which is over when its result can be read; one run before does not count.
+fn median(
+    repeat: usize,
+    task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>,
+) -> Result<f64, Box<dyn Error>> {
+    let mut timed = || -> Result<f64, Box<dyn Error>> {
+        let start = Instant::now();
+        task()?.into_data();
+        Ok(start.elapsed().as_secs_f64())
+    };
+    timed()?;
+    let mut times = (0..repeat)
+        .map(|_| timed())
+        .collect::<Result<Vec<_>, _>>()?;
+    times.sort_by(f64::total_cmp);
+    Ok(times[repeat / 2])
+}
+
+/// The most memory that this process has held, in MiB, where the system tells.
+pub fn peak_memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib / 1024.0)
+}
