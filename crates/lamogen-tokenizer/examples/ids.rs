@@ -1,21 +1,30 @@
-//! Ids of the texts on standard input, one JSON string a line, as JSON lists.
+//! CLIP's ids of the texts on standard input, to compare with another tokenizer's: a JSON string a
+//! line in, a JSON list a line out, without padding.
+//!
+//! ```text
+//! echo '"a person jumps"' | cargo run --release -p lamogen-tokenizer --example ids [context length]
+//! ```
 
-use std::io::BufRead;
+use std::error::Error;
+use std::io::{BufRead, Write};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let begun = std::time::Instant::now();
-    let tokenizer = lamogen_tokenizer::Tokenizer::clip(1 << 14);
-    let built = begun.elapsed();
+use lamogen_tokenizer::Tokenizer;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let context_length = match std::env::args().nth(1) {
+        Some(length) => length.parse()?,
+        None => 77,
+    };
+    let tokenizer = Tokenizer::clip(context_length);
+    let mut output = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {
         let text: String = serde_json::from_str(&line?)?;
         let mut ids = tokenizer.encode(&text)?.ids;
-        let length = ids
-            .iter()
-            .position(|&id| id == 49407)
-            .map_or(0, |_| ids.iter().rposition(|&id| id != 0).unwrap_or(0) + 1);
-        ids.truncate(length);
-        println!("{}", serde_json::to_string(&ids)?);
+        // The last of them is the end token, whose id is not 0.
+        while ids.last() == Some(&0) {
+            ids.pop();
+        }
+        writeln!(output, "{}", serde_json::to_string(&ids)?)?;
     }
-    eprintln!("built in {built:?}, all in {:?}", begun.elapsed());
     Ok(())
 }

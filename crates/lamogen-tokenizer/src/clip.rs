@@ -50,7 +50,8 @@ impl ClipTokenizer {
             .end_of_word_suffix(END_OF_WORD.into())
             .build()
             .expect("every embedded merge joins two tokens that come before it");
-        // U+0345 is in none of them: Python folds its case to a letter's in the last class alone.
+        // U+0345 is no word: Python's regex, ignoring case, takes it for a letter in the last class
+        // alone, the one that letters are not in.
         let words = Regex::new(
             r"(?i:<\|startoftext\|>|<\|endoftext\|>|'s|'t|'re|'ve|'m|'ll|'d)|\p{L}+|\p{N}|[^\s\p{L}\p{N}\x{345}]+",
         )

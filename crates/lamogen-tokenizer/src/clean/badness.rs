@@ -118,7 +118,7 @@ static LOOKALIKE: LazyLock<Regex> = LazyLock::new(|| {
     Regex::new(&sequences).expect("the classes are constant")
 });
 
-static ENDS_IN_NEXT: LazyLock<Regex> =
+static BEGINS_WITH_NEXT: LazyLock<Regex> =
     LazyLock::new(|| Regex::new(&format!("^[{NEXT}]")).expect("the class is constant"));
 
 /// Where sequences stand that look like UTF-8, but not in the middle of a longer garble.
@@ -127,7 +127,7 @@ pub(super) fn utf8_lookalikes(text: &str) -> Vec<Range<usize>> {
     let mut from = 0;
     while let Some(sequence) = LOOKALIKE.find_at(text, from) {
         let before = text[..sequence.start()].char_indices().next_back();
-        if before.is_some_and(|(at, _)| ENDS_IN_NEXT.is_match(&text[at..])) {
+        if before.is_some_and(|(at, _)| BEGINS_WITH_NEXT.is_match(&text[at..])) {
             let first = sequence.as_str().chars().next();
             from = sequence.start() + first.map_or(1, char::len_utf8);
         } else {

@@ -9,7 +9,7 @@ use regex::{Captures, Regex};
 use super::charmap;
 
 static REFERENCE: LazyLock<Regex> = LazyLock::new(|| {
-    Regex::new(r"&(?:#([0-9]+);?|#[xX]([0-9a-fA-F]+);?|([^\t\n\f <&\#;]{1,32};?))")
+    Regex::new(r"&(?:#([0-9]+);?|#[xX]([0-9a-fA-F]+);?|[^\t\n\f <&\#;]{1,32};?)")
         .expect("the pattern is constant")
 });
 
@@ -30,9 +30,9 @@ pub(super) fn named(reference: &str) -> Option<&'static str> {
 pub(super) fn unescape(text: &str) -> Cow<'_, str> {
     REFERENCE.replace_all(text, |found: &Captures| {
         if let Some(digits) = found.get(1) {
-            numeric(digits.as_str(), 10).into()
+            numeric(digits.as_str(), 10)
         } else if let Some(digits) = found.get(2) {
-            numeric(digits.as_str(), 16).into()
+            numeric(digits.as_str(), 16)
         } else {
             by_longest_name(&found[0])
         }
@@ -60,10 +60,8 @@ fn by_longest_name(reference: &str) -> String {
         return expansion.into();
     }
     // The shortest names have two letters.
-    let ends = reference.char_indices().skip(3).map(|(end, _)| end);
-    ends.collect::<Vec<_>>()
-        .into_iter()
-        .rev()
+    let ends = reference.char_indices().rev().map(|(end, _)| end);
+    ends.take_while(|&end| end > 2)
         .find_map(|end| Some(named(&reference[..end])?.to_owned() + &reference[end..]))
         .unwrap_or_else(|| reference.into())
 }
