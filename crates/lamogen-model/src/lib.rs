@@ -14,10 +14,9 @@ mod checkpoint;
 mod config;
 mod denoiser;
 mod network;
-mod tokenizer;
 
 pub use checkpoint::{Checkpoint, CheckpointError, Precision};
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
+pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens};
 pub use network::{CrossAttentionContext, MotionDiffuse};
-pub use tokenizer::{Tokenizer, TokenizerError, Tokens};

@@ -1,6 +1,6 @@
-//! The embedded model's tokenizer against ids of the Hugging Face library in Python.
+//! A tokenizer.json, the compact model's, against ids of the Hugging Face library in Python.
 
-use lamogen_model::{Tokenizer, TokenizerError};
+use lamogen_tokenizer::{Tokenizer, TokenizerError};
 
 const JSON: &[u8] = include_bytes!("../../lamogen-compact/model/tokenizer.json");
 const VOCABULARY: usize = 1024;

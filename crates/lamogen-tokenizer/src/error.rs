@@ -1,0 +1,44 @@
+//! What can go wrong.
+
+use std::path::PathBuf;
+
+/// What is wrong with a tokenizer or a prompt.
+#[derive(Debug, thiserror::Error)]
+pub enum TokenizerError {
+    /// The file cannot be read.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io {
+        path: PathBuf,
+        reason: std::io::Error,
+    },
+    /// The file is no tokenizer.
+    #[error("{path}: not a tokenizer: {problem}")]
+    #[allow(missing_docs)]
+    Format { path: PathBuf, problem: String },
+    /// The tokenizer knows more ids than the network has embeddings.
+    #[error(
+        "{path}: the tokenizer's ids go up to {largest}, but the model has embeddings for 0 to {last} only",
+        last = .vocab_size - 1
+    )]
+    #[allow(missing_docs)]
+    Vocabulary {
+        path: PathBuf,
+        largest: u32,
+        vocab_size: usize,
+    },
+    /// The tokenizer does not close a text with its largest id.
+    #[error(
+        "{path}: expected texts to end with the tokenizer's largest id, {end}; a probe gave {found:?}"
+    )]
+    #[allow(missing_docs)]
+    End {
+        path: PathBuf,
+        end: u32,
+        found: Vec<u32>,
+    },
+    /// The prompt cannot be encoded.
+    #[error("the prompt {prompt:?} cannot be tokenized: {problem}")]
+    #[allow(missing_docs)]
+    Prompt { prompt: String, problem: String },
+}
