@@ -300,3 +300,90 @@ fn weights_that_are_no_numbers_are_named() {
         "{message}"
     );
 }
+
+#[test]
+fn sizes_are_read_off_the_shapes() {
+    let mut config = config();
+    // What shapes do not tell is as in MotionDiffuse and CLIP.
+    (config.latent_dim, config.num_heads, config.num_layers) = (16, 8, 11);
+    (config.text_latent_dim, config.text_num_heads) = (12, 4);
+    (config.clip.width, config.clip.heads) = (128, 2);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let model = MotionDiffuse::new(&config, &Device::flex());
+    model.save(&path, Precision::F32, HashMap::new()).unwrap();
+    assert_eq!(Checkpoint::open(&path).unwrap().config().unwrap(), config);
+    // 4 heads do not share 6 channels.
+    let error = Checkpoint::open(data("zip.tar")).unwrap().config();
+    let message = error.unwrap_err().to_string();
+    assert!(
+        message.contains("zip.tar") && message.contains("heads"),
+        "{message}"
+    );
+}
+
+#[test]
+fn sizes_that_cannot_be_read_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("part.safetensors");
+    let view = TensorView::new(Dtype::F32, vec![1, 2], &[0; 8]).unwrap();
+    safetensors::serialize_to_file([("joint_embed.weight", view)], None, &path).unwrap();
+    let error = Checkpoint::open(&path).unwrap().config().unwrap_err();
+    let message = error.to_string();
+    for part in ["part.safetensors", "`sequence_embedding`", "config.json"] {
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn converted_weights_are_the_same_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = Checkpoint::open(data("legacy.tar")).unwrap();
+    let before = output(&load(&data("legacy.tar")).unwrap());
+    for (precision, tolerance) in [(Precision::F32, 0.0), (Precision::F16, 2e-2)] {
+        let path = folder.path().join("converted.safetensors");
+        let metadata = HashMap::from([("license".to_owned(), "MIT".to_owned())]);
+        let mut seen = Vec::new();
+        source
+            .convert(&path, precision, metadata, &mut |converted| {
+                seen.push((converted.key.to_owned(), converted.done, converted.all));
+            })
+            .unwrap();
+        let converted = Checkpoint::open(&path).unwrap();
+        assert_eq!(converted.metadata("license"), Some("MIT"));
+        let keys = converted.keys();
+        assert!(!keys.iter().any(|key| key.starts_with("clip.visual")));
+        assert_eq!(seen.len(), keys.len());
+        assert_eq!(seen.last().unwrap().1, seen.last().unwrap().2);
+        let after = output(&load(&path).unwrap());
+        for (before, after) in before.iter().zip(after) {
+            assert!((before - after).abs() <= tolerance, "{before} {after}");
+        }
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn what_cannot_be_converted_leaves_the_old_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (
+        folder.path().join("large.safetensors"),
+        folder.path().join("half.safetensors"),
+    );
+    let numbers: Vec<u8> = [1e5f32, 1.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let view = TensorView::new(Dtype::F32, vec![2], &numbers).unwrap();
+    safetensors::serialize_to_file([("out.bias", view)], None, &from).unwrap();
+    std::fs::write(&to, "older").unwrap();
+    let checkpoint = Checkpoint::open(&from).unwrap();
+    let error = checkpoint.convert(&to, Precision::F16, HashMap::new(), &mut |_| {});
+    let message = error.unwrap_err().to_string();
+    assert!(
+        message.contains("`out.bias`") && message.contains("65504"),
+        "{message}"
+    );
+    assert_eq!(std::fs::read_to_string(&to).unwrap(), "older");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    checkpoint
+        .convert(&to, Precision::F32, HashMap::new(), &mut |_| {})
+        .unwrap();
+}

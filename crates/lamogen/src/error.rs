@@ -24,6 +24,26 @@ pub enum LoadError {
     )]
     #[allow(missing_docs)]
     PoseFeatures { path: PathBuf, found: usize },
+    /// The folder has no config, and the network is not MotionDiffuse's.
+    #[error(
+        "{path}: No such file; only MotionDiffuse's networks, with embeddings for {public} tokens, do without: this one has {found}"
+    )]
+    #[allow(missing_docs)]
+    NoConfig {
+        path: PathBuf,
+        public: usize,
+        found: usize,
+    },
+    /// The folder has no tokenizer, and CLIP's is not the network's.
+    #[error(
+        "{path}: No such file, and CLIP's own tokenizer ({clip} ids) is not that of a network with embeddings for {found}"
+    )]
+    #[allow(missing_docs)]
+    NoTokenizer {
+        path: PathBuf,
+        clip: usize,
+        found: usize,
+    },
     /// The config.
     #[error(transparent)]
     Config(#[from] ConfigError),

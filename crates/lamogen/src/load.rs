@@ -38,34 +38,19 @@ impl LaMoGen<MotionDiffuse> {
             .with_preset(Preset::Fast))
     }
 
-    /// A model from a folder: `config.json`, `model.safetensors` or `latest.tar` (the first where
-    /// both are there), `tokenizer.json`, `mean.npy` and `std.npy`. Requests that say nothing else
-    /// run with the paper's numbers ([`Preset::Paper`]).
+    /// A model from a folder: weights in `model.safetensors` or `latest.tar` (the first where both are
+    /// there), and `mean.npy` and `std.npy`.
+    ///
+    /// A `config.json` states the sizes of the network; without one they are read off the weights (see
+    /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
+    /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. Requests that say
+    /// nothing else run with the paper's numbers ([`Preset::Paper`]).
     ///
     /// # Errors
     ///
     /// If a file is missing or damaged, or the files do not fit each other.
     pub fn load(folder: impl AsRef<Path>, device: &Device) -> Result<Self, LoadError> {
         let folder = folder.as_ref();
-        let config_path = folder.join("config.json");
-        let config = ModelConfig::from_file(&config_path)?;
-        if config.input_feats != POSE_FEATURES {
-            return Err(LoadError::PoseFeatures {
-                path: config_path,
-                found: config.input_feats,
-            });
-        }
-        let tokenizer = Tokenizer::from_file(
-            folder.join("tokenizer.json"),
-            config.clip.vocab_size,
-            config.clip.context_length,
-        )?;
-        let normalization = Normalization::from_files(
-            folder.join("mean.npy"),
-            folder.join("std.npy"),
-            config.input_feats,
-            device,
-        )?;
         let weights = ["model.safetensors", "latest.tar"]
             .map(|name| folder.join(name))
             .into_iter()
@@ -74,7 +59,40 @@ impl LaMoGen<MotionDiffuse> {
                 folder: folder.to_owned(),
                 found: content(folder),
             })?;
-        let checkpoint = Checkpoint::open(weights)?;
+        let config_path = folder.join("config.json");
+        let (config, checkpoint, sizes_from) = match config_path.exists() {
+            true => {
+                let config = ModelConfig::from_file(&config_path)?;
+                (config, Checkpoint::open(weights)?, config_path)
+            }
+            false => {
+                let checkpoint = Checkpoint::open(&weights)?;
+                let config = checkpoint.config()?;
+                // Heads and prediction are in no shape: they are known of MotionDiffuse alone.
+                let public = ModelConfig::motion_diffuse().clip.vocab_size;
+                if config.clip.vocab_size != public {
+                    return Err(LoadError::NoConfig {
+                        path: config_path,
+                        public,
+                        found: config.clip.vocab_size,
+                    });
+                }
+                (config, checkpoint, weights)
+            }
+        };
+        if config.input_feats != POSE_FEATURES {
+            return Err(LoadError::PoseFeatures {
+                path: sizes_from,
+                found: config.input_feats,
+            });
+        }
+        let tokenizer = tokenizer(folder, &config)?;
+        let normalization = Normalization::from_files(
+            folder.join("mean.npy"),
+            folder.join("std.npy"),
+            config.input_feats,
+            device,
+        )?;
         let network = checkpoint.load(&config, device)?;
         Ok(LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
@@ -84,6 +102,28 @@ impl LaMoGen<MotionDiffuse> {
     /// Sizes of the network.
     pub fn config(&self) -> &ModelConfig {
         self.network().config()
+    }
+}
+
+/// The folder's tokenizer, or CLIP's.
+fn tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError> {
+    let path = folder.join("tokenizer.json");
+    if path.exists() {
+        let clip = &config.clip;
+        return Ok(Tokenizer::from_file(
+            path,
+            clip.vocab_size,
+            clip.context_length,
+        )?);
+    }
+    let tokenizer = Tokenizer::clip(config.clip.context_length);
+    match tokenizer.vocab_size() == config.clip.vocab_size {
+        true => Ok(tokenizer),
+        false => Err(LoadError::NoTokenizer {
+            path,
+            clip: tokenizer.vocab_size(),
+            found: config.clip.vocab_size,
+        }),
     }
 }
 

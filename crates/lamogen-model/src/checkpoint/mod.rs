@@ -1,9 +1,12 @@
 //! Weights in files: PyTorch checkpoints and safetensors.
 
+mod convert;
 mod keys;
 mod read;
+mod sizes;
 mod write;
 
+pub use convert::Converted;
 pub(crate) use keys::{Keyed, Keys};
 pub use read::Checkpoint;
 pub use write::Precision;
@@ -56,6 +59,18 @@ pub enum CheckpointError {
     #[error("{path}: tensor `{key}` holds numbers that are not finite")]
     #[allow(missing_docs)]
     NotFinite { path: PathBuf, key: String },
+    /// A number is too large for 16 bits.
+    #[error(
+        "{path}: tensor `{key}` holds numbers beyond ±65504, which 16 bits cannot hold; convert to 32 bits"
+    )]
+    #[allow(missing_docs)]
+    Range { path: PathBuf, key: String },
+    /// The sizes of the network cannot be read off the tensors.
+    #[error(
+        "{path}: the sizes of the network cannot be read off its tensors: {problem}; a config.json beside it would tell them"
+    )]
+    #[allow(missing_docs)]
+    Sizes { path: PathBuf, problem: String },
     /// A tensor holds no floats.
     #[error("{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits")]
     #[allow(missing_docs)]

@@ -20,7 +20,7 @@ const ENCODER: &str = "encoder";
 
 /// Whether a key is one of CLIP's that text-to-motion networks carry along and do not use: the image
 /// tower and what compares images with texts.
-fn is_clips_own(key: &str) -> bool {
+pub(super) fn is_clips_own(key: &str) -> bool {
     ["clip.visual.", "clip.text_projection", "clip.logit_scale"]
         .iter()
         .any(|unused| key.starts_with(unused))
@@ -86,6 +86,15 @@ impl Checkpoint {
     /// Free text stored with the weights, such as `license` (safetensors only).
     pub fn metadata(&self, key: &str) -> Option<&str> {
         self.metadata.get(key).map(String::as_str)
+    }
+
+    pub(super) fn all_metadata(&self) -> &HashMap<String, String> {
+        &self.metadata
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// The keys of all tensors, sorted.
@@ -177,7 +186,7 @@ impl Checkpoint {
         }
     }
 
-    fn shape(&self, key: &str) -> Option<&[usize]> {
+    pub(super) fn shape(&self, key: &str) -> Option<&[usize]> {
         match &self.container {
             Container::Pytorch(tensors) => tensors.get(key).map(pytorch_reader::Tensor::shape),
             Container::Safetensors { index, .. } => index.info(key).map(|info| &*info.shape),
@@ -185,7 +194,7 @@ impl Checkpoint {
     }
 
     /// The numbers of a tensor that is there, in 32 bits.
-    fn read(&self, key: &str) -> Result<TensorData, CheckpointError> {
+    pub(super) fn read(&self, key: &str) -> Result<TensorData, CheckpointError> {
         let (shape, dtype, bytes) = match &self.container {
             Container::Pytorch(tensors) => {
                 let tensor = &tensors[key];

@@ -22,6 +22,15 @@ pub enum Precision {
     F16,
 }
 
+impl Precision {
+    pub(super) fn convert(self, data: TensorData) -> TensorData {
+        match self {
+            Precision::F32 => data.convert::<f32>(),
+            Precision::F16 => data.convert::<half::f16>(),
+        }
+    }
+}
+
 impl MotionDiffuse {
     /// Writes the weights as safetensors, under the keys of the public checkpoint. `metadata` is
     /// free text that travels with them, such as `license`. The file appears whole or not at all.
@@ -73,10 +82,7 @@ impl Exchange for Writer {
         _shape: &[usize],
         current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
-        let data = match self.precision {
-            Precision::F32 => current().convert::<f32>(),
-            Precision::F16 => current().convert::<half::f16>(),
-        };
+        let data = self.precision.convert(current());
         self.tensors.push((key.to_owned(), data));
         None
     }
