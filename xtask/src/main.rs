@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use burn::tensor::Device;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
+use lamogen::DeviceName;
 use xtask::bench::Options;
 use xtask::parity::Row;
 
@@ -18,15 +19,20 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Run everything that must pass: format, lints, tests, docs and the example.
-    Test,
+    /// Run everything that must pass: format, lints, tests, docs, the example, and the other backends.
+    Test {
+        /// Leave the graphics processor out, where there is no Vulkan driver.
+        #[arg(long)]
+        cpu_only: bool,
+    },
     /// Compare with a golden case of the PyTorch reference; exit 1 if a value is too far off.
     Parity {
         /// Folder with config.json, latest.tar, mean.npy, std.npy and case.safetensors.
         folder: PathBuf,
-        /// Where to compute.
-        #[arg(long, default_value = "flex", value_parser = ["flex"])]
-        device: String,
+        /// Where to compute: flex, or a backend that xtask was built with (cargo run --release --bin xtask
+        /// --features wgpu -- parity …), such as wgpu, wgpu:cpu or cuda:0.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
         /// Accept values beyond their tolerance where rounding alone moves them as far.
         #[arg(long)]
         allow_rounding: bool,
@@ -35,9 +41,9 @@ enum Task {
     Bench {
         #[command(flatten)]
         options: xtask::bench::Options,
-        /// Where to compute.
-        #[arg(long, default_value = "flex", value_parser = ["flex"])]
-        device: String,
+        /// Where to compute, as for parity.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
     },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
@@ -57,13 +63,13 @@ enum Task {
 
 fn main() -> ExitCode {
     match Arguments::parse().task {
-        Task::Test => xtask::test::run(),
+        Task::Test { cpu_only } => xtask::test::run(cpu_only),
         Task::Parity {
             folder,
-            device: _,
+            device,
             allow_rounding,
-        } => parity(&folder, allow_rounding),
-        Task::Bench { options, device: _ } => bench(&options, &Device::flex()),
+        } => on(device, |device| parity(&folder, device, allow_rounding)),
+        Task::Bench { options, device } => on(device, |device| bench(&options, device)),
         Task::Embed {
             from,
             to,
@@ -79,9 +85,16 @@ fn main() -> ExitCode {
     }
 }
 
-fn parity(folder: &Path, allow_rounding: bool) -> ExitCode {
+fn on(name: DeviceName, task: impl FnOnce(&Device) -> ExitCode) -> ExitCode {
+    match name.open() {
+        Ok(device) => task(&device),
+        Err(error) => fail(&error),
+    }
+}
+
+fn parity(folder: &Path, device: &Device, allow_rounding: bool) -> ExitCode {
     let spinner = ProgressBar::new_spinner();
-    let result = xtask::parity::run(folder, &Device::flex(), &mut |step| {
+    let result = xtask::parity::run(folder, device, &mut |step| {
         let (pass, index, steps) = (step.pass, step.index + 1, step.steps);
         spinner.set_message(format!("{pass} pass, step {index} of {steps}"));
         spinner.tick();

@@ -1,5 +1,6 @@
 //! Everything that must pass before a change is one.
 
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 /// Cargo calls in the order in which their failures are quickest to mend. All use the release profile
@@ -34,28 +35,82 @@ const STEPS: [(&str, &[&str]); 5] = [
     ),
 ];
 
+/// The backends beside flex. They are features, so burn is built a second time for them.
+const BACKENDS: &str = "xtask/ndarray,xtask/wgpu";
+const BACKENDS_WITHOUT_GPU: &str = "xtask/ndarray";
+
 /// Runs every step; stops at the first that fails and says which.
-pub fn run() -> ExitCode {
-    // Cargo names itself to what it runs.
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+pub fn run(cpu_only: bool) -> ExitCode {
+    if !cpu_only && !has_vulkan_driver() {
+        eprintln!(
+            "error: no Vulkan driver found, which the tests of the GPU backends need; one that computes on \
+             the CPU will do (Debian and Ubuntu: apt-get install mesa-vulkan-drivers).\n\
+             `cargo xtask test --cpu-only` leaves these tests out."
+        );
+        return ExitCode::FAILURE;
+    }
     for (name, arguments) in STEPS {
-        eprintln!("\n== {name}: cargo {}", arguments.join(" "));
-        let status = Command::new(&cargo)
-            .args(arguments)
-            .env("RUSTDOCFLAGS", "-D warnings")
-            .status();
-        match status {
-            Ok(status) if status.success() => {}
-            Ok(status) => {
-                eprintln!("error: {name} failed ({status})");
-                return ExitCode::FAILURE;
-            }
-            Err(error) => {
-                eprintln!("error: {name}: cannot run {}: {error}", cargo.display());
-                return ExitCode::FAILURE;
-            }
+        if !passes(name, arguments) {
+            return ExitCode::FAILURE;
         }
     }
-    eprintln!("\nformat, lints, tests, docs and the example pass");
+    let features = match cpu_only {
+        true => BACKENDS_WITHOUT_GPU,
+        false => BACKENDS,
+    };
+    let backends = ["test", "--release", "--workspace", "--features", features];
+    if !passes(
+        "backends",
+        &[&backends[..], &["--test", "backends"]].concat(),
+    ) {
+        return ExitCode::FAILURE;
+    }
+    eprintln!("\nformat, lints, tests, docs, the example and the backends pass");
+    if cpu_only {
+        eprintln!("the GPU backend was left out, as --cpu-only asks");
+    }
     ExitCode::SUCCESS
+}
+
+fn passes(name: &str, arguments: &[&str]) -> bool {
+    // Cargo names itself to what it runs.
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    eprintln!("\n== {name}: cargo {}", arguments.join(" "));
+    let status = Command::new(&cargo)
+        .args(arguments)
+        .env("RUSTDOCFLAGS", "-D warnings")
+        .status();
+    match status {
+        Ok(status) if status.success() => return true,
+        Ok(status) => eprintln!("error: {name} failed ({status})"),
+        Err(error) => eprintln!("error: {name}: cannot run {}: {error}", cargo.display()),
+    }
+    false
+}
+
+/// Whether a driver is registered with the Vulkan loader. Other systems than Linux bring their own
+/// graphics interface.
+fn has_vulkan_driver() -> bool {
+    if !cfg!(target_os = "linux") {
+        return true;
+    }
+    let named = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(std::env::var_os);
+    if named.iter().flatten().any(|files| !files.is_empty()) {
+        return true;
+    }
+    let data = std::env::var_os("XDG_DATA_DIRS").filter(|folders| !folders.is_empty());
+    let data = data.unwrap_or_else(|| "/usr/local/share:/usr/share".into());
+    let data = std::env::split_paths(&data).collect::<Vec<PathBuf>>();
+    let places = data.into_iter().chain([PathBuf::from("/etc")]);
+    places
+        .map(|place| place.join("vulkan/icd.d"))
+        .any(|folder| has_json(&folder))
+}
+
+fn has_json(folder: &Path) -> bool {
+    let Ok(entries) = folder.read_dir() else {
+        return false;
+    };
+    let is_json = |path: PathBuf| path.extension().is_some_and(|ending| ending == "json");
+    entries.flatten().any(|entry| is_json(entry.path()))
 }

@@ -7,6 +7,7 @@
 mod case;
 mod network;
 mod options;
+mod short;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use safetensors::tensor::TensorView;
 
 use case::{Case, numbers};
 use network::Network;
+pub use short::{Distance, Short, short};
 
 /// Outputs of the network, of the joints and of the Laban features.
 const SINGLE: f64 = 1e-5;

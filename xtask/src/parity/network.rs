@@ -124,7 +124,7 @@ impl Network {
     }
 
     /// Text encoder, one evaluation, and joints.
-    fn evaluate(
+    pub(super) fn evaluate(
         &self,
         case: &Case,
         prompt: &Prompt<CrossAttentionContext>,
@@ -223,7 +223,7 @@ fn schedule(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
 }
 
 /// Laban features of given joints, and the gradient of the loss.
-fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
+pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
     let joints = case.tensor::<4>("in.joints")?;
     let [batch, frames, _, _] = joints.dims();
     let lengths = vec![frames; batch];

@@ -1,0 +1,75 @@
+//! The same numbers on every backend: flex, ndarray, and wgpu on a Vulkan driver that computes on the CPU.
+
+use std::path::Path;
+
+use lamogen::{DeviceName, LaMoGen, Request};
+use xtask::parity::{Distance, Short, short};
+
+/// Every backend of this build, the software driver before a graphics processor.
+fn devices() -> Vec<DeviceName> {
+    let available = DeviceName::available();
+    let of = |names: &[&str]| -> DeviceName {
+        let names = names.iter().map(|name| name.parse().unwrap());
+        let mut found = names.filter(|name| available.contains(name));
+        found
+            .next()
+            .unwrap_or_else(|| panic!("only these devices were found: {available:?}"))
+    };
+    let mut devices = vec![of(&["flex"]), of(&["ndarray"])];
+    if cfg!(feature = "wgpu") {
+        devices.push(of(&["wgpu:cpu", "wgpu", "wgpu:0"]));
+    }
+    devices
+}
+
+/// Largest distance of single evaluations and gradients.
+const SINGLE: f64 = 1e-4;
+/// Largest distance behind three guided steps.
+const GUIDED: f64 = 5e-3;
+
+fn check(what: &str, distances: Vec<Distance>) {
+    for distance in distances {
+        println!("{what}: {} {:.1e}", distance.name, distance.error);
+        let limit = if distance.is_guided { GUIDED } else { SINGLE };
+        assert!(distance.error <= limit, "{what}: {distance:?}");
+    }
+}
+
+#[test]
+fn every_backend_agrees_with_the_reference_and_with_the_others() {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/tiny_sample");
+    let mut others: Vec<(DeviceName, Short)> = Vec::new();
+    for name in devices() {
+        let result = short(&case, &name.open().unwrap()).unwrap();
+        check(
+            &format!("{name} and the reference"),
+            result.from_reference(),
+        );
+        for (other, other_result) in &others {
+            check(&format!("{name} and {other}"), result.from(other_result));
+        }
+        others.push((name, result));
+    }
+}
+
+#[test]
+fn joints_agree_to_a_millimetre_after_fifty_steps() {
+    let request = Request::new("a person jumps").frames(40).steps(50).seed(3);
+    let devices = devices();
+    let joints = |name: &DeviceName| {
+        let model = LaMoGen::embedded(&name.open().unwrap()).unwrap();
+        model.generate(&request).unwrap().baseline.joints().to_vec()
+    };
+    let expected = joints(&devices[0]);
+    for name in &devices[1..] {
+        let found = joints(name);
+        assert_eq!(found.len(), expected.len());
+        let pairs = found.iter().flatten().zip(expected.iter().flatten());
+        let distance = pairs.fold(0.0f32, |largest, (a, b)| {
+            let square: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+            largest.max(square.sqrt())
+        });
+        println!("{name}: {:.2e} mm", 1000.0 * distance);
+        assert!(distance < 1e-3, "{name}: {distance} m");
+    }
+}
