@@ -8,8 +8,8 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::Numbers;
-use crate::attention;
-use crate::decoder::{Decoder, Input, LAYERS};
+use crate::attention::{self, Context};
+use crate::decoder::{Decoder, Input, LAYERS, on_the_pool};
 use crate::math;
 use crate::stylization::Style;
 use crate::tape::{Passage, Record, Tape};
@@ -19,6 +19,15 @@ struct Trace {
     /// Gradients of scale and shift of each layer, granule after granule.
     modulations: [Vec<f32>; LAYERS],
     attention: AttentionTrace,
+}
+
+/// All that the first half of a block needs on the way back.
+struct After {
+    contexts: Vec<Context>,
+    /// For each motion.
+    context_gradients: Vec<Vec<f32>>,
+    /// For each chunk.
+    traces: Vec<Trace>,
 }
 
 /// For the first half of the block.
@@ -37,6 +46,10 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// If the tape is of another input.
     pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+        on_the_pool(|| self.unroll(input, tape, gradient))
+    }
+
+    fn unroll(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         let Tape {
             mut passages,
             mut contexts,
@@ -44,41 +57,37 @@ impl<S: Numbers> Decoder<S> {
         } = tape;
         let motions = input.lengths.len();
         let mut modulations = vec![0.0; motions * self.modulations.weight.outputs()];
-        passages.par_iter_mut().for_each(|passage| {
-            let gradient = &gradient[self.place(&passage.chunk, input)];
-            self.output.weight.pull(gradient, &mut passage.hidden);
-        });
+        // What the block after left for this one; the last has none after it.
+        let mut after: Option<After> = None;
         for block in (0..self.blocks.len()).rev() {
             let traces: Vec<Trace> = passages
                 .par_iter_mut()
-                .map(|passage| {
+                .enumerate()
+                .map(|(place, passage)| {
+                    match &after {
+                        None => self.leave_backward(passage, input, gradient),
+                        Some(after) => self.attend_backward(passage, block + 1, after, place),
+                    }
                     let motion = passage.chunk.motion;
                     let text = input.text(block, motion);
                     self.finish_backward(passage, block, text, &styles[motion][block])
                 })
                 .collect();
             self.gather(&passages, &traces, block, &mut modulations);
-            // On the first block's attention the condition has no influence.
-            if block == 0 {
-                break;
-            }
-            let gradients = self.context_gradients(&passages, &traces, motions);
-            let contexts = contexts.pop().expect("one a block");
-            let passages = passages.par_iter_mut().zip(traces);
-            passages.for_each(|(passage, trace)| {
-                let motion = passage.chunk.motion;
-                let context = &contexts[motion].values;
-                self.attend_backward(
-                    passage,
-                    block,
-                    context,
-                    &gradients[motion],
-                    trace.attention.y,
-                );
+            after = Some(After {
+                contexts: contexts.pop().expect("one a block"),
+                context_gradients: self.context_gradients(&passages, &traces, motions),
+                traces,
             });
         }
+        // On the first block's attention the condition has no influence.
         self.modulations
             .modulate_backward(input.condition, &modulations)
+    }
+
+    fn leave_backward(&self, passage: &mut Passage, input: Input<'_>, gradient: &[f32]) {
+        let gradient = &gradient[self.place(&passage.chunk, input)];
+        self.output.weight.pull(gradient, &mut passage.hidden);
     }
 
     /// Back to the output of the self-attention.
@@ -151,19 +160,16 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// Back through queries, keys and values to the block's input.
-    fn attend_backward(
-        &self,
-        passage: &mut Passage,
-        block: usize,
-        context: &[f32],
-        context_gradient: &[f32],
-        mut y: Vec<f32>,
-    ) {
+    fn attend_backward(&self, passage: &mut Passage, block: usize, after: &After, place: usize) {
         let heads = self.heads();
         let attention = &self.blocks[block].self_attention;
+        let motion = passage.chunk.motion;
+        let context = &after.contexts[motion].values;
+        let context_gradient = &after.context_gradients[motion];
+        let y = &after.traces[place].attention.y;
         let Record { self_attention, .. } = passage.records.pop().expect("one a block");
         let mut query = vec![0.0; y.len()];
-        heads.apply_transposed(&y, context, &mut query);
+        heads.apply_transposed(y, context, &mut query);
         heads.softmax_backward(&self_attention.query, &mut query);
 
         let mut key = vec![0.0; y.len()];
@@ -175,13 +181,13 @@ impl<S: Numbers> Decoder<S> {
             .collect();
         attention::keys_backward(&self_attention.key, &means, &mut key);
 
-        let value = &mut y;
-        heads.apply(&self_attention.key, context_gradient, value);
+        let mut value = vec![0.0; y.len()];
+        heads.apply(&self_attention.key, context_gradient, &mut value);
 
         let mut normed = vec![0.0; query.len()];
         attention.query.weight.pull(&query, &mut normed);
         attention.key.weight.pull_accumulate(&key, &mut normed);
-        attention.value.weight.pull_accumulate(value, &mut normed);
+        attention.value.weight.pull_accumulate(&value, &mut normed);
         attention
             .norm
             .backward(&mut normed, &self_attention.norm, &mut passage.hidden);

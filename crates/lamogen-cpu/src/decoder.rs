@@ -98,7 +98,7 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// If the sizes of weights and input do not belong together.
     pub fn evaluate(&self, input: Input<'_>) -> Vec<f32> {
-        self.forward(input, false).0
+        on_the_pool(|| self.forward(input, false).0)
     }
 
     /// The network's output, and what [`backward`](Self::backward) needs.
@@ -107,7 +107,7 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// As [`evaluate`](Self::evaluate).
     pub fn record(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
-        self.forward(input, true)
+        on_the_pool(|| self.forward(input, true))
     }
 
     pub(crate) fn width(&self) -> usize {
@@ -127,6 +127,12 @@ impl<S: Numbers> Decoder<S> {
         let start = (chunk.motion * input.frames + chunk.first) * features;
         start..start + chunk.frames() * features
     }
+}
+
+/// Runs a task on the thread pool as a whole: every parallel part of it would otherwise have to wake
+/// the pool and wait for it.
+pub(crate) fn on_the_pool<R: Send>(task: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| task())
 }
 
 impl<S> Block<S> {

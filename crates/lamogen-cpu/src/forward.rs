@@ -14,15 +14,19 @@ use crate::tape::{Passage, Record, Styles, Tape};
 impl<S: Numbers> Decoder<S> {
     /// The output, and a tape that can be used only if everything is kept.
     pub(crate) fn forward(&self, input: Input<'_>, keep: bool) -> (Vec<f32>, Tape) {
-        let styles = self.styles(input.condition);
         let mut passages: Vec<Passage> = Chunk::cut(input.lengths, rayon::current_num_threads())
             .into_iter()
             .map(|chunk| Passage::new(chunk, self.width()))
             .collect();
-        passages.par_iter_mut().for_each(|passage| {
+        // The first block's attention needs no styles, whose weights take long to read.
+        let begin = |passage: &mut Passage| {
             self.enter(passage, input);
             self.attend(passage, 0, keep);
-        });
+        };
+        let (styles, ()) = rayon::join(
+            || self.styles(input.condition),
+            || passages.par_iter_mut().for_each(begin),
+        );
         let mut contexts = Vec::new();
         for (block, _) in self.blocks.iter().enumerate() {
             let all = self.contexts(&passages, input.lengths.len());
@@ -33,13 +37,14 @@ impl<S: Numbers> Decoder<S> {
                 if keep {
                     self.share_keys(passage, &all[motion]);
                 }
-                if block + 1 < self.blocks.len() {
-                    self.attend(passage, block + 1, keep);
+                match block + 1 == self.blocks.len() {
+                    true => self.leave(passage),
+                    false => self.attend(passage, block + 1, keep),
                 }
             });
             contexts.push(all);
         }
-        let out = self.leave(&passages, input);
+        let out = self.output(&passages, input);
         let tape = Tape {
             passages,
             contexts,
@@ -110,7 +115,7 @@ impl<S: Numbers> Decoder<S> {
                 .filter(|passage| passage.chunk.motion == motion);
             Context::of(own.flat_map(|passage| &passage.parts))
         };
-        (0..motions).into_par_iter().map(of_motion).collect()
+        (0..motions).map(of_motion).collect()
     }
 
     /// The rest of a block.
@@ -172,19 +177,18 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// From the hidden state to pose features.
-    fn leave(&self, passages: &[Passage], input: Input<'_>) -> Vec<f32> {
+    fn leave(&self, passage: &mut Passage) {
+        let rows = passage.chunk.frames();
+        passage.output = vec![0.0; rows * self.output.weight.outputs()];
+        self.output.forward(&passage.hidden, &mut passage.output);
+    }
+
+    /// The outputs of all chunks at their places in the batch.
+    fn output(&self, passages: &[Passage], input: Input<'_>) -> Vec<f32> {
         let features = self.output.weight.outputs();
-        let parts: Vec<Vec<f32>> = passages
-            .par_iter()
-            .map(|passage| {
-                let mut out = vec![0.0; passage.chunk.frames() * features];
-                self.output.forward(&passage.hidden, &mut out);
-                out
-            })
-            .collect();
         let mut out = vec![0.0; input.lengths.len() * input.frames * features];
-        for (passage, part) in passages.iter().zip(parts) {
-            out[self.place(&passage.chunk, input)].copy_from_slice(&part);
+        for passage in passages {
+            out[self.place(&passage.chunk, input)].copy_from_slice(&passage.output);
         }
         out
     }

@@ -23,6 +23,8 @@ pub(crate) struct Passage {
     pub(crate) chunk: Chunk,
     /// The hidden state between blocks, `[frames, width]`; on the way back its gradient.
     pub(crate) hidden: Vec<f32>,
+    /// Pose features, once all blocks are passed.
+    pub(crate) output: Vec<f32>,
     /// Keys and values of each granule, summed up, for the block whose attention is under way.
     pub(crate) parts: Vec<Part>,
     /// One record for each block; only the current one where nothing is to be remembered.
@@ -33,6 +35,7 @@ impl Passage {
     pub(crate) fn new(chunk: Chunk, width: usize) -> Self {
         Passage {
             hidden: vec![0.0; chunk.frames() * width],
+            output: Vec::new(),
             parts: Vec::new(),
             records: Vec::new(),
             chunk,
