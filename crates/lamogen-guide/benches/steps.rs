@@ -1,0 +1,80 @@
+//! Steps of both passes at the embedded model's sizes: `cargo bench --bench steps`.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use lamogen_guide::{Batch, Guidance, Sampler, noise};
+use lamogen_laban::Scale;
+use lamogen_model::{ClipTextConfig, Denoiser, ModelConfig, MotionDiffuse};
+use lamogen_motion::{Normalization, POSE_FEATURES, npy};
+
+const FRAMES: usize = 80;
+/// Steps of a pass; the times are those of all of them.
+const STEPS: usize = 5;
+
+fn config() -> ModelConfig {
+    ModelConfig {
+        latent_dim: 128,
+        ff_size: 256,
+        num_layers: 5,
+        text_latent_dim: 128,
+        text_ff_size: 256,
+        num_text_layers: 1,
+        clip: ClipTextConfig {
+            vocab_size: 1024,
+            context_length: 32,
+            width: 128,
+            heads: 4,
+            layers: 2,
+        },
+        ..ModelConfig::motion_diffuse()
+    }
+}
+
+fn normalization(device: &Device) -> Normalization {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, value: f32| {
+        let path = folder.path().join(name);
+        npy::write(&path, &[value; POSE_FEATURES], &[POSE_FEATURES]).expect("a file");
+        path
+    };
+    let (mean, std) = (write("mean.npy", 0.0), write("std.npy", 1.0));
+    Normalization::from_files(mean, std, POSE_FEATURES, device).expect("statistics")
+}
+
+fn steps(criterion: &mut Criterion) {
+    let device = Device::flex();
+    let model = MotionDiffuse::new(&config(), &device);
+    let normalization = normalization(&device);
+    let sampler = Sampler::new(&model, &normalization, STEPS).expect("a few steps");
+    let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale");
+    let mut group = criterion.benchmark_group(format!("{STEPS} steps, {FRAMES} frames"));
+    for motions in [1, 8] {
+        let tokens: Vec<i32> = (1..=32).collect();
+        let tokens = TensorData::new(tokens.repeat(motions), [motions, 32]);
+        let start: Vec<f32> = (0..motions as u64)
+            .flat_map(|seed| noise(seed, FRAMES, POSE_FEATURES))
+            .collect();
+        let start = TensorData::new(start, [motions, FRAMES, POSE_FEATURES]);
+        let batch = Batch {
+            prompt: model.encode(Tensor::<2, Int>::from_data(tokens, &device)),
+            noise: Tensor::from_data(start, &device),
+            lengths: vec![FRAMES; motions],
+        };
+        let baseline = || sampler.baseline(&batch, &mut ()).expect("a baseline");
+        group.bench_function(BenchmarkId::new("baseline", motions), |bencher| {
+            bencher.iter(baseline);
+        });
+        let start = baseline();
+        let (scales, guidance) = (vec![scale; motions], Guidance::fast());
+        group.bench_function(BenchmarkId::new("guided", motions), |bencher| {
+            bencher.iter(|| {
+                let guided = sampler.guided(&batch, start.clone(), &scales, &guidance, &mut ());
+                guided.expect("finite numbers").motion
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, steps);
+criterion_main!(benches);
