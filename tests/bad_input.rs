@@ -232,6 +232,32 @@ fn a_whole_folder_is_the_embedded_model() {
 }
 
 #[test]
+fn motion_diffuses_folders_are_known() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("meta")).unwrap();
+    for name in ["mean.npy", "std.npy"] {
+        let (from, to) = (
+            folder.path().join(name),
+            folder.path().join("meta").join(name),
+        );
+        std::fs::rename(from, to).unwrap();
+    }
+    load(folder.path()).unwrap();
+}
+
+#[test]
+fn what_no_shape_tells_is_not_guessed() {
+    // The embedded model has other heads than MotionDiffuse and predicts motion: without its config
+    // it would run, and be wrong.
+    let folder = folder();
+    std::fs::remove_file(folder.path().join("config.json")).unwrap();
+    says(
+        &load(folder.path()).err().unwrap(),
+        &["config.json", "49408", "1024"],
+    );
+}
+
+#[test]
 fn a_missing_file_is_named() {
     for name in ["config.json", "tokenizer.json", "mean.npy", "std.npy"] {
         let folder = folder();

@@ -3,4 +3,5 @@
 pub mod bench;
 pub mod embed;
 pub mod parity;
+pub mod sweep;
 pub mod test;

@@ -45,6 +45,18 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Measure how cost grows with frames, batch and steps; prints the points and plots them.
+    Sweep {
+        /// Which network.
+        #[arg(long, value_enum, default_value = "compact")]
+        size: xtask::bench::Size,
+        /// The plot to write, as SVG.
+        #[arg(long)]
+        out: PathBuf,
+        /// Where to compute, as for parity.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -70,6 +82,12 @@ fn main() -> ExitCode {
             allow_rounding,
         } => on(device, |device| parity(&folder, device, allow_rounding)),
         Task::Bench { options, device } => on(device, |device| bench(&options, device)),
+        Task::Sweep { size, out, device } => on(device, |device| {
+            match xtask::sweep::run(size, device, &out, &mut |line| println!("{line}")) {
+                Ok(()) => ExitCode::SUCCESS,
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::Embed {
             from,
             to,

@@ -1,6 +1,6 @@
 //! Where models come from.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::Preset;
@@ -39,7 +39,8 @@ impl LaMoGen<MotionDiffuse> {
     }
 
     /// A model from a folder: weights in `model.safetensors` or `latest.tar` (the first where both are
-    /// there), and `mean.npy` and `std.npy`.
+    /// there), and `mean.npy` and `std.npy`; or MotionDiffuse's own folder with `model/latest.tar`,
+    /// `meta/mean.npy` and `meta/std.npy`.
     ///
     /// A `config.json` states the sizes of the network; without one they are read off the weights (see
     /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
@@ -51,14 +52,13 @@ impl LaMoGen<MotionDiffuse> {
     /// If a file is missing or damaged, or the files do not fit each other.
     pub fn load(folder: impl AsRef<Path>, device: &Device) -> Result<Self, LoadError> {
         let folder = folder.as_ref();
-        let weights = ["model.safetensors", "latest.tar"]
-            .map(|name| folder.join(name))
-            .into_iter()
-            .find(|path| path.exists())
-            .ok_or_else(|| LoadError::NoWeights {
-                folder: folder.to_owned(),
-                found: content(folder),
-            })?;
+        let weights =
+            ["model.safetensors", "latest.tar", "model/latest.tar"].map(|name| folder.join(name));
+        let weights = weights.into_iter().find(|path| path.exists());
+        let weights = weights.ok_or_else(|| LoadError::NoWeights {
+            folder: folder.to_owned(),
+            found: content(folder),
+        })?;
         let config_path = folder.join("config.json");
         let (config, checkpoint, sizes_from) = match config_path.exists() {
             true => {
@@ -88,8 +88,8 @@ impl LaMoGen<MotionDiffuse> {
         }
         let tokenizer = tokenizer(folder, &config)?;
         let normalization = Normalization::from_files(
-            folder.join("mean.npy"),
-            folder.join("std.npy"),
+            statistics(folder, "mean.npy"),
+            statistics(folder, "std.npy"),
             config.input_feats,
             device,
         )?;
@@ -102,6 +102,15 @@ impl LaMoGen<MotionDiffuse> {
     /// Sizes of the network.
     pub fn config(&self) -> &ModelConfig {
         self.network().config()
+    }
+}
+
+/// Mean or standard deviation: in the folder or, as MotionDiffuse has them, in `meta`.
+fn statistics(folder: &Path, name: &str) -> PathBuf {
+    let (here, meta) = (folder.join(name), folder.join("meta").join(name));
+    match !here.exists() && meta.exists() {
+        true => meta,
+        false => here,
     }
 }
 
