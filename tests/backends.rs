@@ -24,13 +24,21 @@ fn devices() -> Vec<DeviceName> {
 
 /// Largest distance of single evaluations and gradients.
 const SINGLE: f64 = 1e-4;
+/// Largest distance of the Laban gradient where a GPU computes it. Third differences magnify the last
+/// bit of the smoothed positions: the reference itself is 1.2e-4 from the same sums in 64 bits, and
+/// only fused multiplications and additions in its order come closer to it than that.
+const ROUNDED_ELSEWHERE: f64 = 2.5e-4;
 /// Largest distance behind three guided steps.
 const GUIDED: f64 = 5e-3;
 
-fn check(what: &str, distances: Vec<Distance>) {
+fn check(what: &str, on_gpu: bool, distances: Vec<Distance>) {
     for distance in distances {
         println!("{what}: {} {:.1e}", distance.name, distance.error);
-        let limit = if distance.is_guided { GUIDED } else { SINGLE };
+        let limit = match distance.name {
+            _ if distance.is_guided => GUIDED,
+            "out.laban_grad" if on_gpu => ROUNDED_ELSEWHERE,
+            _ => SINGLE,
+        };
         assert!(distance.error <= limit, "{what}: {distance:?}");
     }
 }
@@ -41,12 +49,18 @@ fn every_backend_agrees_with_the_reference_and_with_the_others() {
     let mut others: Vec<(DeviceName, Short)> = Vec::new();
     for name in devices() {
         let result = short(&case, &name.open().unwrap()).unwrap();
+        let on_gpu = name.to_string().starts_with("wgpu");
         check(
             &format!("{name} and the reference"),
+            on_gpu,
             result.from_reference(),
         );
         for (other, other_result) in &others {
-            check(&format!("{name} and {other}"), result.from(other_result));
+            check(
+                &format!("{name} and {other}"),
+                on_gpu,
+                result.from(other_result),
+            );
         }
         others.push((name, result));
     }

@@ -24,14 +24,13 @@ pub struct LabanSeries {
 }
 
 impl LabanSeries {
-    /// Measures a motion, on the CPU.
-    pub fn of(motion: &Motion, options: &LabanOptions) -> LabanSeries {
-        let device = Device::flex();
+    /// Measures a motion, computing on a device.
+    pub fn of(motion: &Motion, options: &LabanOptions, device: &Device) -> LabanSeries {
         let frames = motion.frames();
         let positions = motion.joints().as_flattened().as_flattened().to_vec();
         let joints = TensorData::new(positions, [1, frames, JOINTS, 3]);
-        let features = LabanFeatures::new(options, frames, &[frames], &device);
-        let measured = features.measure(Tensor::from_data(joints, &device));
+        let features = LabanFeatures::new(options, frames, &[frames], device);
+        let measured = features.measure(Tensor::from_data(joints, device));
         LabanSeries::from_tensor(measured.reshape([frames, COMPONENTS]))
     }
 
@@ -98,7 +97,7 @@ mod tests {
         let mut pose = [[0.0; 3]; JOINTS];
         pose[15] = [1.0, 2.0, 0.5];
         let motion = Motion::from_joints(vec![pose; 10]).unwrap();
-        let series = LabanSeries::of(&motion, &LabanOptions::default());
+        let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
         let summary = series.summary(Summary::Maximum);
         assert!((summary[3] - 1.0).abs() < 1e-5);
         assert!(summary[..3].iter().all(|&effort| effort < 1e-5));

@@ -146,6 +146,7 @@ fn unit(component: Component) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::tensor::Device;
     use lamogen_laban::LabanOptions;
     use lamogen_motion::{JOINTS, Motion};
 
@@ -155,7 +156,7 @@ mod tests {
             .map(|t| std::array::from_fn(|j| [j as f32 * 0.1, (t * j) as f32 * 0.01, 0.3]))
             .collect::<Vec<[[f32; 3]; JOINTS]>>();
         let motion = Motion::from_joints(frames).unwrap();
-        let series = LabanSeries::of(&motion, &LabanOptions::default());
+        let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
         let all = [
             Curve::baseline(&series),
             Curve::target(&series),
