@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use lamogen::model::Tokenizer;
 use lamogen::motion::npy;
 use lamogen::{Device, Error, Guidance, LaMoGen, Pass, Request, Scale, Tag};
 use tempfile::TempDir;
@@ -246,6 +247,22 @@ fn motion_diffuses_folders_are_known() {
 }
 
 #[test]
+fn a_prompt_that_is_cleaned_away() {
+    // CLIP's tokenizer turns references of HTML into characters and drops white space.
+    let clip = Tokenizer::clip(32);
+    let network = LaMoGen::embedded(&Device::flex()).unwrap();
+    let model = LaMoGen::new(
+        network.network().clone(),
+        clip,
+        network.normalization().clone(),
+    );
+    for prompt in ["&nbsp;", "&nbsp; \u{a0}", "\u{7}"] {
+        let error = model.generate(&Request::new(prompt)).unwrap_err();
+        says(&error.to_string(), &["the prompt is empty"]);
+    }
+}
+
+#[test]
 fn what_no_shape_tells_is_not_guessed() {
     // The embedded model has other heads than MotionDiffuse and predicts motion: without its config
     // it would run, and be wrong.
@@ -270,13 +287,13 @@ fn a_missing_file_is_named() {
     says(
         &message,
         &[
-            "model.safetensors or latest.tar",
+            "model.safetensors, latest.tar or model/latest.tar",
             "found config.json, mean.npy",
         ],
     );
     says(
         &load(Path::new("no/such/folder")).err().unwrap(),
-        &["no/such/folder"],
+        &["no/such/folder", "no folder that can be read"],
     );
 }
 

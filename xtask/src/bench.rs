@@ -1,6 +1,7 @@
 //! How long one evaluation and one step of each pass take.
 
 use std::error::Error;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -24,17 +25,20 @@ pub struct Options {
     /// Which network.
     #[arg(long, value_enum, default_value = "compact")]
     pub size: Size,
+    /// Time the model of a folder instead.
+    #[arg(long, conflicts_with = "size")]
+    pub model: Option<PathBuf>,
     /// Frames of each motion.
     #[arg(long, default_value_t = 196, value_parser = clap::value_parser!(u64).range(1..=196))]
     pub frames: u64,
     /// Motions at once.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=4096))]
     pub batch: u64,
     /// DDIM steps that are timed together, then divided.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub steps: u64,
     /// Measurements, of which the median is taken.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub repeat: u64,
 }
 
@@ -55,12 +59,15 @@ pub struct Times {
 ///
 /// If a pass fails.
 pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> {
-    let compact = LaMoGen::embedded(device)?;
-    let normalization = compact.normalization();
+    let loaded = match &options.model {
+        Some(folder) => LaMoGen::load(folder, device)?,
+        None => LaMoGen::embedded(device)?,
+    };
+    let normalization = loaded.normalization();
     let full;
-    let model = match options.size {
-        Size::Compact => compact.network(),
-        Size::Full => {
+    let model = match (options.size, &options.model) {
+        (Size::Compact, _) | (_, Some(_)) => loaded.network(),
+        (Size::Full, None) => {
             full = MotionDiffuse::new(&ModelConfig::motion_diffuse(), device);
             &full
         }

@@ -81,7 +81,10 @@ fn main() -> ExitCode {
             device,
             allow_rounding,
         } => on(device, |device| parity(&folder, device, allow_rounding)),
-        Task::Bench { options, device } => on(device, |device| bench(&options, device)),
+        Task::Bench {
+            options,
+            device: name,
+        } => on(name, |device| bench(&options, name, device)),
         Task::Sweep { size, out, device } => on(device, |device| {
             match xtask::sweep::run(size, device, &out, &mut |line| println!("{line}")) {
                 Ok(()) => ExitCode::SUCCESS,
@@ -124,15 +127,17 @@ fn parity(folder: &Path, device: &Device, allow_rounding: bool) -> ExitCode {
     }
 }
 
-fn bench(options: &Options, device: &Device) -> ExitCode {
+fn bench(options: &Options, device_name: DeviceName, device: &Device) -> ExitCode {
     let times = match xtask::bench::run(options, device) {
         Ok(times) => times,
         Err(error) => return fail(&*error),
     };
     let line = serde_json::json!({
         "threads": rayon::current_num_threads(),
+        "device": device_name.to_string(),
         "batch": options.batch,
         "frames": options.frames,
+        "steps": options.steps,
         "denoiser_s": times.denoiser,
         "baseline_step_s": times.baseline_step,
         "guided_step_s": times.guided_step,

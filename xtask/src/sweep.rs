@@ -39,6 +39,7 @@ impl Axis {
     fn options(self, size: Size, value: u64) -> Options {
         let options = Options {
             size,
+            model: None,
             frames: 80,
             batch: 1,
             steps: 4,

@@ -94,14 +94,18 @@ fn has_vulkan_driver() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
     }
-    let named = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(std::env::var_os);
+    let named =
+        ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES"].map(std::env::var_os);
     if named.iter().flatten().any(|files| !files.is_empty()) {
         return true;
     }
     let data = std::env::var_os("XDG_DATA_DIRS").filter(|folders| !folders.is_empty());
     let data = data.unwrap_or_else(|| "/usr/local/share:/usr/share".into());
-    let data = std::env::split_paths(&data).collect::<Vec<PathBuf>>();
-    let places = data.into_iter().chain([PathBuf::from("/etc")]);
+    let mut places = std::env::split_paths(&data).collect::<Vec<PathBuf>>();
+    places.push("/etc".into());
+    places.extend(std::env::var_os("XDG_DATA_HOME").map(PathBuf::from));
+    places.extend(std::env::var_os("HOME").map(|home| Path::new(&home).join(".local/share")));
+    let places = places.into_iter();
     places
         .map(|place| place.join("vulkan/icd.d"))
         .any(|folder| has_json(&folder))

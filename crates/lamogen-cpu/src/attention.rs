@@ -168,7 +168,7 @@ fn softmax(rows: &mut [f32], width: usize) {
         for x in row.iter_mut() {
             *x = math::exp(*x - largest);
         }
-        let share = 1.0 / math::sum(width, |i| row[i]);
+        let share = 1.0 / math::total(row);
         for x in row {
             *x *= share;
         }

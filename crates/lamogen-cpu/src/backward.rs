@@ -46,6 +46,24 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// If the tape is of another input.
     pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+        self.check(input);
+        let lengths = |passages: &[Passage]| -> Vec<usize> {
+            let mut lengths = vec![0; input.lengths.len()];
+            for passage in passages {
+                lengths[passage.chunk.motion] += passage.chunk.frames();
+            }
+            lengths
+        };
+        assert!(
+            lengths(&tape.passages) == input.lengths && tape.contexts.len() == self.blocks.len(),
+            "the tape is of another input"
+        );
+        let features = self.output.weight.outputs();
+        assert_eq!(
+            gradient.len(),
+            input.lengths.len() * input.frames * features,
+            "expected a gradient for every output"
+        );
         on_the_pool(|| self.unroll(input, tape, gradient))
     }
 

@@ -98,6 +98,7 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// If the sizes of weights and input do not belong together.
     pub fn evaluate(&self, input: Input<'_>) -> Vec<f32> {
+        self.check(input);
         on_the_pool(|| self.forward(input, false).0)
     }
 
@@ -107,7 +108,70 @@ impl<S: Numbers> Decoder<S> {
     ///
     /// As [`evaluate`](Self::evaluate).
     pub fn record(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
+        self.check(input);
         on_the_pool(|| self.forward(input, true))
+    }
+
+    /// Panics where the sizes of weights and input do not belong together: a slice too long or too short
+    /// would be read as something else.
+    pub(crate) fn check(&self, input: Input<'_>) {
+        let (width, motions) = (self.width(), input.lengths.len());
+        let features = self.pose_embedding.weight.inputs();
+        let blocks = self.blocks.len();
+        assert!(blocks > 0, "expected at least one block");
+        assert!(
+            self.heads > 0 && width.is_multiple_of(self.heads),
+            "expected heads that share {width} channels evenly, found {}",
+            self.heads
+        );
+        let is = |what: &str, expected: usize, found: usize| {
+            assert_eq!(
+                expected, found,
+                "{what}: expected {expected}, found {found}"
+            );
+        };
+        let outputs = &self.modulations.weight;
+        is(
+            "outputs of the modulations",
+            blocks * LAYERS * 2 * width,
+            outputs.outputs(),
+        );
+        for block in &self.blocks {
+            for norm in block.norms() {
+                is(
+                    "scales of a normalization",
+                    width,
+                    norm.gamma.as_ref().len(),
+                );
+                is("shifts of a normalization", width, norm.beta.as_ref().len());
+            }
+        }
+        is(
+            "pose features",
+            motions * input.frames * features,
+            input.x_t.len(),
+        );
+        is(
+            "condition",
+            motions * outputs.inputs(),
+            input.condition.len(),
+        );
+        is("blocks of the text", blocks, input.text.len());
+        for text in input.text {
+            is(
+                "text of a block",
+                motions * width * width / self.heads,
+                text.len(),
+            );
+        }
+        let longest = self.frame_embedding.as_ref().len() / width;
+        for &length in input.lengths {
+            assert!(
+                (1..=input.frames.min(longest)).contains(&length),
+                "expected motions of 1 to {} frames, found {length}",
+                input.frames.min(longest)
+            );
+        }
     }
 
     pub(crate) fn width(&self) -> usize {
@@ -136,6 +200,11 @@ pub(crate) fn on_the_pool<R: Send>(task: impl FnOnce() -> R + Send) -> R {
 }
 
 impl<S> Block<S> {
+    fn norms(&self) -> impl Iterator<Item = &Norm<S>> {
+        let first = [&self.self_attention.norm, &self.cross_attention.norm];
+        first.into_iter().chain(self.styled_norms())
+    }
+
     /// Normalizations of the stylization layers.
     pub(crate) fn styled_norms(&self) -> [&Norm<S>; LAYERS] {
         [

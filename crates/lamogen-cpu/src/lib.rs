@@ -11,14 +11,14 @@
 //!
 //! - A motion's frames are cut into [chunks](chunk) of whole rows. A chunk passes through a block on one
 //!   thread, from cache to cache; chunks meet once a block, where attention sums over frames.
-//! - Exponentials and error functions are polynomials that the compiler vectorises; the widest vector
-//!   unit of the machine is found at run time.
+//! - Exponentials and error functions are polynomials that the compiler vectorises; on x86-64 the widest
+//!   vector unit of the machine is found at run time.
 //! - Frames past a motion's length are never computed.
-//! - Only what the gradient with respect to the condition needs is recorded, and nothing is computed
+//! - The gradient is that with respect to the condition alone; no gradient is computed for weights, nor
 //!   for the first block's attention, on which the condition has no influence.
 //!
-//! Sums run in an order that depends on neither the number of threads nor the other motions of a
-//! batch, so results are equal bit for bit on any number of threads.
+//! Sums run in an order that does not depend on the number of threads, so results are equal bit for
+//! bit on any number of them.
 
 mod attention;
 mod backward;

@@ -80,50 +80,88 @@ fn erf(x: f32) -> f32 {
     x * above / below
 }
 
-/// Numbers that are summed side by side before they are added up.
+/// Numbers that are summed side by side before they are added up: a vector register's.
 const LANES: usize = 16;
 
-/// The sum of `term(i)`, in an order that depends on `count` alone.
+/// The sum of `term(a[i], b[i])`, in an order that depends on the rows' length alone.
 #[inline(always)]
-pub(crate) fn sum(count: usize, term: impl Fn(usize) -> f32) -> f32 {
+pub(crate) fn sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     let mut lanes = [0.0f32; LANES];
-    let whole = count / LANES * LANES;
-    for start in (0..whole).step_by(LANES) {
-        for (lane, total) in lanes.iter_mut().enumerate() {
-            *total += term(start + lane);
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            lanes[lane] += term(a[lane], b[lane]);
         }
     }
-    let mut total = 0.0;
-    for lane in lanes {
-        total += lane;
-    }
-    for i in whole..count {
-        total += term(i);
+    let mut total = halve(lanes, |a, b| a + b);
+    for (a, b) in a_rest.iter().zip(b_rest) {
+        total += term(*a, *b);
     }
     total
+}
+
+/// Combines all lanes, half of them with the other half until one is left.
+#[inline(always)]
+fn halve(mut lanes: [f32; LANES], combine: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for lane in 0..half {
+            lanes[lane] = combine(lanes[lane], lanes[lane + half]);
+        }
+        half /= 2;
+    }
+    lanes[0]
 }
 
 /// The sum of the products of two rows.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let count = a.len().min(b.len());
-    let (a, b) = (&a[..count], &b[..count]);
-    sum(count, |i| a[i] * b[i])
+    sum(a, b, |a, b| a * b)
+}
+
+/// The products of a row with several others at once, each as [`dot`] gives it.
+#[inline(always)]
+pub(crate) fn dots<const N: usize>(a: &[f32], others: &[&[f32]; N]) -> [f32; N] {
+    let (whole, rest) = a.as_chunks::<LANES>();
+    let others = others.map(|b| b[..a.len()].as_chunks::<LANES>());
+    let mut registers = [[0.0f32; LANES]; N];
+    for (place, a) in whole.iter().enumerate() {
+        for (lanes, (b, _)) in registers.iter_mut().zip(&others) {
+            let b = &b[place];
+            for lane in 0..LANES {
+                lanes[lane] += a[lane] * b[lane];
+            }
+        }
+    }
+    let mut totals = registers.map(|lanes| halve(lanes, |a, b| a + b));
+    for (total, (_, b)) in totals.iter_mut().zip(&others) {
+        for (a, b) in rest.iter().zip(*b) {
+            *total += a * b;
+        }
+    }
+    totals
+}
+
+/// The sum of a row.
+#[inline(always)]
+pub(crate) fn total(row: &[f32]) -> f32 {
+    sum(row, row, |x, _| x)
 }
 
 /// The largest number of a row.
 #[inline(always)]
 pub(crate) fn largest(row: &[f32]) -> f32 {
+    // Not `max`, which would hide NaN from the sums that follow.
+    let larger = |a: f32, b: f32| if b > a { b } else { a };
     let mut lanes = [f32::NEG_INFINITY; LANES];
     let mut chunks = row.chunks_exact(LANES);
     for chunk in &mut chunks {
         for (largest, x) in lanes.iter_mut().zip(chunk) {
-            *largest = if x > largest { *x } else { *largest };
+            *largest = larger(*largest, *x);
         }
     }
-    let largest = |a: f32, b: &f32| if *b > a { *b } else { a };
-    let rest = chunks.remainder().iter().fold(f32::NEG_INFINITY, largest);
-    lanes.iter().fold(rest, largest)
+    let rest = chunks.remainder().iter().copied();
+    rest.fold(halve(lanes, larger), larger)
 }
 
 /// Adds one row to another.
@@ -172,11 +210,16 @@ mod tests {
 
     #[test]
     fn sums_count_every_number() {
-        for count in [0, 1, 15, 16, 17, 100] {
+        for count in [0, 1, 15, 16, 17, 63, 64, 65, 100, 144] {
             let row: Vec<f32> = (0..count).map(|i| i as f32).collect();
             let expected = (count * count - count) as f32 / 2.0;
-            assert_eq!(sum(count, |i| row[i]), expected);
-            assert_eq!(dot(&row, &vec![2.0; count]), 2.0 * expected);
+            assert_eq!(total(&row), expected);
+            let twice = vec![2.0; count];
+            assert_eq!(dot(&row, &twice), 2.0 * expected);
+            assert_eq!(
+                dots(&twice, &[&row, &twice]),
+                [2.0 * expected, 4.0 * count as f32]
+            );
             let last = count.checked_sub(1).map_or(f32::NEG_INFINITY, |i| i as f32);
             assert_eq!(largest(&row), last);
         }

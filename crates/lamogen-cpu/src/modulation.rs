@@ -92,10 +92,21 @@ fn blends<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &
 /// The product of each row with each vector, row after row.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 fn dots_of_stretch(rows: &[&[f32]], vectors: &[f32], width: usize) -> Vec<f32> {
-    let mut out = Vec::with_capacity(rows.len() * vectors.len() / width);
-    for row in rows {
-        for vector in vectors.chunks_exact(width) {
-            out.push(math::dot(row, vector));
+    let count = vectors.len() / width;
+    let mut out = vec![0.0; rows.len() * count];
+    let (fours, rest) = rows.as_chunks::<4>();
+    let (out_fours, out_rest) = out.split_at_mut(4 * fours.len() * count);
+    for (rows, out) in fours.iter().zip(out_fours.chunks_exact_mut(4 * count)) {
+        for (place, vector) in vectors.chunks_exact(width).enumerate() {
+            let products = math::dots(vector, rows);
+            for (row, product) in products.into_iter().enumerate() {
+                out[row * count + place] = product;
+            }
+        }
+    }
+    for (row, out) in rest.iter().zip(out_rest.chunks_exact_mut(count)) {
+        for (out, vector) in out.iter_mut().zip(vectors.chunks_exact(width)) {
+            [*out] = math::dots(vector, &[*row]);
         }
     }
     out

@@ -66,8 +66,8 @@ fn normalize(x: &[f32], width: usize, epsilon: f32, out: &mut [f32], scales: &mu
     let count = width as f32;
     let rows = x.chunks_exact(width).zip(out.chunks_exact_mut(width));
     for ((x, out), scale) in rows.zip(scales) {
-        let mean = math::sum(width, |i| x[i]) / count;
-        let variance = math::sum(width, |i| (x[i] - mean) * (x[i] - mean)) / count;
+        let mean = math::total(x) / count;
+        let variance = math::sum(x, x, |x, _| (x - mean) * (x - mean)) / count;
         *scale = 1.0 / (variance + epsilon).sqrt();
         for (out, x) in out.iter_mut().zip(x) {
             *out = (x - mean) * *scale;
@@ -82,7 +82,7 @@ fn normalize_backward(gradient: &mut [f32], width: usize, rows: &[f32], scales: 
         .chunks_exact_mut(width)
         .zip(rows.chunks_exact(width));
     for ((gradient, row), scale) in rows.zip(scales) {
-        let mean = math::sum(width, |i| gradient[i]) / count;
+        let mean = math::total(gradient) / count;
         let slope = math::dot(gradient, row) / count;
         for (g, x) in gradient.iter_mut().zip(row) {
             *g = (*g - mean - x * slope) * scale;

@@ -10,7 +10,8 @@ use crate::config::Prediction;
 /// The work is split by what it depends on, so that nothing is computed twice:
 /// [`encode`](Denoiser::encode) once a prompt, [`embed_timesteps`](Denoiser::embed_timesteps) once a
 /// timestep, and [`denoise`](Denoiser::denoise) at every step. Guidance moves the embedding of
-/// [`Prompt`] and differentiates `denoise` with respect to it; the weights are never tracked.
+/// [`Prompt`] along the derivative that [`linearize`](Denoiser::linearize) gives; the weights are never
+/// tracked.
 pub trait Denoiser {
     /// What the network keeps of a prompt beside its embedding.
     type Context: Clone;
@@ -53,7 +54,8 @@ pub trait Denoiser {
     /// # Panics
     ///
     /// May, if there are more frames than [`max_frames`](Denoiser::max_frames) or another number of
-    /// features than [`pose_features`](Denoiser::pose_features).
+    /// features than [`pose_features`](Denoiser::pose_features), or if input and context are not of as
+    /// many motions.
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
 
     /// One evaluation, and the way back from its output to the embedding. Nothing of the input is
@@ -70,8 +72,9 @@ pub trait Denoiser {
 
 /// An evaluation of a network with the derivative of its output with respect to the embedding.
 pub struct Linearized<'a> {
-    /// As [`Denoiser::denoise`] returns it, not tracked by autodiff.
+    /// As [`Denoiser::denoise`] returns it, `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
+    shape: [usize; 3],
     pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<2> + 'a>,
 }
 
@@ -79,6 +82,7 @@ impl<'a> Linearized<'a> {
     /// An output, and what turns its gradient into that of the embedding.
     pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<2> + 'a) -> Self {
         Linearized {
+            shape: output.dims(),
             output,
             pullback: Box::new(pullback),
         }
@@ -104,8 +108,18 @@ impl<'a> Linearized<'a> {
     }
 
     /// The gradient with respect to the embedding, `[batch, d_condition]`, of what has the given
-    /// gradient with respect to the output, `[batch, frames, features]`.
+    /// gradient with respect to the output, `[batch, frames, features]`, on the same device and not
+    /// tracked.
+    ///
+    /// # Panics
+    ///
+    /// If the gradient has another shape than the output.
     pub fn pull(self, gradient: Tensor<3>) -> Tensor<2> {
+        assert_eq!(
+            self.shape,
+            gradient.dims(),
+            "the gradient must have the shape of the output"
+        );
         (self.pullback)(gradient)
     }
 }

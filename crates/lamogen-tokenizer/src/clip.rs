@@ -16,6 +16,10 @@ const START: u32 = 49406;
 
 /// The id that ends a text, the largest.
 pub(crate) const END: u32 = 49407;
+/// Tokens around those of a text: start and end.
+pub(crate) const AROUND: usize = 2;
+/// The longest prompt in bytes. Some repairs take time that grows with the square of a text made for it.
+const LONGEST: usize = 100_000;
 
 /// `clip/simple_tokenizer.py` of OpenAI's CLIP.
 #[derive(Debug)]
@@ -69,6 +73,12 @@ impl ClipTokenizer {
 
     /// The ids of a prompt between those of start and end, or what is wrong with it.
     pub(crate) fn ids(&self, prompt: &str) -> Result<Vec<u32>, String> {
+        if prompt.len() > LONGEST {
+            return Err(format!(
+                "expected at most {LONGEST} bytes, found {}",
+                prompt.len()
+            ));
+        }
         let text = clean(prompt);
         let mut ids = vec![START];
         for word in self.words.find_iter(&text) {

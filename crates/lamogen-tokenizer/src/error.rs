@@ -18,8 +18,8 @@ pub enum TokenizerError {
     Format { path: PathBuf, problem: String },
     /// The tokenizer knows more ids than the network has embeddings.
     #[error(
-        "{path}: the tokenizer's ids go up to {largest}, but the model has embeddings for 0 to {last} only",
-        last = .vocab_size - 1
+        "{path}: the tokenizer's ids go up to {largest}, but the model has embeddings for {vocab_size} ids only, 0 to {last}",
+        last = .vocab_size.saturating_sub(1)
     )]
     #[allow(missing_docs)]
     Vocabulary {

@@ -78,6 +78,11 @@ impl FileTokenizer {
         Ok(ids)
     }
 
+    /// How many ids the file puts around those of a text.
+    pub(crate) fn around(&self) -> usize {
+        self.empty.len()
+    }
+
     /// The id that ends a text, which is the largest.
     pub(crate) fn end(&self) -> u32 {
         self.end

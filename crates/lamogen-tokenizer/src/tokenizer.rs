@@ -30,6 +30,8 @@ pub struct Tokens {
     pub ids: Vec<u32>,
     /// How many tokens of the prompt did not fit.
     pub cut: usize,
+    /// How many tokens the prompt has of its own, beside those of start and end.
+    pub own: usize,
 }
 
 impl Tokenizer {
@@ -95,22 +97,24 @@ impl Tokenizer {
     ///
     /// # Errors
     ///
-    /// If the tokenizer cannot encode it or, with a tokenizer from a file, finds no token in it.
+    /// If the tokenizer cannot encode it, or with a tokenizer from a file finds no token in it, or with
+    /// CLIP's it is longer than 100,000 bytes.
     pub fn encode(&self, prompt: &str) -> Result<Tokens, TokenizerError> {
-        let (ids, end) = match &self.source {
-            Source::Clip(clip) => (clip.ids(prompt), clip::END),
-            Source::File(file) => (file.ids(prompt), file.end()),
+        let (ids, end, around) = match &self.source {
+            Source::Clip(clip) => (clip.ids(prompt), clip::END, clip::AROUND),
+            Source::File(file) => (file.ids(prompt), file.end(), file.around()),
         };
         let mut ids = ids.map_err(|problem| TokenizerError::Prompt {
             prompt: prompt.into(),
             problem,
         })?;
+        let own = ids.len().saturating_sub(around);
         let cut = ids.len().saturating_sub(self.context_length);
         ids.resize(self.context_length, 0);
         if let (1.., Some(last)) = (cut, ids.last_mut()) {
             *last = end;
         }
-        Ok(Tokens { ids, cut })
+        Ok(Tokens { ids, cut, own })
     }
 
     /// Number of ids of a padded prompt.

@@ -100,7 +100,7 @@ fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
     for (context_length, ids) in [(1, vec![END]), (0, vec![])] {
         let cut = 102 - context_length;
         let tokens = Tokenizer::clip(context_length).encode(&long).unwrap();
-        assert_eq!(tokens, Tokens { ids, cut });
+        assert_eq!(tokens, Tokens { ids, cut, own: 100 });
     }
 }
 
@@ -124,7 +124,7 @@ fn any_character_and_any_length_can_be_encoded() {
         "<|endoftext|>",
     ] {
         assert_eq!(
-            tokenizer.encode(&unit.repeat(20_000)).unwrap().ids.len(),
+            tokenizer.encode(&unit.repeat(5_000)).unwrap().ids.len(),
             CONTEXT
         );
     }
@@ -238,4 +238,24 @@ fn special_tokens_and_empty_prompts_are_read_as_documented() {
         file.encode(" \n"),
         Err(TokenizerError::Prompt { .. })
     ));
+}
+
+#[test]
+fn a_prompt_beyond_all_use_is_refused() {
+    let error = Tokenizer::clip(77)
+        .encode(&"walks ".repeat(20_000))
+        .unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("at most 100000 bytes, found 120000")
+    );
+}
+
+#[test]
+fn tokens_of_the_prompt_itself_are_counted() {
+    let tokenizer = Tokenizer::clip(77);
+    let own = |prompt: &str| tokenizer.encode(prompt).unwrap().own;
+    assert_eq!([own("a person jumps"), own(""), own("&nbsp;")], [3, 0, 0]);
+    assert_eq!(own(&"walks ".repeat(100)), 100);
 }

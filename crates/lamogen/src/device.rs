@@ -3,13 +3,13 @@
 use std::fmt;
 use std::str::FromStr;
 
-use burn::tensor::{Device, DeviceType};
+use burn::tensor::{Device, DeviceKind, DeviceType};
 
 /// A device by its name: `flex`, `wgpu`, `wgpu:cpu`, `cuda:0`.
 ///
 /// Before the colon stands a backend, one of the features of this crate. After it stands the number of
 /// a device, or `cpu` for a graphics driver that computes on the CPU; without it the backend's best device is
-/// meant, which is never such a driver.
+/// meant, a graphics processor of its own before one beside the CPU, and never such a driver.
 ///
 /// ```
 /// use lamogen::DeviceName;
@@ -123,16 +123,36 @@ impl Backend {
         }
     }
 
-    /// The driver that computes on the CPU.
-    fn software(self) -> Option<Device> {
+    /// The graphics device of a kind.
+    #[cfg_attr(
+        not(any(feature = "wgpu", feature = "vulkan")),
+        allow(unused_variables)
+    )]
+    fn graphics(self, kind: DeviceKind) -> Option<Device> {
         match self {
             #[cfg(feature = "wgpu")]
-            Backend::Wgpu => Some(Device::wgpu(burn::tensor::DeviceKind::Cpu)),
+            Backend::Wgpu => Some(Device::wgpu(kind)),
             #[cfg(feature = "vulkan")]
-            Backend::Vulkan => Some(Device::vulkan(burn::tensor::DeviceKind::Cpu)),
+            Backend::Vulkan => Some(Device::vulkan(kind)),
             #[allow(unreachable_patterns)]
             _ => None,
         }
+    }
+
+    /// Graphics processors of their own first, then those beside the CPU, then virtual ones.
+    fn rank(self, device: &Device) -> usize {
+        /// More devices of a kind than any machine has.
+        const MOST: usize = 64;
+        let kinds: [fn(usize) -> DeviceKind; 3] = [
+            DeviceKind::DiscreteGpu,
+            DeviceKind::IntegratedGpu,
+            DeviceKind::VirtualGpu,
+        ];
+        let all = kinds.into_iter().flat_map(|kind| (0..MOST).map(kind));
+        let mut named = all.map(|kind| self.graphics(kind));
+        named
+            .position(|named| named.as_ref() == Some(device))
+            .unwrap_or(usize::MAX)
     }
 
     /// The devices of this backend that this machine has, best first; those that are a CPU in disguise apart.
@@ -141,7 +161,11 @@ impl Backend {
             return (Vec::new(), None);
         };
         let mut all = Device::enumerate(device_type).into_vec();
-        let software = self.software();
+        let software = self.graphics(DeviceKind::Cpu);
+        if self.is_graphics() {
+            // burn lists some drivers' devices as the driver does.
+            all.sort_by_key(|device| self.rank(device));
+        }
         let place = all
             .iter()
             .position(|device| Some(device) == software.as_ref());

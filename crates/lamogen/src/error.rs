@@ -15,7 +15,9 @@ use crate::request::{Length, Request};
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The folder has no weights.
-    #[error("{folder}: expected weights in model.safetensors or latest.tar, found {found}")]
+    #[error(
+        "{folder}: expected weights in model.safetensors, latest.tar or model/latest.tar, found {found}"
+    )]
     #[allow(missing_docs)]
     NoWeights { folder: PathBuf, found: String },
     /// The network's poses are not HumanML3D's.

@@ -58,6 +58,10 @@ pub(crate) fn assign(
     let guidance = request.guidance.clone().unwrap_or(preset.guidance());
     guidance.check()?;
     let tokens = tokenizer.encode(&request.prompt)?;
+    // Some texts are cleaned away, such as "&nbsp;".
+    if tokens.own == 0 {
+        return Err(RequestError::EmptyPrompt);
+    }
     let job = Job {
         request: index,
         ids: tokens.ids,

@@ -138,15 +138,16 @@ fn tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError
 
 /// The names of a folder's files, for messages.
 fn content(folder: &Path) -> String {
-    let mut names: Vec<String> = std::fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .flatten()
+    let entries = match std::fs::read_dir(folder) {
+        Ok(entries) => entries.flatten(),
+        Err(error) => return format!("no folder that can be read ({error})"),
+    };
+    let mut names: Vec<String> = entries
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort_unstable();
     match names.is_empty() {
-        true => "nothing".into(),
+        true => "an empty folder".into(),
         false => names.join(", "),
     }
 }

@@ -92,7 +92,7 @@ pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
 
 impl Short {
     /// How far these values are from the reference's.
-    pub fn from_reference(&self) -> Vec<Distance> {
+    pub fn distances_to_reference(&self) -> Vec<Distance> {
         let expected = self.expected.iter();
         expected
             .map(|(name, expected)| self.distance(name, expected.iter().copied()))
@@ -100,7 +100,7 @@ impl Short {
     }
 
     /// How far these values are from those of another device.
-    pub fn from(&self, other: &Short) -> Vec<Distance> {
+    pub fn distances_to(&self, other: &Short) -> Vec<Distance> {
         let others = other.values.iter();
         others
             .map(|(name, other)| self.distance(name, other.values.iter().copied()))

@@ -31,7 +31,8 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// If a tensor cannot be read, or holds no floats, infinities, NaN or numbers beyond the range of 16 bits where these are asked for; or if the file cannot be written.
+    /// If a tensor cannot be read, is not of floats, holds infinities or NaN, or holds numbers beyond the
+    /// range of 16 bits where these are asked for; or if the file cannot be written.
     pub fn convert(
         &self,
         to: impl AsRef<Path>,
@@ -100,14 +101,12 @@ struct Tensor<'a, 'p> {
 
 impl Tensor<'_, '_> {
     fn bytes(&self) -> Result<Vec<u8>, CheckpointError> {
-        let data = self.precision.convert(self.checkpoint.read(self.key)?);
-        let overflows = || data.iter::<f32>().any(|number| !number.is_finite());
-        match self.precision == Precision::F16 && overflows() {
-            true => Err(CheckpointError::Range {
+        match self.precision.convert(self.checkpoint.read(self.key)?) {
+            Some(data) => Ok(data.as_bytes().to_vec()),
+            None => Err(CheckpointError::Range {
                 path: self.checkpoint.path().to_owned(),
                 key: self.key.to_owned(),
             }),
-            false => Ok(data.as_bytes().to_vec()),
         }
     }
 }

@@ -23,10 +23,15 @@ pub enum Precision {
 }
 
 impl Precision {
-    pub(super) fn convert(self, data: TensorData) -> TensorData {
+    /// The numbers with this many bits; `None` if one of them is too large for 16.
+    pub(super) fn convert(self, data: TensorData) -> Option<TensorData> {
         match self {
-            Precision::F32 => data.convert::<f32>(),
-            Precision::F16 => data.convert::<half::f16>(),
+            Precision::F32 => Some(data.convert::<f32>()),
+            Precision::F16 => {
+                let data = data.convert::<half::f16>();
+                let fits = data.iter::<f32>().all(|number| number.is_finite());
+                fits.then_some(data)
+            }
         }
     }
 }
@@ -37,7 +42,8 @@ impl MotionDiffuse {
     ///
     /// # Errors
     ///
-    /// If the file cannot be written.
+    /// If the file cannot be written, or a weight is beyond the range of 16 bits where these are asked
+    /// for.
     pub fn save(
         &self,
         path: impl AsRef<Path>,
@@ -48,9 +54,16 @@ impl MotionDiffuse {
         let mut writer = Writer {
             precision,
             tensors: Vec::new(),
+            problem: None,
         };
         self.clone()
             .keys(&mut Keys::new(self.device(), &mut writer));
+        if let Some(key) = writer.problem {
+            return Err(CheckpointError::Range {
+                path: path.to_owned(),
+                key,
+            });
+        }
         let views = writer.tensors.iter().map(|(key, data)| {
             let dtype = match data.dtype() {
                 DType::F16 => Dtype::F16,
@@ -73,6 +86,8 @@ impl MotionDiffuse {
 struct Writer {
     precision: Precision,
     tensors: Vec<(String, TensorData)>,
+    /// The first tensor that does not fit the precision.
+    problem: Option<String>,
 }
 
 impl Exchange for Writer {
@@ -82,8 +97,10 @@ impl Exchange for Writer {
         _shape: &[usize],
         current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
-        let data = self.precision.convert(current());
-        self.tensors.push((key.to_owned(), data));
+        match self.precision.convert(current()) {
+            Some(data) => self.tensors.push((key.to_owned(), data)),
+            None => self.problem = self.problem.take().or_else(|| Some(key.to_owned())),
+        }
         None
     }
 }

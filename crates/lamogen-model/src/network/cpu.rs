@@ -98,12 +98,19 @@ impl Evaluation {
         input: &DenoiserInput,
         context: &CrossAttentionContext,
     ) -> Option<Self> {
+        let x_t = Numbers::of(input.x_t.clone())?;
+        let shape @ [motions, frames, _] = input.x_t.dims();
+        assert_eq!(
+            [motions, frames],
+            [input.mask.lengths().len(), input.mask.frames()],
+            "the mask must be of as many motions and frames as x_t"
+        );
         let condition = input.time.clone() + input.embedding.clone();
         let condition_shape = condition.dims();
         let text = context.0.iter().cloned();
         Some(Evaluation {
-            shape: input.x_t.dims(),
-            x_t: Numbers::of(input.x_t.clone())?,
+            shape,
+            x_t,
             condition: Numbers::of(condition)?,
             text: text.map(Numbers::of).collect::<Option<_>>()?,
             decoder: decoder()?,
@@ -127,7 +134,9 @@ impl Evaluation {
 
     /// The gradient with respect to the embedding.
     pub(super) fn backward(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
-        let gradient = Numbers::of(gradient).expect("gradients lie where the output does");
+        let gradient = Numbers::of(gradient).expect(
+            "a gradient of 32-bit floats that lies where the output does and is not tracked",
+        );
         let out = self.with_input(|input| self.decoder.backward(input, tape, gradient.as_ref()));
         tensor(out, self.condition_shape)
     }
