@@ -9,7 +9,7 @@
 //!
 //! What a frame costs is spent once and in one place:
 //!
-//! - A motion's frames are cut into [chunks](chunk) of whole rows. A chunk passes through a block on one
+//! - A motion's frames are cut into chunks of whole rows. A chunk passes through a block on one
 //!   thread, from cache to cache; chunks meet once a block, where attention sums over frames.
 //! - Exponentials and error functions are polynomials that the compiler vectorises; on x86-64 the widest
 //!   vector unit of the machine is found at run time.
