@@ -43,7 +43,11 @@ impl Axis {
             frames: 80,
             batch: 1,
             steps: 4,
-            repeat: 5,
+            // Short measurements need many of them.
+            repeat: match size {
+                Size::Compact => 21,
+                Size::Full => 3,
+            },
         };
         match self {
             Axis::Frames => Options {
@@ -89,6 +93,12 @@ pub fn run(
     out: &Path,
     line: &mut dyn FnMut(&str),
 ) -> Result<(), Box<dyn Error>> {
+    // Minutes of measuring should not end with a folder that is not there.
+    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(format!("{}: there is no such folder", folder.display()).into());
+    }
     let mut panels = Vec::new();
     for axis in Axis::ALL {
         let mut points = Vec::new();
@@ -131,6 +141,8 @@ fn draw(panels: &[Panel], svg: &mut String) -> Result<(), Box<dyn Error>> {
             .configure_mesh()
             .x_labels(6)
             .y_labels(6)
+            .x_label_formatter(&|x| format!("{x:.0}"))
+            .y_label_formatter(&|y| format!("{y:.0}"))
             .light_line_style(TRANSPARENT)
             .draw()?;
         for (pass, (colour, name)) in COLOURS.into_iter().zip(["baseline", "guided"]).enumerate() {
@@ -152,7 +164,10 @@ fn draw(panels: &[Panel], svg: &mut String) -> Result<(), Box<dyn Error>> {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(match panel.axis {
+                Axis::Batch => SeriesLabelPosition::UpperRight,
+                _ => SeriesLabelPosition::UpperLeft,
+            })
             .border_style(TRANSPARENT)
             .draw()?;
     }

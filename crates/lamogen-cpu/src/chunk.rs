@@ -14,9 +14,12 @@ pub(crate) struct Chunk {
     pub(crate) granules: Vec<usize>,
 }
 
-/// Frames whose sums are formed together. It depends on the length of a motion alone; so do results,
+/// The most frames whose sums are formed together. A granule's length depends on the length of a motion alone; so do results,
 /// however many threads there are.
 const GRANULE: usize = 50;
+
+/// The shortest motion that is cut at all.
+const SHORTEST_CUT: usize = 16;
 
 /// More rows at once make matrix products no faster.
 const GRANULES_AT_ONCE: usize = 4;
@@ -24,7 +27,7 @@ const GRANULES_AT_ONCE: usize = 4;
 impl Chunk {
     /// Cuts motions of the given lengths so that each of so many threads has work.
     pub(crate) fn cut(lengths: &[usize], threads: usize) -> Vec<Chunk> {
-        let all: usize = lengths.iter().map(|length| length.div_ceil(GRANULE)).sum();
+        let all: usize = lengths.iter().map(|&length| count(length)).sum();
         let at_once = (all / threads.max(1)).clamp(1, GRANULES_AT_ONCE);
         let mut chunks = Vec::new();
         for (motion, &length) in lengths.iter().enumerate() {
@@ -61,9 +64,17 @@ impl Chunk {
     }
 }
 
+/// How many granules a motion has: an even number, so that two threads share it evenly.
+fn count(length: usize) -> usize {
+    match length {
+        ..SHORTEST_CUT => 1,
+        _ => 2 * length.div_ceil(2 * GRANULE),
+    }
+}
+
 /// Nearly equal parts of a length.
 fn granules(length: usize) -> Vec<usize> {
-    let count = length.div_ceil(GRANULE);
+    let count = count(length);
     (0..count)
         .map(|i| (i + 1) * length / count - i * length / count)
         .collect()
@@ -98,6 +109,8 @@ mod tests {
         let chunks = Chunk::cut(&[196], 2);
         assert_eq!(chunks.len(), 2);
         assert_eq!(chunks[0].frames(), 98);
+        assert_eq!(Chunk::cut(&[120], 2)[0].frames(), 60);
+        assert_eq!(Chunk::cut(&[40], 2)[0].frames(), 20);
         assert_eq!(Chunk::cut(&[196], 8).len(), 4);
         assert_eq!(Chunk::cut(&[196; 8], 2).len(), 8);
     }
