@@ -83,27 +83,18 @@ impl Heads {
 
     /// `out = a · context` for each frame and head.
     pub(crate) fn apply(self, a: &[f32], context: &[f32], out: &mut [f32]) {
-        for head in self.each() {
-            let context = self.matrix(context, head);
-            product(
-                self.of(a, head),
-                context,
-                self.of_mut(out, head),
-                Accum::Replace,
-            );
-        }
+        self.apply_each(a, |head| self.matrix(context, head), out);
     }
 
     /// `out = a · contextᵀ` for each frame and head.
     pub(crate) fn apply_transposed(self, a: &[f32], context: &[f32], out: &mut [f32]) {
+        self.apply_each(a, |head| self.matrix(context, head).transpose(), out);
+    }
+
+    fn apply_each<'c>(self, a: &[f32], matrix: impl Fn(usize) -> MatRef<'c, f32>, out: &mut [f32]) {
         for head in self.each() {
-            let context = self.matrix(context, head).transpose();
-            product(
-                self.of(a, head),
-                context,
-                self.of_mut(out, head),
-                Accum::Replace,
-            );
+            let out = self.of_mut(out, head);
+            product(self.of(a, head), matrix(head), out, Accum::Replace);
         }
     }
 
@@ -127,7 +118,7 @@ impl Context {
         for part in parts.clone() {
             largest.resize(part.largest.len(), f32::NEG_INFINITY);
             for (largest, x) in largest.iter_mut().zip(&part.largest) {
-                *largest = if *x > *largest { *x } else { *largest };
+                *largest = math::larger(*largest, *x);
             }
         }
         let mut sum = vec![0.0; largest.len()];
@@ -192,23 +183,13 @@ fn exponentiate(key: &mut [f32], largest: &mut [f32], sum: &mut [f32]) {
     let width = largest.len();
     for row in key.chunks_exact(width) {
         for (largest, x) in largest.iter_mut().zip(row) {
-            *largest = if *x > *largest { *x } else { *largest };
+            *largest = math::larger(*largest, *x);
         }
     }
     for row in key.chunks_exact_mut(width) {
         for ((x, largest), sum) in row.iter_mut().zip(largest.iter()).zip(sum.iter_mut()) {
             *x = math::exp(*x - largest);
             *sum += *x;
-        }
-    }
-}
-
-/// Multiplies each channel of the keys with its share.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-pub(crate) fn share(key: &mut [f32], shares: &[f32]) {
-    for row in key.chunks_exact_mut(shares.len()) {
-        for (key, share) in row.iter_mut().zip(shares) {
-            *key *= share;
         }
     }
 }

@@ -18,7 +18,10 @@ use crate::tape::{Passage, Record, Tape};
 struct Trace {
     /// Gradients of scale and shift of each layer, granule after granule.
     modulations: [Vec<f32>; LAYERS],
-    attention: AttentionTrace,
+    /// Gradient of the self-attention's output.
+    y: Vec<f32>,
+    /// Gradient of its context, for each granule.
+    contexts: Vec<Vec<f32>>,
 }
 
 /// All that the first half of a block needs on the way back.
@@ -30,14 +33,6 @@ struct After {
     traces: Vec<Trace>,
 }
 
-/// For the first half of the block.
-struct AttentionTrace {
-    /// Gradient of the attention's output.
-    y: Vec<f32>,
-    /// Gradient of the context, for each granule.
-    contexts: Vec<Vec<f32>>,
-}
-
 impl<S: Numbers> Decoder<S> {
     /// The gradient with respect to the condition, `[batch, condition]`, from the gradient of the
     /// output, `[batch, frames, features]`, of the evaluation that was recorded with the same input.
@@ -47,15 +42,12 @@ impl<S: Numbers> Decoder<S> {
     /// If the tape is of another input.
     pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         self.check(input);
-        let lengths = |passages: &[Passage]| -> Vec<usize> {
-            let mut lengths = vec![0; input.lengths.len()];
-            for passage in passages {
-                lengths[passage.chunk.motion] += passage.chunk.frames();
-            }
-            lengths
-        };
+        let mut lengths = vec![0; input.lengths.len()];
+        for passage in &tape.passages {
+            lengths[passage.chunk.motion] += passage.chunk.frames();
+        }
         assert!(
-            lengths(&tape.passages) == input.lengths && tape.contexts.len() == self.blocks.len(),
+            lengths == input.lengths && tape.contexts.len() == self.blocks.len(),
             "the tape is of another input"
         );
         let features = self.output.weight.outputs();
@@ -173,7 +165,8 @@ impl<S: Numbers> Decoder<S> {
         };
         Trace {
             modulations,
-            attention: AttentionTrace { y, contexts },
+            y,
+            contexts,
         }
     }
 
@@ -184,7 +177,7 @@ impl<S: Numbers> Decoder<S> {
         let motion = passage.chunk.motion;
         let context = &after.contexts[motion].values;
         let context_gradient = &after.context_gradients[motion];
-        let y = &after.traces[place].attention.y;
+        let y = &after.traces[place].y;
         let Record { self_attention, .. } = passage.records.pop().expect("one a block");
         let mut query = vec![0.0; y.len()];
         heads.apply_transposed(y, context, &mut query);
@@ -221,7 +214,7 @@ impl<S: Numbers> Decoder<S> {
         let heads = self.heads();
         let mut gradients = vec![vec![0.0; heads.width * heads.channels]; motions];
         for (passage, trace) in passages.iter().zip(traces) {
-            for part in &trace.attention.contexts {
+            for part in &trace.contexts {
                 math::add(&mut gradients[passage.chunk.motion], part);
             }
         }

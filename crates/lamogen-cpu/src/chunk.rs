@@ -14,8 +14,8 @@ pub(crate) struct Chunk {
     pub(crate) granules: Vec<usize>,
 }
 
-/// The most frames whose sums are formed together. A granule's length depends on the length of a motion alone; so do results,
-/// however many threads there are.
+/// The most frames whose sums are formed together. A granule's length depends on the length of a motion
+/// alone; so do results, however many threads there are.
 const GRANULE: usize = 50;
 
 /// The shortest motion that is cut at all.

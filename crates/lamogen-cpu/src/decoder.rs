@@ -125,8 +125,8 @@ impl<S: Numbers> Decoder<S> {
             self.heads
         );
         let is = |what: &str, expected: usize, found: usize| {
-            assert_eq!(
-                expected, found,
+            assert!(
+                expected == found,
                 "{what}: expected {expected}, found {found}"
             );
         };

@@ -4,7 +4,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::Numbers;
-use crate::attention::{self, Context};
+use crate::attention::Context;
 use crate::chunk::Chunk;
 use crate::decoder::{Decoder, Input, LAYERS};
 use crate::math;
@@ -78,13 +78,18 @@ impl<S: Numbers> Decoder<S> {
 
     /// The first half of a block: queries, and keys and values summed up.
     fn attend(&self, passage: &mut Passage, block: usize, keep: bool) {
-        if keep || passage.records.is_empty() {
-            passage.records.push(Record::default());
+        let Passage {
+            chunk,
+            hidden,
+            parts,
+            records,
+            ..
+        } = passage;
+        if keep || records.is_empty() {
+            records.push(Record::default());
         }
+        let record = &mut records.last_mut().expect("just pushed").self_attention;
         let attention = &self.blocks[block].self_attention;
-        let record = &mut passage.record().self_attention;
-        let mut record = std::mem::take(record);
-        let hidden = &passage.hidden;
         let mut normed = vec![0.0; hidden.len()];
         attention
             .norm
@@ -99,12 +104,10 @@ impl<S: Numbers> Decoder<S> {
         }
         let heads = self.heads();
         heads.softmax(&mut record.query);
-        passage.parts = passage
-            .chunk
+        *parts = chunk
             .granules(heads.width)
             .map(|range| heads.part(&mut record.key[range.clone()], &record.value[range]))
             .collect();
-        passage.record().self_attention = record;
     }
 
     /// What the frames of each motion attend to.
@@ -172,7 +175,7 @@ impl<S: Numbers> Decoder<S> {
         let record = records.last_mut().expect("attention came first");
         let shares = &context.shares[chunk.first_granule..];
         for (range, share) in chunk.granules(width).zip(shares) {
-            attention::share(&mut record.self_attention.key[range], share);
+            math::scale(&mut record.self_attention.key[range], share);
         }
     }
 

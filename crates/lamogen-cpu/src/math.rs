@@ -38,6 +38,19 @@ pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
+/// `x · sigmoid(x)`.
+#[inline(always)]
+pub(crate) fn silu(x: f32) -> f32 {
+    x * sigmoid(x)
+}
+
+/// The derivative of [`silu`].
+#[inline(always)]
+pub(crate) fn silu_slope(x: f32) -> f32 {
+    let sigmoid = sigmoid(x);
+    sigmoid * (1.0 + x * (1.0 - sigmoid))
+}
+
 /// The standard normal distribution function, to 2e-7.
 #[inline(always)]
 pub(crate) fn normal_cdf(x: f32) -> f32 {
@@ -116,7 +129,8 @@ fn halve(mut lanes: [f32; LANES], combine: impl Fn(f32, f32) -> f32) -> f32 {
 /// The sum of the products of two rows.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    sum(a, b, |a, b| a * b)
+    let [product] = dots(a, &[b]);
+    product
 }
 
 /// The products of a row with several others at once, each as [`dot`] gives it.
@@ -148,11 +162,15 @@ pub(crate) fn total(row: &[f32]) -> f32 {
     sum(row, row, |x, _| x)
 }
 
+/// The larger of two numbers. Not `max`, which would hide NaN from the sums that follow.
+#[inline(always)]
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
 /// The largest number of a row.
 #[inline(always)]
 pub(crate) fn largest(row: &[f32]) -> f32 {
-    // Not `max`, which would hide NaN from the sums that follow.
-    let larger = |a: f32, b: f32| if b > a { b } else { a };
     let mut lanes = [f32::NEG_INFINITY; LANES];
     let mut chunks = row.chunks_exact(LANES);
     for chunk in &mut chunks {
@@ -169,6 +187,16 @@ pub(crate) fn largest(row: &[f32]) -> f32 {
 pub(crate) fn add_row(to: &mut [f32], row: &[f32]) {
     for (to, x) in to.iter_mut().zip(row) {
         *to += x;
+    }
+}
+
+/// Multiplies each number of every row with its channel's factor.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+pub(crate) fn scale(rows: &mut [f32], factors: &[f32]) {
+    for row in rows.chunks_exact_mut(factors.len()) {
+        for (x, factor) in row.iter_mut().zip(factors) {
+            *x *= factor;
+        }
     }
 }
 

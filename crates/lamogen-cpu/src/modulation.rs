@@ -17,7 +17,7 @@ const AT_ONCE: usize = 8;
 impl<S: Numbers> Linear<S> {
     /// `silu(condition) · W + b` for every row of `condition`.
     pub(crate) fn modulate(&self, condition: &[f32]) -> Vec<f32> {
-        let active: Vec<f32> = condition.iter().map(|x| x * math::sigmoid(*x)).collect();
+        let active: Vec<f32> = condition.iter().copied().map(math::silu).collect();
         let outputs = self.weight.outputs();
         let mut out = vec![0.0; active.len() / self.weight.inputs() * outputs];
         let rows = active.chunks(AT_ONCE * self.weight.inputs());
@@ -45,8 +45,7 @@ impl<S: Numbers> Linear<S> {
             }
         }
         for (g, x) in out.iter_mut().zip(condition) {
-            let sigmoid = math::sigmoid(*x);
-            *g *= sigmoid * (1.0 + x * (1.0 - sigmoid));
+            *g *= math::silu_slope(*x);
         }
         out
     }
@@ -54,14 +53,15 @@ impl<S: Numbers> Linear<S> {
 
 /// For each vector, its product with every row of `width` weights.
 fn dots<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
-    let rows: Vec<&[f32]> = weights.numbers().chunks_exact(width).collect();
-    let stretches: Vec<Vec<f32>> = rows
-        .par_chunks(STRETCH)
-        .map(|rows| dots_of_stretch(rows, vectors, width))
+    let weights = weights.numbers();
+    let rows = weights.len() / width;
+    let stretches: Vec<Vec<f32>> = weights
+        .par_chunks(STRETCH * width)
+        .map(|weights| dots_of_stretch(weights, vectors, width))
         .collect();
     let count = vectors.len() / width;
     for (place, value) in stretches.iter().flatten().enumerate() {
-        out[place % count * rows.len() + place / count] = *value;
+        out[place % count * rows + place / count] = *value;
     }
 }
 
@@ -89,24 +89,27 @@ fn blends<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &
     }
 }
 
-/// The product of each row with each vector, row after row.
+/// The product of each row of weights with each vector, row after row.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn dots_of_stretch(rows: &[&[f32]], vectors: &[f32], width: usize) -> Vec<f32> {
+fn dots_of_stretch(weights: &[f32], vectors: &[f32], width: usize) -> Vec<f32> {
     let count = vectors.len() / width;
-    let mut out = vec![0.0; rows.len() * count];
-    let (fours, rest) = rows.as_chunks::<4>();
-    let (out_fours, out_rest) = out.split_at_mut(4 * fours.len() * count);
-    for (rows, out) in fours.iter().zip(out_fours.chunks_exact_mut(4 * count)) {
-        for (place, vector) in vectors.chunks_exact(width).enumerate() {
-            let products = math::dots(vector, rows);
-            for (row, product) in products.into_iter().enumerate() {
+    let mut out = vec![0.0; weights.len() / width * count];
+    let fours = weights.chunks(4 * width).zip(out.chunks_mut(4 * count));
+    for (weights, out) in fours {
+        let vectors = vectors.chunks_exact(width).enumerate();
+        if weights.len() < 4 * width {
+            for (place, vector) in vectors {
+                for (row, weights) in weights.chunks_exact(width).enumerate() {
+                    out[row * count + place] = math::dot(vector, weights);
+                }
+            }
+            break;
+        }
+        let rows: [&[f32]; 4] = std::array::from_fn(|row| &weights[row * width..][..width]);
+        for (place, vector) in vectors {
+            for (row, product) in math::dots(vector, &rows).into_iter().enumerate() {
                 out[row * count + place] = product;
             }
-        }
-    }
-    for (row, out) in rest.iter().zip(out_rest.chunks_exact_mut(count)) {
-        for (out, vector) in out.iter_mut().zip(vectors.chunks_exact(width)) {
-            [*out] = math::dots(vector, &[*row]);
         }
     }
     out
@@ -159,7 +162,7 @@ mod tests {
         let [a, b] = layers();
         let condition = numbers(11 * 521, 0.9);
         let mut expected = vec![0.0; 11 * 1031];
-        let active: Vec<f32> = condition.iter().map(|x| x * math::sigmoid(*x)).collect();
+        let active: Vec<f32> = condition.iter().copied().map(math::silu).collect();
         a.forward(&active, &mut expected);
         for layer in [&a, &b] {
             for (out, expected) in layer.modulate(&condition).iter().zip(&expected) {

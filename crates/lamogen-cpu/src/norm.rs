@@ -41,7 +41,7 @@ impl<S: Numbers> Norm<S> {
 
     /// Adds the gradient with respect to `x` to `out`, from the gradient of the output, which is used up.
     pub(crate) fn backward(&self, gradient: &mut [f32], normalized: &Normalized, out: &mut [f32]) {
-        scale(gradient, self.gamma.as_ref());
+        math::scale(gradient, self.gamma.as_ref());
         normalized.backward(gradient, self.width());
         math::add(out, gradient);
     }
@@ -96,15 +96,6 @@ fn scale_and_shift(rows: &[f32], gamma: &[f32], beta: &[f32], out: &mut [f32]) {
     for (out, row) in out.chunks_exact_mut(gamma.len()).zip(rows) {
         for (((out, x), gamma), beta) in out.iter_mut().zip(row).zip(gamma).zip(beta) {
             *out = x * gamma + beta;
-        }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn scale(rows: &mut [f32], gamma: &[f32]) {
-    for row in rows.chunks_exact_mut(gamma.len()) {
-        for (x, gamma) in row.iter_mut().zip(gamma) {
-            *x *= gamma;
         }
     }
 }

@@ -98,7 +98,7 @@ fn activate(rows: &[f32], factor: &[f32], offset: &[f32], out: &mut [f32]) {
         let parameters = factor.iter().zip(offset);
         for ((out, x), (factor, offset)) in out.iter_mut().zip(row).zip(parameters) {
             let h = x * factor + offset;
-            *out = h * math::sigmoid(h);
+            *out = math::silu(h);
         }
     }
 }
@@ -123,8 +123,7 @@ fn activate_backward(
         let all = g.iter_mut().zip(row).zip(parameters).zip(sums);
         for (((g, x), (factor, offset)), (sum, slope)) in all {
             let h = x * factor + offset;
-            let sigmoid = math::sigmoid(h);
-            let styled = *g * sigmoid * (1.0 + h * (1.0 - sigmoid));
+            let styled = *g * math::silu_slope(h);
             *sum += styled;
             *slope += styled * x;
             *g = styled * factor;

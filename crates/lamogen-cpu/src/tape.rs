@@ -2,6 +2,7 @@
 
 use crate::attention::{Context, Part};
 use crate::chunk::Chunk;
+use crate::decoder::LAYERS;
 use crate::norm::Normalized;
 use crate::stylization::Style;
 
@@ -15,7 +16,7 @@ pub struct Tape {
 }
 
 /// Styles of all stylization layers: `[motion][block]`, in the order of the layers.
-pub(crate) type Styles = Vec<Vec<[Style; 3]>>;
+pub(crate) type Styles = Vec<Vec<[Style; LAYERS]>>;
 
 /// A chunk on its way through the blocks.
 #[derive(Debug)]
@@ -40,11 +41,6 @@ impl Passage {
             records: Vec::new(),
             chunk,
         }
-    }
-
-    /// The record of the current block.
-    pub(crate) fn record(&mut self) -> &mut Record {
-        self.records.last_mut().expect("a block has begun")
     }
 }
 

@@ -4,31 +4,12 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use lamogen_guide::{Batch, Guidance, Sampler, noise};
 use lamogen_laban::Scale;
-use lamogen_model::{ClipTextConfig, Denoiser, ModelConfig, MotionDiffuse};
+use lamogen_model::{Denoiser, ModelConfig, MotionDiffuse};
 use lamogen_motion::{Normalization, POSE_FEATURES, npy};
 
 const FRAMES: usize = 80;
 /// Steps of a pass; the times are those of all of them.
 const STEPS: usize = 5;
-
-fn config() -> ModelConfig {
-    ModelConfig {
-        latent_dim: 128,
-        ff_size: 256,
-        num_layers: 5,
-        text_latent_dim: 128,
-        text_ff_size: 256,
-        num_text_layers: 1,
-        clip: ClipTextConfig {
-            vocab_size: 1024,
-            context_length: 32,
-            width: 128,
-            heads: 4,
-            layers: 2,
-        },
-        ..ModelConfig::motion_diffuse()
-    }
-}
 
 fn normalization(device: &Device) -> Normalization {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -43,14 +24,15 @@ fn normalization(device: &Device) -> Normalization {
 
 fn steps(criterion: &mut Criterion) {
     let device = Device::flex();
-    let model = MotionDiffuse::new(&config(), &device);
+    let config = ModelConfig::from_json(lamogen_compact::CONFIG, "config.json").expect("a config");
+    let model = MotionDiffuse::new(&config, &device);
     let normalization = normalization(&device);
     let sampler = Sampler::new(&model, &normalization, STEPS).expect("a few steps");
     let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale");
     let mut group = criterion.benchmark_group(format!("{STEPS} steps, {FRAMES} frames"));
     for motions in [1, 8] {
-        let tokens: Vec<i32> = (1..=32).collect();
-        let tokens = TensorData::new(tokens.repeat(motions), [motions, 32]);
+        let tokens: Vec<i32> = (1..=config.clip.context_length as i32).collect();
+        let tokens = TensorData::new(tokens.repeat(motions), [motions, tokens.len()]);
         let start: Vec<f32> = (0..motions as u64)
             .flat_map(|seed| noise(seed, FRAMES, POSE_FEATURES))
             .collect();

@@ -2,29 +2,12 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
-use lamogen_model::{
-    ClipTextConfig, Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse,
-};
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse};
 
 /// The embedded model's sizes: name, config, frames; and MotionDiffuse's.
 fn sizes() -> [(&'static str, ModelConfig, usize); 2] {
     let full = ModelConfig::motion_diffuse();
-    let compact = ModelConfig {
-        latent_dim: 128,
-        ff_size: 256,
-        num_layers: 5,
-        text_latent_dim: 128,
-        text_ff_size: 256,
-        num_text_layers: 1,
-        clip: ClipTextConfig {
-            vocab_size: 1024,
-            context_length: 32,
-            width: 128,
-            heads: 4,
-            layers: 2,
-        },
-        ..full.clone()
-    };
+    let compact = ModelConfig::from_json(lamogen_compact::CONFIG, "config.json").expect("a config");
     [("compact", compact, 80), ("full", full, 196)]
 }
 

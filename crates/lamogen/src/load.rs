@@ -59,27 +59,7 @@ impl LaMoGen<MotionDiffuse> {
             folder: folder.to_owned(),
             found: content(folder),
         })?;
-        let config_path = folder.join("config.json");
-        let (config, checkpoint, sizes_from) = match config_path.exists() {
-            true => {
-                let config = ModelConfig::from_file(&config_path)?;
-                (config, Checkpoint::open(weights)?, config_path)
-            }
-            false => {
-                let checkpoint = Checkpoint::open(&weights)?;
-                let config = checkpoint.config()?;
-                // Heads and prediction are in no shape: they are known of MotionDiffuse alone.
-                let public = ModelConfig::motion_diffuse().clip.vocab_size;
-                if config.clip.vocab_size != public {
-                    return Err(LoadError::NoConfig {
-                        path: config_path,
-                        public,
-                        found: config.clip.vocab_size,
-                    });
-                }
-                (config, checkpoint, weights)
-            }
-        };
+        let (config, sizes_from, checkpoint) = sizes(folder, weights)?;
         if config.input_feats != POSE_FEATURES {
             return Err(LoadError::PoseFeatures {
                 path: sizes_from,
@@ -102,6 +82,30 @@ impl LaMoGen<MotionDiffuse> {
     /// Sizes of the network.
     pub fn config(&self) -> &ModelConfig {
         self.network().config()
+    }
+}
+
+/// Sizes of the network, the file that tells them, and the opened weights.
+fn sizes(folder: &Path, weights: PathBuf) -> Result<(ModelConfig, PathBuf, Checkpoint), LoadError> {
+    let path = folder.join("config.json");
+    if path.exists() {
+        let config = ModelConfig::from_file(&path)?;
+        return Ok((config, path, Checkpoint::open(weights)?));
+    }
+    let checkpoint = Checkpoint::open(&weights)?;
+    let config = checkpoint.config()?;
+    // Heads and prediction are in no shape: they are known of MotionDiffuse alone.
+    let (public, found) = (
+        ModelConfig::motion_diffuse().clip.vocab_size,
+        config.clip.vocab_size,
+    );
+    match found == public {
+        true => Ok((config, weights, checkpoint)),
+        false => Err(LoadError::NoConfig {
+            path,
+            public,
+            found,
+        }),
     }
 }
 

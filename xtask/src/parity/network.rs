@@ -123,6 +123,15 @@ impl Network {
         Ok(())
     }
 
+    /// What the passes of a case start from.
+    pub(super) fn batch(&self, case: &Case) -> Result<Batch<CrossAttentionContext>, ParityError> {
+        Ok(Batch {
+            prompt: self.model.encode(case.tokens()?),
+            noise: case.tensor("in.z")?,
+            lengths: case.lengths()?,
+        })
+    }
+
     /// Text encoder, one evaluation, and joints.
     pub(super) fn evaluate(
         &self,

@@ -3,9 +3,8 @@
 //! A case may have a second file, `options.safetensors`: the guided pass of the same inputs with the
 //! loss divided by the mean, learning rate 0.05, and one option changed.
 
-use lamogen_guide::{Batch, Guidance, Sampler, Update};
+use lamogen_guide::{Guidance, Sampler, Update};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
-use lamogen_model::Denoiser;
 
 use super::case::Case;
 use super::network::Network;
@@ -52,11 +51,7 @@ fn options() -> [(&'static str, Guidance); 4] {
 impl Network {
     /// The guided pass with each option.
     pub(super) fn options(&self, case: &Case) -> Result<Values, ParityError> {
-        let batch = Batch {
-            prompt: self.model.encode(case.tokens()?),
-            noise: case.tensor("in.z")?,
-            lengths: case.lengths()?,
-        };
+        let batch = self.batch(case)?;
         let baseline = case.tensor::<3>("out.baseline")?;
         let scales = vec![case.scale()?; batch.lengths.len()];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;

@@ -4,8 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor};
-use lamogen_guide::{Batch, Guidance, GuideError, Sampler, Step};
-use lamogen_model::Denoiser;
+use lamogen_guide::{Guidance, GuideError, Sampler, Step};
 
 use super::case::{Case, numbers};
 use super::network::{self, Network};
@@ -44,15 +43,10 @@ pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
     let case = Case::new(path, &bytes, device)?;
     let network = Network::load(folder, &case)?;
     let mut values = Values::new();
-    let prompt = network.model.encode(case.tokens()?);
-    network.evaluate(&case, &prompt, &mut values)?;
+    let batch = network.batch(&case)?;
+    network.evaluate(&case, &batch.prompt, &mut values)?;
     network::laban(&case, &mut values)?;
 
-    let batch = Batch {
-        prompt,
-        noise: case.tensor("in.z")?,
-        lengths: case.lengths()?,
-    };
     let size = batch.lengths.len();
     let sampler = Sampler::new(&network.model, &network.normalization, case.steps()?)?;
     let (mut embeddings, mut losses) = (Vec::new(), Vec::new());

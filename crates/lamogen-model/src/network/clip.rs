@@ -1,10 +1,11 @@
 //! The text tower of CLIP (Radford et al. 2021).
 
 use burn::module::{Initializer, Module, Param};
-use burn::nn::{Embedding, EmbeddingConfig, LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::nn::{Embedding, EmbeddingConfig, LayerNorm, Linear, LinearConfig};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Int, Tensor};
 
+use super::layer_norm;
 use super::text_attention::TextAttention;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ClipTextConfig;
@@ -39,13 +40,13 @@ impl ClipText {
             blocks: (0..config.layers)
                 .map(|_| ClipBlock {
                     attention: TextAttention::new(width, config.heads, device),
-                    attention_norm: LayerNormConfig::new(width).init(device),
+                    attention_norm: layer_norm(width, device),
                     expand: LinearConfig::new(width, 4 * width).init(device),
                     contract: LinearConfig::new(4 * width, width).init(device),
-                    mlp_norm: LayerNormConfig::new(width).init(device),
+                    mlp_norm: layer_norm(width, device),
                 })
                 .collect(),
-            norm: LayerNormConfig::new(width).init(device),
+            norm: layer_norm(width, device),
         }
     }
 

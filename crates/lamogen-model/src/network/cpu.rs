@@ -32,15 +32,16 @@ impl Numbers {
     /// A tensor's numbers, row after row. `None` if they are not 32-bit floats in the CPU's memory, or if
     /// gradients are followed through them.
     pub(super) fn of<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
-        Self::of_flex(flex(tensor)?.to_contiguous())
+        Some(Self::of_flex(flex(tensor)?.to_contiguous()))
     }
 
-    fn of_flex(tensor: FlexTensor) -> Option<Self> {
-        Some(Numbers {
+    /// The numbers as they lie.
+    fn of_flex(tensor: FlexTensor) -> Self {
+        Numbers {
             start: tensor.layout().start_offset(),
             count: tensor.layout().num_elements(),
             tensor,
-        })
+        }
     }
 }
 
@@ -60,8 +61,8 @@ pub(super) fn linear(layer: &Linear) -> Option<lamogen_cpu::Linear<Numbers>> {
     let weight = flex(weight)?;
     let transposed = |strides: &Strides| *strides.strides() == [1, inputs as isize];
     let (numbers, layout) = match transposed(weight.layout()) {
-        true => (Numbers::of_flex(weight)?, Layout::ByOutput),
-        false => (Numbers::of_flex(weight.to_contiguous())?, Layout::ByInput),
+        true => (Numbers::of_flex(weight), Layout::ByOutput),
+        false => (Numbers::of_flex(weight.to_contiguous()), Layout::ByInput),
     };
     let weight = Matrix::new(numbers, inputs, outputs, layout);
     Some(lamogen_cpu::Linear::new(weight, numbers_of(&layer.bias)?))

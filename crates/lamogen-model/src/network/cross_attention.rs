@@ -1,7 +1,7 @@
 //! Efficient attention of the frames to the text.
 
 use burn::module::Module;
-use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::nn::{LayerNorm, Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
@@ -10,7 +10,7 @@ use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::self_attention::context;
 use super::stylization::Stylization;
-use super::{merge_heads, split_heads};
+use super::{layer_norm, merge_heads, split_heads};
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 
@@ -34,8 +34,8 @@ impl CrossAttention {
     pub(super) fn new(config: &ModelConfig, device: &Device) -> Self {
         let (width, text) = (config.latent_dim, config.text_latent_dim);
         CrossAttention {
-            norm: LayerNormConfig::new(width).init(device),
-            text_norm: LayerNormConfig::new(text).init(device),
+            norm: layer_norm(width, device),
+            text_norm: layer_norm(text, device),
             query: LinearConfig::new(width, width).init(device),
             key: LinearConfig::new(text, width).init(device),
             value: LinearConfig::new(text, width).init(device),

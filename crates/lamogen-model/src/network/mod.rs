@@ -17,11 +17,17 @@ mod time_embedding;
 pub use cross_attention::CrossAttentionContext;
 pub use motion_diffuse::MotionDiffuse;
 
-use burn::tensor::Tensor;
+use burn::nn::{LayerNorm, LayerNormConfig};
+use burn::tensor::{Device, Tensor};
 
-/// Added to the variance by layer normalization, in burn as in PyTorch.
-#[cfg(feature = "flex")]
+/// Added to the variance by layer normalization, as in PyTorch.
 const NORM_EPSILON: f64 = 1e-5;
+
+/// A layer normalization with fresh weights.
+fn layer_norm(width: usize, device: &Device) -> LayerNorm {
+    let config = LayerNormConfig::new(width).with_epsilon(NORM_EPSILON);
+    config.init(device)
+}
 
 /// Splits the channels among heads: `[batch, positions, width]` → `[batch, heads, positions, width / heads]`.
 fn split_heads(x: Tensor<3>, heads: usize) -> Tensor<4> {

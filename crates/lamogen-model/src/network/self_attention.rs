@@ -1,7 +1,7 @@
 //! Efficient attention of the frames to each other.
 
 use burn::module::Module;
-use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::nn::{LayerNorm, Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor};
 use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
-use super::{merge_heads, split_heads};
+use super::{layer_norm, merge_heads, split_heads};
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 use crate::denoiser::FrameMask;
@@ -31,7 +31,7 @@ impl SelfAttention {
         let width = config.latent_dim;
         let linear = || LinearConfig::new(width, width).init(device);
         SelfAttention {
-            norm: LayerNormConfig::new(width).init(device),
+            norm: layer_norm(width, device),
             query: linear(),
             key: linear(),
             value: linear(),

@@ -1,12 +1,13 @@
 //! How timestep and sentence act on a hidden state: they scale and shift it.
 
 use burn::module::Module;
-use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::nn::{LayerNorm, Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
 use super::cpu::{self, Numbers};
+use super::layer_norm;
 use super::modulation::Modulation;
 use crate::checkpoint::{Keyed, Keys};
 
@@ -22,7 +23,7 @@ pub(super) struct Stylization {
 impl Stylization {
     pub(super) fn new(latent: usize, device: &Device) -> Self {
         Stylization {
-            norm: LayerNormConfig::new(latent).init(device),
+            norm: layer_norm(latent, device),
             output: LinearConfig::new(latent, latent).init(device),
         }
     }

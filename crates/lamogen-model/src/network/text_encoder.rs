@@ -1,11 +1,12 @@
 //! MotionDiffuse's text encoder: CLIP's token features, refined by a small transformer.
 
 use burn::module::Module;
-use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::nn::{LayerNorm, Linear, LinearConfig};
 use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Int, Tensor};
 
 use super::clip::ClipText;
+use super::layer_norm;
 use super::text_attention::TextAttention;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
@@ -40,13 +41,13 @@ impl TextEncoder {
             layers: (0..config.num_text_layers)
                 .map(|_| TextLayer {
                     attention: TextAttention::new(width, config.text_num_heads, device),
-                    attention_norm: LayerNormConfig::new(width).init(device),
+                    attention_norm: layer_norm(width, device),
                     expand: LinearConfig::new(width, config.text_ff_size).init(device),
                     contract: LinearConfig::new(config.text_ff_size, width).init(device),
-                    mlp_norm: LayerNormConfig::new(width).init(device),
+                    mlp_norm: layer_norm(width, device),
                 })
                 .collect(),
-            norm: LayerNormConfig::new(width).init(device),
+            norm: layer_norm(width, device),
             project: LinearConfig::new(width, config.condition_dim()).init(device),
         }
     }

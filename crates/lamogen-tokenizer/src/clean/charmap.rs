@@ -60,11 +60,6 @@ impl Charmap {
     }
 }
 
-/// The character of a control byte, 80 to 9F, in Windows-1252, as web browsers read it.
-pub(super) fn c1_as_windows_1252(byte: u8) -> char {
-    fix_c1(char::from(byte))
-}
-
 /// Control characters U+0080 to U+009F as the characters of their byte in Windows-1252.
 pub(super) fn fix_c1(character: char) -> char {
     match character {

@@ -46,7 +46,8 @@ fn numeric(digits: &str, radix: u32) -> String {
     let number = u32::from_str_radix(digits, radix).unwrap_or(u32::MAX);
     let character = match number {
         0 => char::REPLACEMENT_CHARACTER,
-        0x80..=0x9F => charmap::c1_as_windows_1252(number as u8),
+        // As web browsers read them.
+        0x80..=0x9F => charmap::fix_c1(char::from(number as u8)),
         0x01..=0x08 | 0x0B | 0x0E..=0x1F | 0x7F | 0xFDD0..=0xFDEF => return String::new(),
         _ if number & 0xFFFE == 0xFFFE && number <= 0x10_FFFF => return String::new(),
         _ => char::from_u32(number).unwrap_or(char::REPLACEMENT_CHARACTER),
