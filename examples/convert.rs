@@ -57,6 +57,15 @@ fn convert(options: Options) -> Result<(), Box<dyn Error>> {
     let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template(
         "{bar:30} {pos}/{len} tensors  {msg}",
     )?);
+    // Any other name would be taken for a PyTorch file when it is read.
+    if options
+        .to
+        .extension()
+        .is_none_or(|ending| ending != "safetensors")
+    {
+        let to = options.to.display();
+        return Err(format!("expected a name that ends in .safetensors, found {to}").into());
+    }
     let checkpoint = Checkpoint::open(&options.from)?;
     checkpoint.convert(&options.to, precision, metadata, &mut |converted| {
         bar.set_length(converted.all as u64);
