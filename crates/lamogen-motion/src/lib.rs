@@ -15,6 +15,7 @@ mod motion;
 mod normalization;
 pub mod npy;
 mod padding;
+mod rotations;
 mod skeleton;
 
 pub use atomic::{replace_atomically, write_atomically};
@@ -23,4 +24,5 @@ pub use joints::joints;
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
+pub use rotations::{RestPose, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};

@@ -1,0 +1,3 @@
+//! Motion as files.
+
+mod clip;

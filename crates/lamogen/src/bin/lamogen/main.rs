@@ -1,0 +1,2 @@
+//! The command `lamogen`.
+fn main() {}
