@@ -14,7 +14,7 @@
 mod effectors;
 mod features;
 mod loss;
-
+mod peaks;
 mod series;
 mod smoothing;
 mod tags;

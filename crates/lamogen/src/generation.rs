@@ -7,7 +7,7 @@ use lamogen_laban::{LabanSeries, Scale};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
-use crate::error::{Error, Which};
+use crate::error::{Error, RequestError, Which};
 use crate::groups::{Group, assign};
 use crate::licence::Licence;
 use crate::request::Request;
@@ -187,22 +187,41 @@ impl<D: Denoiser> LaMoGen<D> {
         Ok(finished.into_iter().map(|(_, motion)| motion).collect())
     }
 
+    /// Whether a request makes sense to this model. Everything that generates checks so itself, before it
+    /// runs.
+    ///
+    /// # Errors
+    ///
+    /// If it does not; the error says why.
+    pub fn check(&self, request: &Request) -> Result<(), RequestError> {
+        self.join(&mut Vec::new(), 0, request)
+    }
+
     fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
         let mut groups = Vec::new();
         for (index, request) in requests.iter().enumerate() {
-            assign(
-                &mut groups,
-                (index, request),
-                &self.network,
-                &self.tokenizer,
-                (self.preset, self.batch_size),
-            )
+            self.join(&mut groups, index, request)
             .map_err(|reason| Error::Request {
                 which: Which::new(requests, index),
                 reason,
             })?;
         }
         Ok(groups)
+    }
+
+    fn join(
+        &self,
+        groups: &mut Vec<Group>,
+        index: usize,
+        request: &Request,
+    ) -> Result<(), RequestError> {
+        assign(
+            groups,
+            (index, request),
+            &self.network,
+            &self.tokenizer,
+            (self.preset, self.batch_size),
+        )
     }
 }
 
