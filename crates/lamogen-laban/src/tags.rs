@@ -152,7 +152,8 @@ impl FromStr for Tag {
     }
 }
 
-/// Factors on the baseline of `[Weight, Time, Flow, Shape]`; 1 asks for no change.
+/// Factors on the baseline of `[Weight, Time, Flow, Shape]` that stay the same over time; 1 asks for no
+/// change. [`ScaleCurve`](crate::ScaleCurve) is the scale whose factors may have keys.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale([f32; COMPONENTS]);
 
@@ -170,6 +171,14 @@ pub enum ScaleError {
         component: Component,
         first: Tag,
         second: Tag,
+    },
+    /// A key that the motion ends before.
+    #[error("{component}: the key at {seconds} s can never act, the motion ends at {length} s")]
+    #[allow(missing_docs)]
+    Late {
+        component: Component,
+        seconds: f32,
+        length: f32,
     },
 }
 
@@ -190,6 +199,11 @@ impl Scale {
             }
         }
         Ok(Scale(factors))
+    }
+
+    /// Factors that are known to be finite and not negative.
+    pub(crate) const fn unchecked(factors: [f32; COMPONENTS]) -> Scale {
+        Scale(factors)
     }
 
     /// The factors of some tags; components without a tag keep 1.

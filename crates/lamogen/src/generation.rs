@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lamogen_guide::{Preset, Step};
-use lamogen_laban::{LabanSeries, Scale};
+use lamogen_laban::{LabanSeries, ScaleCurve};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
@@ -29,8 +29,8 @@ pub struct LaMoGen<D = MotionDiffuse> {
 pub struct Generation {
     /// How many tokens of the prompt did not fit the model and were left out.
     pub cut_tokens: usize,
-    /// The factors that the tags stand for.
-    pub scale: Scale,
+    /// The factors that were asked for, as such or by tags.
+    pub scale: ScaleCurve,
     /// The motion of the text alone.
     pub baseline: Motion,
     /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
@@ -40,7 +40,7 @@ pub struct Generation {
     pub baseline_laban: LabanSeries,
     /// Laban features of the guided motion.
     pub guided_laban: LabanSeries,
-    /// Laban features to reach: the baseline's, scaled.
+    /// Laban features to reach: the baseline's, times the scale at each frame.
     pub target: LabanSeries,
     /// The Laban loss at every step of the guided pass.
     pub loss: Vec<f32>,
