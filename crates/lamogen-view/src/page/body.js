@@ -1,27 +1,35 @@
 // The body as solids around its joints: each the hull of a few balls.
 
-/** The parts of a body: balls [centre, radius in metres], the long axis [from, to], and the tone it is painted in. */
+/**
+ * The parts of a body: hulls of balls [centre, radius in metres] that are painted as one, their long axis
+ * [from, to], and the tone they are painted in.
+ */
 function bodyParts(pose, index) {
   const at = (name) => pose[index[name]];
   const beyond = (from, to, metres) => add(to, times(unit(sub(to, from), [0, -1, 0]), metres));
   const parts = [];
-  const part = (tone, ...balls) => parts.push({ tone, balls, axis: [balls[0][0], balls[balls.length - 1][0]] });
-  const trunk = (...balls) => parts.push({ tone: "middle", balls, axis: [at("pelvis"), at("neck")] });
+  const part = (tone, ...balls) => parts.push({ tone, hulls: [balls], axis: [balls[0][0], balls[balls.length - 1][0]] });
   for (const side of ["left", "right"]) {
     const [hip, knee, ankle, foot] = ["hip", "knee", "ankle", "foot"].map((name) => at(`${side}_${name}`));
     const [shoulder, elbow, wrist] = ["shoulder", "elbow", "wrist"].map((name) => at(`${side}_${name}`));
-    part(side, [hip, 0.083], [knee, 0.055]);
-    part(side, [knee, 0.055], [mix(knee, ankle, 0.3), 0.056], [ankle, 0.037]);
+    part(side, [hip, 0.088], [knee, 0.056]);
+    part(side, [knee, 0.056], [mix(knee, ankle, 0.3), 0.058], [ankle, 0.037]);
     part("end", [ankle, 0.04], [mix(foot, ankle, 0.1), 0.036], [beyond(ankle, foot, 0.05), 0.026]);
     part(side, [shoulder, 0.055], [elbow, 0.04]);
     part(side, [elbow, 0.04], [wrist, 0.028]);
     part("end", [wrist, 0.029], [beyond(elbow, wrist, 0.075), 0.037], [beyond(elbow, wrist, 0.13), 0.024]);
   }
   const [pelvis, spine1, spine2, spine3, neck, head] = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"].map(at);
-  trunk([at("left_hip"), 0.09], [at("right_hip"), 0.09], [mix(pelvis, spine1, 0.5), 0.1]);
-  trunk([spine1, 0.098], [spine2, 0.105], [pelvis, 0.095]);
-  trunk([spine2, 0.1], [spine3, 0.115], [at("left_shoulder"), 0.054], [at("right_shoulder"), 0.054], [mix(spine3, neck, 0.75), 0.062]);
-  part("end", [mix(spine3, neck, 0.75), 0.05], [mix(neck, head, 0.7), 0.044]);
+  parts.push({
+    tone: "middle",
+    axis: [pelvis, neck],
+    hulls: [
+      [[at("left_hip"), 0.09], [at("right_hip"), 0.09], [mix(pelvis, spine1, 0.6), 0.105]],
+      [[pelvis, 0.1], [mix(spine1, spine2, 0.6), 0.105], [spine3, 0.12]],
+      [[spine2, 0.1], [spine3, 0.12], [at("left_shoulder"), 0.056], [at("right_shoulder"), 0.056], [mix(spine3, neck, 0.75), 0.07]],
+    ],
+  });
+  part("end", [mix(spine3, neck, 0.95), 0.05], [mix(neck, head, 0.7), 0.044]);
 
   // Nothing says where the head turns to: its face follows the shoulders.
   const up = unit(sub(head, neck), [0, 1, 0]);
@@ -29,7 +37,7 @@ function bodyParts(pose, index) {
   const front = unit(cross(across, sub(neck, pelvis)), [0, 0, 1]);
   const face = unit(sub(front, times(up, dot(front, up))), front);
   const from = (above, before) => add(head, add(times(up, above), times(face, before)));
-  part("end", [from(0.012, 0.022), 0.07], [from(0.082, -0.008), 0.094]);
+  part("end", [from(0.012, 0.022), 0.067], [from(0.082, -0.008), 0.094]);
   part("end", [from(0.02, 0.094), 0.017], [from(0.06, 0.088), 0.011]);
   return parts;
 }

@@ -12,7 +12,7 @@ class Player {
     this.loop = true;
     this.overlay = false;
     this.follow = false;
-    this.trails = true;
+    this.trails = false;
   }
 
   /** Seconds from the first frame to the last. */

@@ -127,7 +127,7 @@ class Scene {
     const ink = shade.getContext("2d");
     ink.fillStyle = "#000";
     for (const { parts } of bodies) {
-      for (const { balls } of parts) {
+      for (const balls of parts.flatMap(({ hulls }) => hulls)) {
         const points = [];
         let height = 0;
         for (const [centre, radius] of balls) {
@@ -159,11 +159,14 @@ class Scene {
   }
 
   /** A body part, shaded across its length as a round thing is. */
-  solid(things, { balls, axis: [from, to] }, colour, lens) {
-    const circles = balls.map(([centre, radius]) => {
-      const seen = lens.project(centre);
-      return { x: seen.x, y: seen.y, r: radius * seen.scale, depth: seen.depth };
-    });
+  solid(things, { hulls, axis: [from, to] }, colour, lens) {
+    const outlines = hulls.map((balls) =>
+      balls.map(([centre, radius]) => {
+        const seen = lens.project(centre);
+        return { x: seen.x, y: seen.y, r: radius * seen.scale, depth: seen.depth };
+      }),
+    );
+    const circles = outlines.flat();
     if (circles.some((circle) => circle.depth < 0.15)) return;
     const depth = circles.reduce((sum, circle) => sum + circle.depth, 0) / circles.length;
     const { context } = this;
@@ -173,7 +176,7 @@ class Scene {
     const facing = cross(across, axis);
     const front = facing[2] < 0 ? times(facing, -1) : facing;
     // Some of the light goes along with the eye, so that no side is ever black.
-    const light = unit(add(times(lens.seen(LIGHT), 0.6), [-0.28, 0.35, 0.55]));
+    const light = unit(add(times(lens.seen(LIGHT), 0.6), [-0.3, 0.2, 0.7]));
     const paint = () => {
       const reach = (sign) => Math.max(...circles.map((c) => sign * (c.x * across[0] - c.y * across[1]) + c.r));
       const [low, high] = [-reach(-1), reach(1)];
@@ -190,14 +193,21 @@ class Scene {
         const s = (stop / 8) * 2 - 1;
         const normal = add(times(across, s), times(front, Math.sqrt(Math.max(1 - s * s, 0))));
         const bright = Math.max(dot(normal, light), 0);
-        gradient.addColorStop(stop / 8, css(lit(colour, 0.64 + 0.4 * bright + 0.14 * bright ** 14)));
+        gradient.addColorStop(stop / 8, css(lit(colour, 0.62 + 0.46 * bright + 0.12 * bright ** 14)));
       }
-      trace(context, hull(circles));
+      // The edge first, so that it shows around the part and not inside it.
+      const polygons = outlines.map(hull);
+      context.strokeStyle = css(times(colour, 0.42), 0.6);
+      context.lineWidth = 2 * Math.min(Math.max(0.004 * (lens.focal / depth), 0.5), 2);
       context.fillStyle = gradient;
-      context.fill();
-      context.strokeStyle = css(times(colour, 0.42), 0.55);
-      context.lineWidth = Math.min(Math.max(0.005 * (lens.focal / depth), 0.6), 2);
-      context.stroke();
+      for (const polygon of polygons) {
+        trace(context, polygon);
+        context.stroke();
+      }
+      for (const polygon of polygons) {
+        trace(context, polygon);
+        context.fill();
+      }
     };
     things.push({ depth, paint });
   }
