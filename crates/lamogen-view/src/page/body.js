@@ -20,13 +20,14 @@ function bodyParts(pose, index) {
     part("end", [wrist, 0.029], [beyond(elbow, wrist, 0.075), 0.037], [beyond(elbow, wrist, 0.13), 0.024]);
   }
   const [pelvis, spine1, spine2, spine3, neck, head] = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"].map(at);
+  const chest = ["left_shoulder", "right_shoulder"].map(at).flatMap((shoulder) => [[shoulder, 0.056], [mix(spine2, shoulder, 0.5), 0.085]]);
   parts.push({
     tone: "middle",
     axis: [pelvis, neck],
     hulls: [
       [[at("left_hip"), 0.09], [at("right_hip"), 0.09], [mix(pelvis, spine1, 0.6), 0.105]],
       [[pelvis, 0.1], [mix(spine1, spine2, 0.6), 0.105], [spine3, 0.12]],
-      [[spine2, 0.1], [spine3, 0.12], [at("left_shoulder"), 0.056], [at("right_shoulder"), 0.056], [mix(spine3, neck, 0.75), 0.07]],
+      [[spine2, 0.105], ...chest, [mix(spine3, neck, 0.75), 0.07]],
     ],
   });
   part("end", [mix(spine3, neck, 0.95), 0.05], [mix(neck, head, 0.7), 0.044]);
@@ -38,7 +39,7 @@ function bodyParts(pose, index) {
   const face = unit(sub(front, times(up, dot(front, up))), front);
   const from = (above, before) => add(head, add(times(up, above), times(face, before)));
   part("end", [from(0.012, 0.022), 0.067], [from(0.082, -0.008), 0.094]);
-  part("end", [from(0.02, 0.094), 0.017], [from(0.06, 0.088), 0.011]);
+  part("nose", [from(0.024, 0.094), 0.016], [from(0.064, 0.086), 0.009]);
   return parts;
 }
 

@@ -1,7 +1,7 @@
 // Weight, Time, Flow and Shape over time, with a cursor that can be dragged.
 
 /** Room around the curves, in pixels. */
-const EDGE = { left: 40, right: 10, top: 8, bottom: 20 };
+const EDGE = { left: 40, right: 14, top: 8, bottom: 20 };
 
 /** An SVG element with attributes, at the end of another. */
 function draw(parent, name, attributes = {}) {
@@ -94,7 +94,8 @@ class Chart {
     }
     const step = roundStep(duration, Math.max(width / 80, 2));
     for (let i = 0; i * step <= duration + 1e-6; i++) {
-      const text = draw(svg, "text", { x: this.x(i * step), y: height - 5, "text-anchor": "middle" });
+      const x = this.x(i * step);
+      const text = draw(svg, "text", { x: Math.min(x, width), y: height - 5, "text-anchor": x > width - 20 ? "end" : "middle" });
       text.textContent = `${Number((i * step).toPrecision(3))} s`;
     }
     curves.forEach((curve, i) => {

@@ -92,6 +92,7 @@ function arrange() {
   const labels = document.querySelectorAll("#figures li");
   motions.forEach((motion, i) => {
     const { cell } = player.overlay || motions.length < 2 ? { cell: { ...all[0].cell, y: 30 * i } } : all[i];
+    labels[i].hidden = motion.label === "";
     labels[i].style.setProperty("--colour", css(layout.colours[i]));
     labels[i].style.transform = `translate(${cell.x}px, ${cell.y}px)`;
     labels[i].style.maxWidth = `${Math.max(cell.width - 20, 40)}px`;
@@ -138,6 +139,7 @@ function rearrange() {
 }
 
 byId("scrub").max = String(frames - 1);
+for (const id of ["back", "play", "forward", "scrub"]) byId(id).disabled = frames === 1;
 byId("overlay").hidden = motions.length < 2;
 byId("curves").hidden = charts.length === 0;
 pointAt(canvas, camera, () => (lens ? lens.distance / lens.focal : 0.01), redraw);

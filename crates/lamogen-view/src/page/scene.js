@@ -65,7 +65,9 @@ class Scene {
     this.ground(lens, cell, look);
     const bodies = figures.map(({ motion, colour }) => {
       const parts = bodyParts(motion.pose(time), this.index);
-      return { motion, parts, tones: { middle: colour, right: colour, left: mix(colour, WHITE, 0.25), end: mix(colour, WHITE, 0.6) } };
+      const skin = mix(colour, WHITE, 0.6);
+      const tones = { middle: colour, right: colour, left: mix(colour, WHITE, 0.25), end: skin, nose: times(skin, 0.9) };
+      return { motion, parts, tones };
     });
     this.shadows(bodies, lens, cell, look);
     const things = [];
@@ -127,12 +129,13 @@ class Scene {
     const ink = shade.getContext("2d");
     ink.fillStyle = "#000";
     for (const { parts } of bodies) {
+      const lowest = Math.min(...parts.flatMap(({ hulls }) => hulls.flat()).map(([centre, radius]) => centre[1] - radius));
+      // Of a high jump the shadow is faint.
+      ink.globalAlpha = Math.min(Math.max(1 - 0.6 * lowest, 0.3), 1);
       for (const balls of parts.flatMap(({ hulls }) => hulls)) {
         const points = [];
-        let height = 0;
         for (const [centre, radius] of balls) {
           const fall = Math.max(centre[1], 0) / LIGHT[1];
-          height += Math.max(centre[1] - radius, 0) / balls.length;
           for (let i = 0; i < 14; i++) {
             const angle = (2 * Math.PI * i) / 14;
             const spot = [centre[0] - LIGHT[0] * fall + radius * Math.cos(angle), 0, centre[2] - LIGHT[2] * fall + radius * Math.sin(angle)];
@@ -141,7 +144,6 @@ class Scene {
           }
         }
         if (points.length < 3) continue;
-        ink.globalAlpha = Math.max(1 - 0.45 * height, 0.12);
         trace(ink, convex(points));
         ink.fill();
       }
@@ -151,15 +153,15 @@ class Scene {
     soft.imageSmoothingQuality = context.imageSmoothingQuality = "high";
     soft.drawImage(shade, 0, 0, blur.width, blur.height);
     context.save();
-    context.globalAlpha = look.shadow * 0.35;
+    context.globalAlpha = look.shadow * 0.3;
     context.drawImage(shade, cell.x, cell.y, shade.width * small, shade.height * small);
-    context.globalAlpha = look.shadow * 0.75;
+    context.globalAlpha = look.shadow * 0.7;
     context.drawImage(blur, cell.x, cell.y, blur.width * small * smaller, blur.height * small * smaller);
     context.restore();
   }
 
   /** A body part, shaded across its length as a round thing is. */
-  solid(things, { hulls, axis: [from, to] }, colour, lens) {
+  solid(things, { tone, hulls, axis: [from, to] }, colour, lens) {
     const outlines = hulls.map((balls) =>
       balls.map(([centre, radius]) => {
         const seen = lens.project(centre);
@@ -174,7 +176,8 @@ class Scene {
     const axis = unit(lens.seen(sub(to, from)), [0, 1, 0]);
     const across = unit([-axis[1], axis[0], 0], [1, 0, 0]);
     const facing = cross(across, axis);
-    const front = facing[2] < 0 ? times(facing, -1) : facing;
+    // Of what points at the eye one sees the round end.
+    const front = unit(mix(times(facing, Math.sign(facing[2]) || 1), [0, 0, 1], axis[2] ** 2), [0, 0, 1]);
     // Some of the light goes along with the eye, so that no side is ever black.
     const light = unit(add(times(lens.seen(LIGHT), 0.6), [-0.3, 0.2, 0.7]));
     const paint = () => {
@@ -200,7 +203,7 @@ class Scene {
       context.strokeStyle = css(times(colour, 0.42), 0.6);
       context.lineWidth = 2 * Math.min(Math.max(0.004 * (lens.focal / depth), 0.5), 2);
       context.fillStyle = gradient;
-      for (const polygon of polygons) {
+      for (const polygon of tone === "nose" ? [] : polygons) {
         trace(context, polygon);
         context.stroke();
       }
