@@ -34,6 +34,16 @@ impl Component {
     pub const fn index(self) -> usize {
         self as usize
     }
+
+    /// What it is measured in; a frame is 1/20 s.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Component::Weight => "m² per frame²",
+            Component::Time => "m per frame²",
+            Component::Flow => "m per frame³",
+            Component::Shape => "m³",
+        }
+    }
 }
 
 impl fmt::Display for Component {

@@ -201,10 +201,10 @@ impl<D: Denoiser> LaMoGen<D> {
         let mut groups = Vec::new();
         for (index, request) in requests.iter().enumerate() {
             self.join(&mut groups, index, request)
-            .map_err(|reason| Error::Request {
-                which: Which::new(requests, index),
-                reason,
-            })?;
+                .map_err(|reason| Error::Request {
+                    which: Which::new(requests, index),
+                    reason,
+                })?;
         }
         Ok(groups)
     }

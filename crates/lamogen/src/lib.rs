@@ -49,6 +49,7 @@ pub use lamogen_laban::{
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
+pub use lamogen_files as files;
 pub use lamogen_guide as guide;
 pub use lamogen_laban as laban;
 pub use lamogen_model as model;

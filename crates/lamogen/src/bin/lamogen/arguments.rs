@@ -2,12 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
-use serde::{Deserialize, Serialize};
 use lamogen::{Component, DeviceName, Factor, FactorError, Preset, Request, Scale, ScaleCurve};
+use serde::{Deserialize, Serialize};
 
 use crate::output::{Format, Output};
 
@@ -207,10 +206,10 @@ impl FactorArguments {
     }
 }
 
-fn factor(component: Component) -> impl TypedValueParser<Value = Factor> {
-    clap::builder::ValueParser::from(move |text: &str| -> Result<Factor, FactorError> {
-        Factor::parse(component, text)
-    })
+fn factor(
+    component: Component,
+) -> impl Fn(&str) -> Result<Factor, FactorError> + Clone + Send + Sync + 'static {
+    move |text| Factor::parse(component, text)
 }
 
 fn scale(text: &str) -> Result<Scale, String> {
@@ -422,8 +421,14 @@ mod tests {
             (&["--weight", "sudden"][..], "speaks of Time"),
             (&["--scale", "1,2,3"], "four numbers"),
             (&["--scale", "1,2,3,-1"], "at least 0"),
-            (&["--scale", "1,1,1,1", "--flow", "free"], "cannot be used with"),
-            (&["--baseline-only", "--flow", "free"], "cannot be used with"),
+            (
+                &["--scale", "1,1,1,1", "--flow", "free"],
+                "cannot be used with",
+            ),
+            (
+                &["--baseline-only", "--flow", "free"],
+                "cannot be used with",
+            ),
             (&["--samples", "0"], "1..=10000"),
         ] {
             let message = parse(wrong).unwrap_err().to_string();

@@ -55,7 +55,9 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
 
     let made = pending.len() - failed.len();
     let seconds = start.elapsed().as_secs_f64();
-    let failures = failed.iter().map(|(id, reason)| json!({ "id": id, "reason": reason }));
+    let failures = failed
+        .iter()
+        .map(|(id, reason)| json!({ "id": id, "reason": reason }));
     let summary = json!({
         "made": made,
         "finished_before": finished.len(),
@@ -81,8 +83,10 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
     match failed.is_empty() {
         true => Ok(()),
         false => {
-            let reasons: Vec<String> =
-                failed.iter().map(|(id, reason)| format!("{id}: {reason}")).collect();
+            let reasons: Vec<String> = failed
+                .iter()
+                .map(|(id, reason)| format!("{id}: {reason}"))
+                .collect();
             Err(Failure::new(Code::Partly, reasons.join("\n")))
         }
     }
@@ -107,7 +111,10 @@ fn items(options: &Batch) -> Result<Vec<Item>, Failure> {
         return Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"));
     }
     let (part, parts) = options.shard.unwrap_or((1, 1));
-    let mine = items.into_iter().enumerate().filter(|(place, _)| place % parts == part - 1);
+    let mine = items
+        .into_iter()
+        .enumerate()
+        .filter(|(place, _)| place % parts == part - 1);
     Ok(mine.map(|(_, item)| item).collect())
 }
 
@@ -163,7 +170,9 @@ impl Work<'_> {
         let found = read_identity(&record);
         found.is_some()
             && found == identity.ok()
-            && self.formats().all(|format| self.output(item, format).path.exists())
+            && self
+                .formats()
+                .all(|format| self.output(item, format).path.exists())
     }
 
     /// Names the requests that make no sense, before anything is run.
@@ -200,11 +209,14 @@ impl Work<'_> {
         let mut open: Vec<(&Item, Request)> = items.iter().zip(requests.iter().cloned()).collect();
         while !open.is_empty() {
             let requests: Vec<Request> = open.iter().map(|(_, request)| request.clone()).collect();
-            let result = self.source.model.generate_all_with(&requests, &mut |progress| {
-                let share = 100 * progress.done / progress.total.max(1);
-                bar.set_message(format!("next {share:3} %"));
-                ControlFlow::Continue(())
-            });
+            let result = self
+                .source
+                .model
+                .generate_all_with(&requests, &mut |progress| {
+                    let share = 100 * progress.done / progress.total.max(1);
+                    bar.set_message(format!("next {share:3} %"));
+                    ControlFlow::Continue(())
+                });
             let (done, culprit) = match result {
                 Ok(all) => (all.into_iter().enumerate().collect(), None),
                 Err(Error::Failed(error)) => {
@@ -235,7 +247,13 @@ impl Work<'_> {
 
     fn write(&self, item: &Item, generation: Generation) -> Result<(), Failure> {
         let pass = item.pass(&self.options.pass);
-        let mut facts = facts(&item.line.prompt, item.seed(), &generation, &pass, self.source);
+        let mut facts = facts(
+            &item.line.prompt,
+            item.seed(),
+            &generation,
+            &pass,
+            self.source,
+        );
         facts.insert("id".into(), item.id.as_str().into());
         facts.insert("batch".into(), self.identity(item));
         let licence = self.source.model.licence();

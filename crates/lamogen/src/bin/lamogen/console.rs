@@ -62,7 +62,8 @@ impl Console {
         if self.quiet || !std::io::stderr().is_terminal() {
             return ProgressBar::hidden();
         }
-        let template = format!("{{msg:9}} {{bar:40}} {{pos}}/{{len}} {unit}, {{elapsed}}, {{eta}} left");
+        let template =
+            format!("{{msg:9}} {{bar:40}} {{pos}}/{{len}} {unit}, {{elapsed}}, {{eta}} left");
         let style = ProgressStyle::with_template(&template).expect("the template is well-formed");
         ProgressBar::no_length().with_style(style)
     }

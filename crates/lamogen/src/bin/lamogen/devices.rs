@@ -15,7 +15,11 @@ pub fn run(console: &Console) -> Result<(), Failure> {
         return console.say(json!({ "devices": names, "default": names.first() }).to_string());
     }
     for (place, name) in names.iter().enumerate() {
-        let default = if place == 0 { "  (used unless --device says another)" } else { "" };
+        let default = if place == 0 {
+            "  (used unless --device says another)"
+        } else {
+            ""
+        };
         console.say(format!("{name}{default}"))?;
     }
     let about = "Backends are features of the build: cargo install … --features wgpu, vulkan, cuda, metal or rocm.";

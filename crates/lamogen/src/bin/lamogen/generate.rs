@@ -20,7 +20,9 @@ pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
-            let request = Request::new(&options.prompt).seconds(options.seconds).seed(seed);
+            let request = Request::new(&options.prompt)
+                .seconds(options.seconds)
+                .seed(seed);
             let request = options.pass.apply(request, source.preset);
             match options.factors.curve() {
                 Some(curve) => request.scale(curve),
@@ -39,7 +41,9 @@ pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     for ((seed, generation), outputs) in seeds.into_iter().zip(generations?).zip(outputs) {
         if generation.cut_tokens > 0 {
             let cut = generation.cut_tokens;
-            console.notice(format!("The prompt is too long: its last {cut} tokens were left out."));
+            console.notice(format!(
+                "The prompt is too long: its last {cut} tokens were left out."
+            ));
         }
         let facts = facts(&options.prompt, seed, &generation, &options.pass, &source);
         let licence = source.model.licence();
@@ -65,7 +69,11 @@ fn outputs(options: &Generate) -> Result<Vec<Vec<Output>>, Failure> {
     }
     let of = |seed: &u64| match options.samples {
         1 => options.out.clone(),
-        _ => options.out.iter().map(|output| output.numbered(*seed)).collect(),
+        _ => options
+            .out
+            .iter()
+            .map(|output| output.numbered(*seed))
+            .collect(),
     };
     Ok(seeds(options)?.iter().map(of).collect())
 }

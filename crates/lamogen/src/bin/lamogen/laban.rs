@@ -59,14 +59,20 @@ fn assumed(imported: &Imported) -> String {
         parts.push(format!("joints as {scheme}"));
         parts.push(format!("unit {}", imported.unit));
         parts.push(format!("{} up", imported.up));
-        parts.push(format!("{:.4} frames a second", imported.source_frames_per_second).replace(".0000", ""));
+        parts.push(
+            format!("{:.4} frames a second", imported.source_frames_per_second)
+                .replace(".0000", ""),
+        );
     }
     if !imported.placed.is_empty() {
         let placed: Vec<&str> = imported.placed.iter().map(|joint| joint.name()).collect();
         parts.push(format!("placed by rule: {}", placed.join(", ")));
     }
     if let Some(announced) = imported.announced_frames {
-        parts.push(format!("{} frames where {announced} are announced", imported.source_frames));
+        parts.push(format!(
+            "{} frames where {announced} are announced",
+            imported.source_frames
+        ));
     }
     parts.join("; ")
 }
@@ -109,7 +115,11 @@ fn short(name: &str) -> String {
 fn as_json(file: &Opened, other: Option<&Opened>) -> Value {
     let mut whole = report::everything(&file.scene);
     if let (Some(other), Some(fields)) = (other, whole.as_object_mut()) {
-        let distance = file.scene.main().motion.distance(&other.scene.main().motion);
+        let distance = file
+            .scene
+            .main()
+            .motion
+            .distance(&other.scene.main().motion);
         let compared = json!({ "other": report::everything(&other.scene), "distance_m": distance });
         fields.insert("compared".into(), compared);
     }

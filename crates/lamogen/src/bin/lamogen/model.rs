@@ -65,8 +65,8 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let [shortest, longest] = [network.min_frames(), network.max_frames()];
     let seconds = [shortest, longest].map(|frames| frames as f32 / rate);
     let licence = licence.map_or("not stated in the files".into(), ToString::to_string);
-    let config = serde_json::to_string_pretty(config)
-        .map_err(|error| Failure::new(Code::Run, error))?;
+    let config =
+        serde_json::to_string_pretty(config).map_err(|error| Failure::new(Code::Run, error))?;
     console.say(format!(
         "{}\nlicence   {licence}\nlength    {:.1} to {:.1} s ({shortest} to {longest} frames)\nsteps     {steps} by default\nconfig    {config}",
         source.name, seconds[0], seconds[1]
@@ -94,7 +94,9 @@ fn convert(
         })
         .map_err(|error| Failure::new(Code::Output, error))?;
     bar.finish_and_clear();
-    let bytes = std::fs::metadata(to).map_err(|error| Failure::output(to, error))?.len();
+    let bytes = std::fs::metadata(to)
+        .map_err(|error| Failure::output(to, error))?
+        .len();
     match console.json {
         true => console.say(json!({ "file": to, "bytes": bytes }).to_string()),
         false => console.say(format!("{}: {:.1} MB", to.display(), bytes as f64 / 1e6)),

@@ -72,7 +72,9 @@ impl FromStr for Output {
         let format = formats.max_by_key(|format| format.ending().len());
         let format = format.ok_or_else(|| {
             let known = Format::value_variants().iter();
-            let known: Vec<String> = known.map(|format| format!(".{}", format.ending())).collect();
+            let known: Vec<String> = known
+                .map(|format| format!(".{}", format.ending()))
+                .collect();
             format!("expected a name that ends in {}", known.join(", "))
         })?;
         Ok(Output {
@@ -107,7 +109,10 @@ impl Output {
             _ => Path::new("."),
         };
         if self.path.is_dir() {
-            return Err(Failure::output(&self.path, "expected a file, found a folder"));
+            return Err(Failure::output(
+                &self.path,
+                "expected a file, found a folder",
+            ));
         }
         match tempfile::tempfile_in(folder) {
             Ok(_) => Ok(()),

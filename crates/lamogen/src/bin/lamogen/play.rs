@@ -30,7 +30,8 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
         Some(path) => path.clone(),
         None => temporary(&options.files[0])?,
     };
-    lamogen_view::save(&path, page_of(&scene)).map_err(|error| Failure::new(Code::Output, error))?;
+    lamogen_view::save(&path, page_of(&scene))
+        .map_err(|error| Failure::new(Code::Output, error))?;
     match console.json {
         true => console.say(json!({ "file": path }).to_string())?,
         false => console.say(path.display().to_string())?,
@@ -38,7 +39,9 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
     if !options.no_open
         && let Err(error) = open::that_detached(&path)
     {
-        console.notice(format!("No browser could be started ({error}); open the file by hand."));
+        console.notice(format!(
+            "No browser could be started ({error}); open the file by hand."
+        ));
     }
     Ok(())
 }

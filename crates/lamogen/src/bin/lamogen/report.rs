@@ -26,9 +26,10 @@ pub fn everything(scene: &Scene) -> Value {
     let target = scene.target.as_ref();
     whole.insert(
         "target".into(),
-        target.map_or(Value::Null, |target| {
-            json!({ "laban": summaries(target), "series": series(target) })
-        }),
+        target.map_or(
+            Value::Null,
+            |target| json!({ "laban": summaries(target), "series": series(target) }),
+        ),
     );
     whole.into()
 }
@@ -36,7 +37,10 @@ pub fn everything(scene: &Scene) -> Value {
 /// A scene's facts and measures without the numbers of every frame.
 pub fn summary(scene: &Scene) -> Map<String, Value> {
     let mut whole = facts(scene);
-    let motions = scene.motions.iter().map(|shown| Value::from(measures(shown)));
+    let motions = scene
+        .motions
+        .iter()
+        .map(|shown| Value::from(measures(shown)));
     whole.insert("motions".into(), motions.collect());
     if let Some(target) = &scene.target {
         whole.insert("target".into(), json!({ "laban": summaries(target) }));
@@ -80,7 +84,10 @@ pub fn measures(shown: &Shown) -> Map<String, Value> {
 }
 
 fn summaries(laban: &LabanSeries) -> Value {
-    let (maxima, means) = (laban.summary(Summary::Maximum), laban.summary(Summary::Mean));
+    let (maxima, means) = (
+        laban.summary(Summary::Maximum),
+        laban.summary(Summary::Mean),
+    );
     by_component(|component| {
         let at = component.index();
         let values: Vec<f32> = laban.component(component).collect();
@@ -114,18 +121,26 @@ fn joints(motion: &Motion) -> Value {
 pub fn text(shown: &Shown) -> String {
     let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
     let laban = &shown.laban;
-    let (maxima, means) = (laban.summary(Summary::Maximum), laban.summary(Summary::Mean));
-    let mut text = format!("{:<12} {:>10} {:>10}   {:13} peaks at\n", "", "maximum", "mean", "unit");
+    let (maxima, means) = (
+        laban.summary(Summary::Maximum),
+        laban.summary(Summary::Mean),
+    );
+    let mut text = format!(
+        "{:<12} {:>10} {:>10}   {:13} peaks at\n",
+        "", "maximum", "mean", "unit"
+    );
     for component in Component::ALL {
         let at = component.index();
         let peaks = laban.peaks(component).into_iter().take(PEAKS);
-        let peaks: Vec<String> = peaks.map(|frame| format!("{:.2} s", seconds(frame))).collect();
+        let peaks: Vec<String> = peaks
+            .map(|frame| format!("{:.2} s", seconds(frame)))
+            .collect();
         writeln!(
             text,
             "{component:<12} {:>10.4} {:>10.4}   {:13} {}",
             maxima[at],
             means[at],
-            lamogen_view::unit(component),
+            component.unit(),
             peaks.join(", ")
         )
         .expect("a string takes all");
@@ -151,7 +166,12 @@ pub fn text(shown: &Shown) -> String {
 }
 
 /// Two or three series beside each other: the first, what was asked for, and what came out.
-pub fn comparison(columns: [&str; 2], before: &LabanSeries, after: &LabanSeries, target: Option<&LabanSeries>) -> String {
+pub fn comparison(
+    columns: [&str; 2],
+    before: &LabanSeries,
+    after: &LabanSeries,
+    target: Option<&LabanSeries>,
+) -> String {
     let mut text = String::new();
     for (summary, title) in [
         (Summary::Maximum, "maximum over time"),
@@ -172,7 +192,11 @@ pub fn comparison(columns: [&str; 2], before: &LabanSeries, after: &LabanSeries,
         for component in Component::ALL {
             let at = component.index();
             let asked = target.map(|target: [f32; COMPONENTS]| {
-                format!(" {:>10.4} {:>9}", target[at], change(before[at], target[at]))
+                format!(
+                    " {:>10.4} {:>9}",
+                    target[at],
+                    change(before[at], target[at])
+                )
             });
             writeln!(
                 text,

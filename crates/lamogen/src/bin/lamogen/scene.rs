@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use lamogen::files::Imported;
-use lamogen::{
-    Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries, Licence, Motion,
-};
+use lamogen::{Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries, Licence, Motion};
 use lamogen_view::{Curve, Figure, Page, Row};
 use serde_json::{Map, Value, json};
 
@@ -45,7 +43,11 @@ impl Scene {
         let scale = generation.scale.to_string();
         let is_guided = !generation.loss.is_empty();
         let guided = Shown {
-            label: if is_guided { scale.clone() } else { "text alone".into() },
+            label: if is_guided {
+                scale.clone()
+            } else {
+                "text alone".into()
+            },
             motion: generation.guided,
             laban: generation.guided_laban,
         };
@@ -60,7 +62,11 @@ impl Scene {
         Scene {
             title: title.to_owned(),
             notes: notes.join(", "),
-            motions: if is_guided { vec![baseline, guided] } else { vec![guided] },
+            motions: if is_guided {
+                vec![baseline, guided]
+            } else {
+                vec![guided]
+            },
             target: is_guided.then_some(generation.target),
             facts,
             copyright: licence.map(|licence| format!("Made with a model under {licence}")),
@@ -112,13 +118,13 @@ impl Scene {
     }
 
     pub fn rows(&self) -> Vec<Row<'_>> {
-        let row = |shown: &'_ Shown| -> Row<'_> {
-            Row {
+        let shown = self.motions.iter();
+        shown
+            .map(|shown| Row {
                 label: &shown.label,
                 motion: &shown.motion,
-            }
-        };
-        self.motions.iter().map(row).collect()
+            })
+            .collect()
     }
 
     pub fn curves(&self) -> Vec<Curve<'_>> {
@@ -182,7 +188,9 @@ impl Scene {
             Value::String(text) => text.clone(),
             value => value.to_string(),
         };
-        facts.map(|(name, value)| (name.clone(), text(value))).collect()
+        facts
+            .map(|(name, value)| (name.clone(), text(value)))
+            .collect()
     }
 }
 

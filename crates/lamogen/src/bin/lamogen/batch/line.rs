@@ -73,7 +73,10 @@ pub fn items(text: &str) -> (Vec<Item>, Vec<(usize, String)>) {
             Ok(item) => match ids.insert(item.id.to_lowercase(), number) {
                 None => items.push(item),
                 Some(first) => {
-                    wrong.push((number, format!("the id {:?} is that of line {first}", item.id)));
+                    wrong.push((
+                        number,
+                        format!("the id {:?} is that of line {first}", item.id),
+                    ));
                 }
             },
             Err(reason) => wrong.push((number, reason)),
@@ -125,9 +128,8 @@ impl Line {
                 Some(FactorText::Number(number)) => Factor::constant(*number),
                 Some(FactorText::Text(text)) => Factor::parse(component, text),
             };
-            let factor = factor.map_err(|error| {
-                format!("{}: {error}", component.to_string().to_lowercase())
-            })?;
+            let factor = factor
+                .map_err(|error| format!("{}: {error}", component.to_string().to_lowercase()))?;
             curve = Some(curve.unwrap_or_default().with(component, factor));
         }
         Ok(curve)
@@ -172,7 +174,10 @@ mod tests {
         let (items, wrong) = items(text);
         assert_eq!(wrong, []);
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
-        assert_eq!(items[1].curve.as_ref().unwrap().at(2.0), [1.5, 1.2, 1.0, 1.0]);
+        assert_eq!(
+            items[1].curve.as_ref().unwrap().at(2.0),
+            [1.5, 1.2, 1.0, 1.0]
+        );
         assert_eq!((items[1].number, items[1].seed()), (3, 7));
     }
 
@@ -181,10 +186,22 @@ mod tests {
         for (line, part) in [
             ("{\"prompt\": 3}", "invalid type"),
             ("{\"weight\": 1}", "missing field `prompt`"),
-            ("{\"prompt\": \"a\", \"wieght\": 1}", "unknown field `wieght`"),
-            ("{\"prompt\": \"a\", \"weight\": \"sudden\"}", "weight: sudden speaks of Time"),
-            ("{\"prompt\": \"a\", \"weight\": []}", "a number, a word or keys"),
-            ("{\"prompt\": \"a\", \"weight\": 2, \"scale\": [1,1,1,1]}", "found both"),
+            (
+                "{\"prompt\": \"a\", \"wieght\": 1}",
+                "unknown field `wieght`",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": \"sudden\"}",
+                "weight: sudden speaks of Time",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": []}",
+                "a number, a word or keys",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": 2, \"scale\": [1,1,1,1]}",
+                "found both",
+            ),
             ("{\"prompt\": \"a\", \"scale\": [1,1,1,-1]}", "Shape"),
             ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
