@@ -6,8 +6,9 @@ use serde_json::{Value, json};
 
 use super::Figure;
 use super::markup::in_script;
-use crate::curves::unit;
-use crate::{Curve, printable};
+use crate::Curve;
+use lamogen_laban::Component;
+use crate::text::printable;
 
 /// What one of the embedded integers means, in metres.
 const STEP: f64 = 1e-4;
