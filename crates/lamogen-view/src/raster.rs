@@ -109,7 +109,9 @@ mod tests {
             )
         };
         assert_eq!(dark_pixels(&text(""), 1.0), 0);
+        // What the font lacks is drawn as a box, not left out.
         let box_like = dark_pixels(&text("人"), 1.0);
+        assert!(box_like > 20, "{box_like}");
         for letters in ["jump", "Größe ²³×", "прыжок", "άλμα", "skočí łódź", "→ …"]
         {
             let dark = dark_pixels(&text(letters), 1.0);

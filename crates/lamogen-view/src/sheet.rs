@@ -28,8 +28,8 @@ pub fn sheet(
     poses: usize,
     curves: &[Curve<'_>],
 ) -> Result<String, CurveError> {
-    let strip = draw(rows, poses);
-    let width = strip.width.max(LEAST_WIDTH);
+    let strip = draw(rows, poses, LEAST_WIDTH);
+    let width = strip.width;
     let title = wrapped(title, TITLE, width, TITLE_LINES);
     let mut height = MARGIN;
     let mut parts = Group::new();

@@ -73,7 +73,7 @@ pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
     if let Some(space) = word.filter(|_| !text[end..].starts_with(' ')) {
         end = space;
     }
-    format!("{}…", text[..end].trim_end())
+    format!("{}…", text[..end].trim_end_matches([' ', ',', ';']))
 }
 
 /// Where the longest beginning ends that fits together with `tail`; at least one character.
@@ -153,7 +153,7 @@ mod tests {
         let kept = lines.join(" ");
         let (kept, _) = kept.split_once('…').unwrap();
         assert!(
-            PROMPT[kept.len()..].starts_with(' '),
+            PROMPT[kept.len()..].starts_with([' ', ',']),
             "whole words: {lines:?}"
         );
         assert_eq!(
