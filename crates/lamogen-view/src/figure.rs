@@ -224,8 +224,8 @@ fn head(pose: &[[f32; 3]; JOINTS]) -> [f32; 3] {
     std::array::from_fn(|axis| head[axis] + along[axis] / length * HEAD_BEYOND_JOINT)
 }
 
-/// Appends the outline of two circles and what lies between their common tangents. All outlines turn
-/// the same way, so that their union is filled where they overlap.
+/// Appends the outline of two circles and what lies between their common tangents. All outlines
+/// turn the same way, so that their union is filled where they overlap.
 fn capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f32; 2], f32)) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length = dx.hypot(dy);

@@ -39,8 +39,8 @@ pub enum RasterError {
 ///
 /// # Errors
 ///
-/// If the document is no SVG, the scale is not above 0, or the picture is larger than 32,767 pixels a
-/// side or 67 million in all.
+/// If the document is no SVG, the scale is not above 0, or the picture is larger than 32,767 pixels
+/// a side or 67 million in all.
 pub fn png(svg: &str, scale: f32) -> Result<Vec<u8>, RasterError> {
     render(svg, scale, Missing::FromSystem)?
         .encode_png()

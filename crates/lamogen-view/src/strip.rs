@@ -39,12 +39,12 @@ const LABEL_LINES: usize = 2;
 pub(crate) const LEFT: f32 = 12.0;
 
 /// Draws `poses` moments of every motion, evenly spread from its first frame to its last, as an SVG
-/// document on white. Time runs to the right; each figure stands in its own place, so that a walk does not
-/// leave the picture, but heights are true. All rows share one scale. The camera looks down a little
-/// from the motion's front left.
+/// document on white. Time runs to the right; each figure stands in its own place, so that a walk
+/// does not leave the picture, but heights are true. All rows share one scale. The camera looks
+/// down a little from the motion's front left.
 ///
-/// Of rows of different lengths each is spread over its own length. Labels that are too long for two
-/// lines are shortened.
+/// Of rows of different lengths each is spread over its own length. Labels that are too long for
+/// two lines are shortened.
 pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
     let Drawing {
         content,

@@ -87,8 +87,8 @@ fn fitting(text: &str, size: f32, room: f32, tail: &str) -> usize {
     ends.get(fitting.max(1) - 1).copied().unwrap_or(0)
 }
 
-/// Width of a line in pixels, as the embedded font sets it. That is a wide font, so other fonts, which
-/// browsers choose, seldom need more.
+/// Width of a line in pixels, as the embedded font sets it. That is a wide font, so other fonts,
+/// which browsers choose, seldom need more.
 pub(crate) fn width(text: &str, size: f32) -> f32 {
     // The embedded font has no letters of East Asia, which are as wide as a dash is.
     let wide = |c: char| matches!(c, '\u{1100}'..'\u{1e00}' | '\u{2e80}'..);
