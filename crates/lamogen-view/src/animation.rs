@@ -72,12 +72,12 @@ const TIME: (f32, f32) = (0.04, 12.0);
 /// Most lines of a label.
 const LABEL_LINES: usize = 3;
 
-/// Draws motions side by side as an animated GIF that runs at true speed, 20 frames a second, and begins
-/// again at its end. A motion that is shorter than the longest stays in its last pose.
+/// Draws motions side by side as an animated GIF that runs at true speed, 20 frames a second, and
+/// begins again at its end. A motion that is shorter than the longest stays in its last pose.
 ///
-/// All motions are seen in one scale from the front left. The camera stands still for movements in place and
-/// goes along with a walk, over a ground of squares of half a metre. `progress` is told after every frame how many are
-/// done, and of how many. The same motions give the same bytes.
+/// All motions are seen in one scale from the front left. The camera stands still for movements in
+/// place and goes along with a walk, over a ground of squares of half a metre. `progress` is told
+/// after every frame how many are done, and of how many. The same motions give the same bytes.
 ///
 /// # Errors
 ///
@@ -120,8 +120,8 @@ fn indices(pixels: &Pixmap, palette: &mut Palette) -> Vec<u8> {
         .collect()
 }
 
-/// The smallest rectangle that holds all that has changed; what has not changed in it is transparent.
-/// Before the first frame there is nothing, and all of it is new.
+/// The smallest rectangle that holds all that has changed; what has not changed in it is
+/// transparent. Before the first frame there is nothing, and all of it is new.
 fn change(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
     let columns = usize::from(width);
     let changed = |at: &usize| before.get(*at) != Some(&now[*at]);
@@ -304,8 +304,8 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Where the camera is aimed at every frame: it follows the motion, and has all of it around the middle
-/// of the picture.
+/// Where the camera is aimed at every frame: it follows the motion, and has all of it around the
+/// middle of the picture.
 fn centred(motion: &Motion, camera: &Camera) -> Vec<[f32; 2]> {
     let aims = follow(motion);
     let poses = motion.joints().iter().zip(&aims);

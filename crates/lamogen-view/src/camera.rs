@@ -2,12 +2,12 @@
 
 use std::f32::consts::FRAC_PI_6;
 
-/// What is further from the middle of the picture than this, in metres, is drawn there: broken motions
-/// then give a picture too, and no number in it overflows.
+/// What is further from the middle of the picture than this, in metres, is drawn there: broken
+/// motions then give a picture too, and no number in it overflows.
 const HORIZON: f32 = 1e4;
 
-/// A camera without perspective, so that a metre is a metre everywhere. It looks from the front left
-/// of a motion's first pose, and down a little.
+/// A camera without perspective, so that a metre is a metre everywhere. It looks from the front
+/// left of a motion's first pose, and down a little.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
     turn: (f32, f32),
@@ -48,7 +48,8 @@ impl Camera {
         }
     }
 
-    /// The point of the ground that is so many metres to the right of the point `middle`, and nearer.
+    /// The point of the ground that is so many metres to the right of the point `middle`, and
+    /// nearer.
     pub fn beside(&self, [x, z]: [f32; 2], right: f32, nearer: f32) -> [f32; 2] {
         let (sin, cos) = self.turn;
         [

@@ -4,7 +4,8 @@ use lamogen_laban::{Component, LabanSeries};
 use lamogen_motion::FRAMES_PER_SECOND;
 use plotters::prelude::*;
 
-use crate::text::{printable, shortened};
+use crate::printable;
+use crate::text::shortened;
 
 /// One curve in each of the four panels.
 #[derive(Clone, Copy, Debug)]
@@ -98,8 +99,11 @@ fn draw(
         let largest = values().filter(|x| x.is_finite()).fold(0.0, f32::max);
         let frames = curves.iter().map(|c| c.series.frames().len()).max();
         let seconds = frames.unwrap_or(1).saturating_sub(1).max(1) as f32 / FRAMES_PER_SECOND;
-        // Room above the curves for the legend.
-        let top = largest.max(1e-6) * 1.25;
+        // Room above the curves for the legend, about so many pixels beside those of the whole
+        // plot.
+        let legend = 18.0 * curves.len() as f32 + 20.0;
+        let plot = panel.dim_in_pixel().1 as f32 - 85.0;
+        let top = largest.max(1e-6) / (1.0 - legend / plot).max(0.5);
         let mut chart = ChartBuilder::on(panel)
             .caption(
                 format!("{component} ({})", component.unit()),

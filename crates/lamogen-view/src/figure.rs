@@ -55,11 +55,22 @@ const BODY: [Part; PARTS] = [
                 (Neck, 0.04),
                 (Head, 0.04),
             ],
-            &[(Pelvis, 0.075), (RightHip, 0.07)],
-            &[(Pelvis, 0.075), (LeftHip, 0.07)],
+            &[(RightHip, 0.066), (LeftHip, 0.066)],
             // The sides; what lies between them is the chest.
-            &[(Pelvis, 0.075), (RightShoulder, 0.05), (RightCollar, 0.05)],
-            &[(Pelvis, 0.075), (LeftShoulder, 0.05), (LeftCollar, 0.05)],
+            &[
+                (Neck, 0.04),
+                (RightCollar, 0.042),
+                (RightShoulder, 0.042),
+                (Spine1, 0.09),
+                (RightHip, 0.066),
+            ],
+            &[
+                (Neck, 0.04),
+                (LeftCollar, 0.042),
+                (LeftShoulder, 0.042),
+                (Spine1, 0.09),
+                (LeftHip, 0.066),
+            ],
         ],
     },
     Part {
@@ -80,8 +91,8 @@ const BODY: [Part; PARTS] = [
     },
 ];
 const TRUNK: &Part = &BODY[2];
-const CHEST: [Joint; 3] = [Pelvis, LeftShoulder, RightShoulder];
-const THICKEST: f32 = 0.075;
+const CHEST: [Joint; 3] = [Spine1, LeftShoulder, RightShoulder];
+const THICKEST: f32 = 0.09;
 
 /// Radius of the head, and how far its middle lies beyond the joint, in metres: the joint is where
 /// head and neck meet.
@@ -213,8 +224,8 @@ fn head(pose: &[[f32; 3]; JOINTS]) -> [f32; 3] {
     std::array::from_fn(|axis| head[axis] + along[axis] / length * HEAD_BEYOND_JOINT)
 }
 
-/// Appends the outline of two circles and what lies between their common tangents. All outlines turn
-/// the same way, so that their union is filled where they overlap.
+/// Appends the outline of two circles and what lies between their common tangents. All outlines
+/// turn the same way, so that their union is filled where they overlap.
 fn capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f32; 2], f32)) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length = dx.hypot(dy);

@@ -48,8 +48,8 @@ fn embedded() -> &'static (Arc<Database>, ID) {
     })
 }
 
-/// The embedded font and those of the machine. Looking for them takes a while and is only done for a
-/// text that needs them.
+/// The embedded font and those of the machine. Looking for them takes a while and is only done for
+/// a text that needs them.
 fn with_system() -> &'static Arc<Database> {
     static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
     FONTS.get_or_init(|| {
@@ -59,8 +59,8 @@ fn with_system() -> &'static Arc<Database> {
     })
 }
 
-/// A font of the machine that has the letter, upright and of usual weight where there is one. Looked
-/// for once: every font file is read.
+/// A font of the machine that has the letter, upright and of usual weight where there is one.
+/// Looked for once: every font file is read.
 fn system_font(letter: char) -> Option<ID> {
     static FOUND: OnceLock<Mutex<HashMap<char, Option<ID>>>> = OnceLock::new();
     let found = FOUND.get_or_init(Mutex::default);

@@ -6,13 +6,13 @@ use svg::node::element::Path;
 
 use crate::camera::View;
 
-/// Side of a square of the ground, in metres, and most squares from the middle to the edge: on a huge
-/// ground squares are larger.
+/// Side of a square of the ground, in metres, and most squares from the middle to the edge: on a
+/// huge ground squares are larger.
 const SQUARE: f32 = 0.5;
 const MOST_SQUARES: f32 = 20.0;
 
-/// Draws the lines of the ground within a circle of `radius` metres around where the camera is aimed. They
-/// belong to the world, so they pass by when the camera moves.
+/// Draws the lines of the ground within a circle of `radius` metres around where the camera is
+/// aimed. They belong to the world, so they pass by when the camera moves.
 pub(crate) fn grid(view: &View, radius: f32) -> Path {
     let mut path = String::new();
     let square = SQUARE * (radius / SQUARE / MOST_SQUARES).max(1.0).ceil();

@@ -25,13 +25,33 @@ pub use strip::{Row, strip};
 use std::io::Write;
 use std::path::Path;
 
+use text::printable;
+
 /// Writes a picture whole or not at all: the text of an SVG or the bytes of a PNG or GIF.
 ///
 /// # Errors
 ///
 /// If the file cannot be written; the message names it.
-pub fn save(path: impl AsRef<Path>, picture: impl AsRef<[u8]>) -> std::io::Result<()> {
+pub fn save(path: impl AsRef<Path>, picture: &(impl AsRef<[u8]> + ?Sized)) -> std::io::Result<()> {
     let path = path.as_ref();
     lamogen_motion::write_atomically(path, |file| file.write_all(picture.as_ref()))
         .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_saved_as_they_are_and_errors_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [text, bytes] = ["a.svg", "a.png"].map(|name| folder.path().join(name));
+        save(&text, "<svg/>").unwrap();
+        save(&bytes, &vec![0, 255]).unwrap();
+        assert_eq!(std::fs::read(text).unwrap(), b"<svg/>");
+        assert_eq!(std::fs::read(bytes).unwrap(), [0, 255]);
+        let nowhere = folder.path().join("no folder/a.svg");
+        let message = save(nowhere, "<svg/>").unwrap_err().to_string();
+        assert!(message.contains("a.svg"), "{message}");
+    }
 }

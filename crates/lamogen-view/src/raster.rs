@@ -39,8 +39,8 @@ pub enum RasterError {
 ///
 /// # Errors
 ///
-/// If the document is no SVG, the scale is not above 0, or the picture is larger than 32,767 pixels a
-/// side or 67 million in all.
+/// If the document is no SVG, the scale is not above 0, or the picture is larger than 32,767 pixels
+/// a side or 67 million in all.
 pub fn png(svg: &str, scale: f32) -> Result<Vec<u8>, RasterError> {
     render(svg, scale, Missing::FromSystem)?
         .encode_png()
@@ -109,7 +109,9 @@ mod tests {
             )
         };
         assert_eq!(dark_pixels(&text(""), 1.0), 0);
+        // What the font lacks is drawn as a box, not left out.
         let box_like = dark_pixels(&text("人"), 1.0);
+        assert!(box_like > 20, "{box_like}");
         for letters in ["jump", "Größe ²³×", "прыжок", "άλμα", "skočí łódź", "→ …"]
         {
             let dark = dark_pixels(&text(letters), 1.0);

@@ -16,8 +16,8 @@ const LEAST_WIDTH: f32 = 900.0;
 /// Height of the panels, in pixels.
 const PANELS: u32 = 640;
 
-/// Draws a title, [`strip`](crate::strip()) and, below, [`curves`](crate::curves()) as one SVG document. Without curves there are
-/// no panels, and without a title there is none.
+/// Draws a title, [`strip`](crate::strip()) and, below, [`curves`](crate::curves()) as one SVG
+/// document. Without curves there are no panels, and without a title there is none.
 ///
 /// # Errors
 ///
@@ -28,8 +28,8 @@ pub fn sheet(
     poses: usize,
     curves: &[Curve<'_>],
 ) -> Result<String, CurveError> {
-    let strip = draw(rows, poses);
-    let width = strip.width.max(LEAST_WIDTH);
+    let strip = draw(rows, poses, LEAST_WIDTH);
+    let width = strip.width;
     let title = wrapped(title, TITLE, width, TITLE_LINES);
     let mut height = MARGIN;
     let mut parts = Group::new();
@@ -38,7 +38,8 @@ pub fn sheet(
         height += title.len() as f32 * TITLE * LINE + 0.5 * TITLE;
     }
     let Drawing { content, .. } = strip;
-    // Labels stand a little to the right of the strip's edge; they should be in line with the title.
+    // Labels stand a little to the right of the strip's edge; they should be in line with the
+    // title.
     let left = MARGIN - crate::strip::LEFT;
     parts = parts.add(content.set("transform", format!("translate({left} {height})")));
     height += strip.height;

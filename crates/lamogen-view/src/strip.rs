@@ -39,18 +39,18 @@ const LABEL_LINES: usize = 2;
 pub(crate) const LEFT: f32 = 12.0;
 
 /// Draws `poses` moments of every motion, evenly spread from its first frame to its last, as an SVG
-/// document on white. Time runs to the right; each figure stands in its own place, so that a walk does not
-/// leave the picture, but heights are true. All rows share one scale. The camera looks down a little
-/// from the motion's front left.
+/// document on white. Time runs to the right; each figure stands in its own place, so that a walk
+/// does not leave the picture, but heights are true. All rows share one scale. The camera looks
+/// down a little from the motion's front left.
 ///
-/// Of rows of different lengths each is spread over its own length. Labels that are too long for two
-/// lines are shortened.
+/// Of rows of different lengths each is spread over its own length. Labels that are too long for
+/// two lines are shortened.
 pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
     let Drawing {
         content,
         width,
         height,
-    } = draw(rows, poses);
+    } = draw(rows, poses, 0.0);
     page(width, height).add(content).to_string()
 }
 
@@ -77,8 +77,8 @@ pub(crate) struct Drawing {
     pub height: f32,
 }
 
-/// What [`strip`] draws.
-pub(crate) fn draw(rows: &[Row<'_>], poses: usize) -> Drawing {
+/// What [`strip`] draws, at least so many pixels wide.
+pub(crate) fn draw(rows: &[Row<'_>], poses: usize, least_width: f32) -> Drawing {
     let poses = poses.max(1);
     let camera = Camera::new(TILT);
     let shown = |row: &Row<'_>| moments(row.motion.frames(), poses);
@@ -93,6 +93,7 @@ pub(crate) fn draw(rows: &[Row<'_>], poses: usize) -> Drawing {
     // Places are as wide as the widest figure, and figures reach to both sides.
     let reach = extent.right.max(-extent.left);
     let place = (2.0 * reach + MARGIN).clamp(PLACE[0], PLACE[1]) * SCALE;
+    let place = place.max(least_width / poses as f32);
     let above_ground = (top + MARGIN) * scale;
     let below_ground = (bottom + MARGIN) * scale;
 
@@ -244,6 +245,16 @@ mod tests {
         assert!(jump(3.0) > jump(1.5) + 1.2 * SCALE);
         // A broken motion is drawn small instead of in a picture without end.
         assert!(jump(1e6) < 6.0 * SCALE && jump(f32::MAX) < 6.0 * SCALE);
+    }
+
+    #[test]
+    fn the_same_motions_give_the_same_picture() {
+        let motion = still([0.0, 1.0, 0.0], 2);
+        let row = Row {
+            label: "a",
+            motion: &motion,
+        };
+        assert_eq!(strip(&[row; 2], 3), strip(&[row; 2], 3));
     }
 
     #[test]

@@ -73,7 +73,7 @@ pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
     if let Some(space) = word.filter(|_| !text[end..].starts_with(' ')) {
         end = space;
     }
-    format!("{}…", text[..end].trim_end())
+    format!("{}…", text[..end].trim_end_matches([' ', ',', ';']))
 }
 
 /// Where the longest beginning ends that fits together with `tail`; at least one character.
@@ -87,8 +87,8 @@ fn fitting(text: &str, size: f32, room: f32, tail: &str) -> usize {
     ends.get(fitting.max(1) - 1).copied().unwrap_or(0)
 }
 
-/// Width of a line in pixels, as the embedded font sets it. That is a wide font, so other fonts, which
-/// browsers choose, seldom need more.
+/// Width of a line in pixels, as the embedded font sets it. That is a wide font, so other fonts,
+/// which browsers choose, seldom need more.
 pub(crate) fn width(text: &str, size: f32) -> f32 {
     // The embedded font has no letters of East Asia, which are as wide as a dash is.
     let wide = |c: char| matches!(c, '\u{1100}'..'\u{1e00}' | '\u{2e80}'..);
@@ -153,7 +153,7 @@ mod tests {
         let kept = lines.join(" ");
         let (kept, _) = kept.split_once('…').unwrap();
         assert!(
-            PROMPT[kept.len()..].starts_with(' '),
+            PROMPT[kept.len()..].starts_with([' ', ',']),
             "whole words: {lines:?}"
         );
         assert_eq!(
