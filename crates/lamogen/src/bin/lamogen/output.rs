@@ -168,7 +168,7 @@ impl Output {
             Format::Html => page_of(scene).into_bytes(),
             _ => report::everything(scene).to_string().into_bytes(),
         };
-        save(path, content).map_err(|error| Failure::new(Code::Output, error))
+        save(path, &content).map_err(|error| Failure::new(Code::Output, error))
     }
 }
 
