@@ -1,3 +1,5 @@
 //! Motion as files.
 
 mod clip;
+pub mod csv;
+pub mod glb;

@@ -1,0 +1,28 @@
+// Shows GLB files to Khronos' validator. Usage: node validate.mjs FOLDER FILE...
+// FOLDER is where `npm install gltf-validator` ran. Exit 1 on any error or warning.
+
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { basename, resolve } from "node:path";
+
+const [folder, ...files] = process.argv.slice(2);
+const validator = createRequire(resolve(folder, "package.json"))("gltf-validator");
+
+let failed = files.length === 0;
+for (const file of files) {
+  const report = await validator.validateBytes(new Uint8Array(readFileSync(file)), {
+    uri: basename(file),
+    maxIssues: 20,
+  });
+  const { numErrors, numWarnings, numInfos, numHints, messages } = report.issues;
+  const { totalVertexCount, totalTriangleCount, animationCount } = report.info;
+  console.log(
+    `${basename(file)}: ${numErrors} errors, ${numWarnings} warnings, ${numInfos} infos, ${numHints} hints ` +
+      `(${animationCount} animation, ${totalVertexCount} vertices, ${totalTriangleCount} triangles)`,
+  );
+  for (const { code, message, pointer } of messages) {
+    console.log(`  ${code} at ${pointer ?? "the file"}: ${message}`);
+  }
+  failed ||= numErrors + numWarnings > 0;
+}
+process.exit(failed ? 1 : 0);
