@@ -5,7 +5,9 @@ use std::path::Path;
 
 use lamogen::model::Tokenizer;
 use lamogen::motion::npy;
-use lamogen::{Device, Error, Guidance, LaMoGen, Pass, Request, Scale, Tag};
+use lamogen::{
+    Component, Device, Error, Factor, Guidance, LaMoGen, Pass, Request, Scale, ScaleCurve, Tag,
+};
 use tempfile::TempDir;
 
 fn refusal(request: Request) -> String {
@@ -82,6 +84,17 @@ fn tags_that_contradict_each_other() {
         &["strong", "light", "Weight"],
     );
     says(&refusal(jump().scale(Scale::NEUTRAL)), &["tags or a scale"]);
+}
+
+#[test]
+fn a_key_past_the_end_of_the_motion() {
+    let factor = Factor::parse(Component::Shape, "0:1 2.5:near").unwrap();
+    let scale = ScaleCurve::default().with(Component::Shape, factor);
+    let walk = Request::new("a person walks").scale(scale);
+    says(
+        &refusal(walk.frames(50)),
+        &["a person walks", "Shape", "2.5 s", "ends at 2.5 s"],
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@ WORK.json lists {"file", "joints", "picture" or null}. `joints` names a JSON fil
 positions in metres, Y up. Exit 1 if a joint is further away than TOLERANCE, or a body does not follow its joints.
 """
 
+import builtins
 import json
 import math
 import os
@@ -13,6 +14,7 @@ import sys
 import traceback
 
 import bpy
+import numpy
 from mathutils import Vector
 
 TOLERANCE = 0.002
@@ -20,11 +22,22 @@ TOLERANCE = 0.002
 BODY = 0.3
 
 
+# Debian 12 builds Blender 3.4 with a Python and a numpy that are newer than its importers: these ask for the file
+# mode "rU", gone in Python 3.11, and for numpy.bool, gone in numpy 1.24.
+def open_as_ever(file, mode="r", *more, _open=open, **names):
+    return _open(file, mode.replace("U", ""), *more, **names)
+
+
+builtins.open = open_as_ever
+if "bool" not in vars(numpy):
+    numpy.bool = bool
+
+
 def open_file(path, frames_per_second):
     """An empty scene with the file in it. Settings other than the scale and the frame rate are Blender's defaults."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    scene.render.fps = frames_per_second
+    scene.render.fps = round(frames_per_second)
     if path.endswith(".bvh"):
         bpy.ops.import_anim.bvh(
             filepath=path, global_scale=0.01, update_scene_fps=True, update_scene_duration=True

@@ -1,13 +1,12 @@
-// Shows GLB files to Khronos' validator. Usage: node validate.mjs FOLDER FILE...
-// FOLDER is where `npm install gltf-validator` ran. Exit 1 on any error or warning.
+// Shows GLB files to Khronos' validator. Exit code 1 on any error or warning.
+//
+//   npm install && node validate.mjs FILE...
 
 import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { basename, resolve } from "node:path";
+import { basename } from "node:path";
+import validator from "gltf-validator";
 
-const [folder, ...files] = process.argv.slice(2);
-const validator = createRequire(resolve(folder, "package.json"))("gltf-validator");
-
+const files = process.argv.slice(2);
 let failed = files.length === 0;
 for (const file of files) {
   const report = await validator.validateBytes(new Uint8Array(readFileSync(file)), {

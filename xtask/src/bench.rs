@@ -77,7 +77,7 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
     let steps = options.steps as usize;
     let sampler = Sampler::new(model, normalization, steps)?;
     let guidance = Guidance::paper();
-    let scales = vec![Scale::new([1.5, 1.0, 1.0, 1.0])?; motions];
+    let scales = vec![Scale::new([1.5, 1.0, 1.0, 1.0])?.into(); motions];
 
     let input = DenoiserInput {
         x_t: batch.noise.clone(),

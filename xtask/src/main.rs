@@ -25,7 +25,7 @@ enum Task {
         #[arg(long)]
         cpu_only: bool,
     },
-    /// Let outside programs judge the files that lamogen writes: Khronos' glTF validator and Blender.
+    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, a browser.
     Judges,
     /// Compare with a golden case of the PyTorch reference; exit 1 if a value is too far off.
     Parity {

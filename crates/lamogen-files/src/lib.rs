@@ -1,5 +1,35 @@
-//! Motion as files.
+//! Motion as files: what animators, engines and researchers open, and what they bring.
+//!
+//! ```text
+//! .bvh ──┐                 names          body              unit, axes, 20 fps
+//! .glb ──┴──▶ clip of any ──────▶ nodes ──────▶ 22 joints ─────────────────────▶ Motion
+//! .npy ────────────────────────────────────────────────────────────────────────▶ Motion
+//!
+//! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
+//! ```
+//!
+//! [`read`] and [`write`] choose the format by the end of the file's name. [`read`] recognises the
+//! skeleton by its joints' names, guesses unit and axes by the body, and [tells](Imported) what it
+//! took for granted; [`ReadOptions`] say it instead.
 
+mod body;
+pub mod bvh;
 mod clip;
 pub mod csv;
+mod error;
+mod format;
 pub mod glb;
+mod import;
+mod mapping;
+mod names;
+mod near;
+mod npy;
+mod schemes;
+mod units;
+
+pub use error::{ReadError, WriteError};
+pub use format::{WriteOptions, read, write};
+pub use import::{Imported, ReadOptions};
+pub use mapping::{Mapping, MappingError};
+pub use names::UnknownSkeleton;
+pub use units::{Unit, UnitError, Up, UpError};

@@ -31,7 +31,7 @@ pub struct Guidance {
     pub update: Update,
     /// What the loss divides by.
     pub divisor: Divisor,
-    /// Weight in the loss of components that the scale changes; the others weigh 1. Above 1,
+    /// Weight in the loss of components that the scale changes at any moment; the others weigh 1. Above 1,
     /// targets are reached more exactly and the other components move more.
     pub emphasis: f32,
     /// How Laban features are measured.

@@ -2,7 +2,7 @@
 
 use burn::optim::{Adam, AdamConfig, AdamState, Optimizer};
 use burn::tensor::Tensor;
-use lamogen_laban::{COMPONENTS, Component, LabanFeatures, Scale, Target};
+use lamogen_laban::{COMPONENTS, Component, LabanFeatures, ScaleCurve, Target};
 use lamogen_model::Denoiser;
 use lamogen_motion::joints;
 
@@ -69,7 +69,7 @@ impl<D: Denoiser> Sampler<'_, D> {
         &self,
         batch: &Batch<D::Context>,
         baseline: Tensor<3>,
-        scales: &[Scale],
+        scales: &[ScaleCurve],
         guidance: &Guidance,
         observer: &mut dyn Observer,
     ) -> Result<Guided, GuideError> {

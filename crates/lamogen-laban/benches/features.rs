@@ -20,7 +20,8 @@ fn features(criterion: &mut Criterion) {
         group.bench_function(BenchmarkId::new("features", &size), |bencher| {
             bencher.iter(|| features.measure(joints.clone()));
         });
-        let scales = vec![Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale"); motions];
+        let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale");
+        let scales = vec![scale.into(); motions];
         let baseline = features.measure(joints.clone());
         let target = Target::new(baseline, &lengths, &scales, Divisor::Mean, 1.0);
         group.bench_function(BenchmarkId::new("gradient", &size), |bencher| {

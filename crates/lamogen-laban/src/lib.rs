@@ -4,23 +4,28 @@
 //! ```text
 //! joints ──LabanFeatures──▶ features ──Target──▶ loss per component
 //! [batch, frames, 22, 3]    [batch, frames, 4]     [batch, 4]
-//! tags ─▶ Scale ────────────────────────┘
+//! tags ─▶ Scale ─▶ ScaleCurve ──────────┘
+//!                  [frames, 4]
 //! ```
 //!
 //! Everything on tensors is differentiable and works on whole batches of motions of different
 //! lengths. Definitions follow LaMoGen (arXiv 2509.24469), section "Laban Effort and Shape
 //! Quantification" and appendix, after Samadani et al. 2020.
 
+mod curve;
 mod effectors;
+mod factor;
 mod features;
 mod loss;
-
+mod peaks;
 mod series;
 mod smoothing;
 mod tags;
 mod window;
 
+pub use curve::ScaleCurve;
 pub use effectors::{EffectorError, EndEffectors};
+pub use factor::{Factor, FactorError, Interpolation, Key};
 pub use features::{LabanFeatures, LabanOptions};
 pub use loss::{Divisor, Target};
 pub use series::{LabanSeries, Summary};

@@ -2,7 +2,8 @@
 
 use burn::tensor::{Tensor, TensorData};
 
-use crate::tags::{COMPONENTS, Component, Scale};
+use crate::curve::ScaleCurve;
+use crate::tags::{COMPONENTS, Component};
 
 /// Keeps the relative loss finite where the baseline rests (paper, appendix "Hyperparameters").
 const DELTA: f32 = 1e-6;
@@ -26,9 +27,11 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target of each motion of a batch: `scale ⊙ baseline` (paper, section "Step 1").
+    /// The target of each motion of a batch: `scale(t) ⊙ baseline(t)` at every frame t (paper, section
+    /// "Step 1", where the scale is the same at all frames).
     ///
-    /// `emphasis` weighs components that a scale changes in the loss; the others weigh 1.
+    /// `emphasis` weighs components in the loss that a scale changes at any moment, at all frames; the
+    /// others weigh 1.
     ///
     /// # Shapes
     ///
@@ -42,26 +45,28 @@ impl Target {
     pub fn new(
         baseline: Tensor<3>,
         lengths: &[usize],
-        scales: &[Scale],
+        scales: &[ScaleCurve],
         divisor: Divisor,
         emphasis: f32,
     ) -> Target {
         let [batch, frames, _] = baseline.dims();
         assert_eq!([lengths.len(), scales.len()], [batch, batch]);
         let device = baseline.device();
-        let row = |value: &dyn Fn(&Scale, Component) -> f32| {
-            let values: Vec<f32> = scales
-                .iter()
-                .flat_map(|scale| Component::ALL.map(|component| value(scale, component)))
-                .collect();
-            Tensor::<3>::from_data(TensorData::new(values, [batch, 1, COMPONENTS]), &device)
+        let tensor = |values: Vec<f32>, frames| {
+            let data = TensorData::new(values, [batch, frames, COMPONENTS]);
+            Tensor::<3>::from_data(data, &device)
         };
-        let scale = row(&|scale, component| scale.of(component));
+        let factors = scales.iter().flat_map(|scale| scale.frames(frames));
+        let factors = tensor(factors.flatten().collect(), frames);
         // The loss is squared, so the weight enters as its root.
-        let emphasis = row(&|scale, component| match scale.changes(component) {
+        let root = |scale: &ScaleCurve, component| match scale.changes(component) {
             true => emphasis.sqrt(),
             false => 1.0,
-        });
+        };
+        let roots = scales
+            .iter()
+            .flat_map(|scale| Component::ALL.map(|component| root(scale, component)));
+        let emphasis = tensor(roots.collect(), 1);
         let divisor = match divisor {
             Divisor::Frame => baseline.clone(),
             Divisor::Mean => {
@@ -72,7 +77,7 @@ impl Target {
             }
         };
         Target {
-            features: baseline * scale,
+            features: baseline * factors,
             weight: emphasis / (divisor + DELTA),
         }
     }
@@ -101,12 +106,18 @@ impl Target {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::factor::Factor;
     use crate::features::{LabanFeatures, LabanOptions};
+    use crate::tags::Scale;
     use burn::tensor::Device;
     use lamogen_motion::JOINTS;
 
-    fn scale(factors: [f32; COMPONENTS]) -> Scale {
-        Scale::new(factors).unwrap()
+    fn scale(factors: [f32; COMPONENTS]) -> ScaleCurve {
+        Scale::new(factors).unwrap().into()
+    }
+
+    fn over_time(component: Component, text: &str) -> ScaleCurve {
+        ScaleCurve::default().with(component, Factor::parse(component, text).unwrap())
     }
 
     #[test]
@@ -141,9 +152,75 @@ mod tests {
     }
 
     #[test]
+    fn the_target_of_each_motion_follows_its_own_scale_over_time() {
+        // 30 frames are 1.5 s; the second motion ends after 1 s.
+        let frames = 30;
+        let values = (0..2 * frames * COMPONENTS).map(|i| match i / COMPONENTS < frames + 20 {
+            true => 1.0 + i as f32,
+            false => 0.0,
+        });
+        let data = TensorData::new(values.collect(), [2, frames, COMPONENTS]);
+        let baseline = Tensor::<3>::from_data(data, &Device::flex());
+        let scales = [
+            over_time(Component::Weight, "0.5:1.5 1:0.5"),
+            over_time(Component::Shape, "0:1 ~ 1:2"),
+        ];
+        let target = Target::new(baseline.clone(), &[30, 20], &scales, Divisor::Frame, 1.0);
+        let [asked, baseline] =
+            [target.features(), baseline].map(|t| t.into_data().try_to_vec::<f32>().unwrap());
+        for (i, (asked, before)) in asked.iter().zip(&baseline).enumerate() {
+            let (motion, frame, component) = (
+                i / frames / COMPONENTS,
+                i / COMPONENTS % frames,
+                i % COMPONENTS,
+            );
+            let factor = match (motion, component) {
+                (0, 0) => [1.0, 1.5, 0.5][frame / 10],
+                (1, 3) => 1.0 + (frame as f32 / 20.0).min(1.0),
+                _ => 1.0,
+            };
+            let error = (asked - before * factor).abs();
+            assert!(
+                error <= 1e-5 * before,
+                "{motion} {frame} {component}: {asked}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_change_at_any_moment_is_emphasised_at_all() {
+        let baseline = Tensor::<3>::ones([1, 40, COMPONENTS], &Device::flex());
+        let scales = [over_time(Component::Time, "1:1.2")];
+        let loss = |emphasis| {
+            Target::new(baseline.clone(), &[40], &scales, Divisor::Mean, emphasis)
+                .loss(baseline.clone() * 2.0)
+                .into_data()
+                .try_to_vec::<f32>()
+                .unwrap()
+        };
+        let (plain, heavy) = (loss(1.0), loss(10.0));
+        // Half the frames ask for 1, the other half for 1.2, and all are at 2.
+        assert!(
+            (plain[1] - 20.0 * (1.0 + 0.8 * 0.8)).abs() < 1e-3,
+            "{plain:?}"
+        );
+        assert!((heavy[1] / plain[1] - 10.0).abs() < 1e-3);
+        assert_eq!(
+            [heavy[0], heavy[2], heavy[3]],
+            [plain[0], plain[2], plain[3]]
+        );
+    }
+
+    #[test]
     fn a_resting_baseline_keeps_the_loss_finite() {
         let still = Tensor::<3>::zeros([1, 5, COMPONENTS], &Device::flex());
-        let target = Target::new(still.clone(), &[5], &[Scale::NEUTRAL], Divisor::Frame, 1.0);
+        let target = Target::new(
+            still.clone(),
+            &[5],
+            &[ScaleCurve::default()],
+            Divisor::Frame,
+            1.0,
+        );
         assert_eq!(target.loss(still).sum().into_scalar::<f32>(), 0.0);
     }
 

@@ -1,5 +1,7 @@
 //! Laban features of one motion on the host.
 
+use std::ops::Range;
+
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_motion::{JOINTS, Motion};
 
@@ -60,6 +62,14 @@ impl LabanSeries {
         self.frames.iter().map(move |row| row[component.index()])
     }
 
+    /// A part of the series; frames past its end are left out.
+    pub fn section(&self, frames: Range<usize>) -> LabanSeries {
+        let end = frames.end.min(self.frames.len());
+        LabanSeries {
+            frames: self.frames[frames.start.min(end)..end].to_vec(),
+        }
+    }
+
     /// One number a component.
     pub fn summary(&self, summary: Summary) -> [f32; COMPONENTS] {
         Component::ALL.map(|component| {
@@ -90,6 +100,24 @@ mod tests {
         assert_eq!(series.summary(Summary::Mean), [2.0, 1.0, 2.0, 2.0]);
         let time: Vec<_> = series.component(Component::Time).collect();
         assert_eq!(time, [1.0, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn a_section_is_a_series_of_its_own() {
+        let rows = [
+            [0.0, 1.0, 4.0, 2.0],
+            [3.0, 0.0, 0.0, 2.0],
+            [3.0, 2.0, 2.0, 2.0],
+        ];
+        let series = LabanSeries::from_tensor(Tensor::from(rows));
+        assert_eq!(series.section(1..3).frames(), &rows[1..]);
+        assert_eq!(
+            series.section(1..3).summary(Summary::Mean),
+            [3.0, 1.0, 1.0, 2.0]
+        );
+        for beyond in [3..9, 7..9] {
+            assert!(series.section(beyond).frames().is_empty());
+        }
     }
 
     #[test]

@@ -34,6 +34,16 @@ impl Component {
     pub const fn index(self) -> usize {
         self as usize
     }
+
+    /// What it is measured in; a frame is 1/20 s.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Component::Weight => "m² per frame²",
+            Component::Time => "m per frame²",
+            Component::Flow => "m per frame³",
+            Component::Shape => "m³",
+        }
+    }
 }
 
 impl fmt::Display for Component {
@@ -152,7 +162,8 @@ impl FromStr for Tag {
     }
 }
 
-/// Factors on the baseline of `[Weight, Time, Flow, Shape]`; 1 asks for no change.
+/// Factors on the baseline of `[Weight, Time, Flow, Shape]` that stay the same over time; 1 asks for no
+/// change. [`ScaleCurve`](crate::ScaleCurve) is the scale whose factors may have keys.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale([f32; COMPONENTS]);
 
@@ -170,6 +181,14 @@ pub enum ScaleError {
         component: Component,
         first: Tag,
         second: Tag,
+    },
+    /// A key that the motion ends before.
+    #[error("{component}: the key at {seconds} s can never act, the motion ends at {length} s")]
+    #[allow(missing_docs)]
+    Late {
+        component: Component,
+        seconds: f32,
+        length: f32,
     },
 }
 
@@ -190,6 +209,11 @@ impl Scale {
             }
         }
         Ok(Scale(factors))
+    }
+
+    /// Factors that are known to be finite and not negative.
+    pub(crate) const fn unchecked(factors: [f32; COMPONENTS]) -> Scale {
+        Scale(factors)
     }
 
     /// The factors of some tags; components without a tag keep 1.

@@ -9,20 +9,25 @@
 //! differentiable and work on whole batches; [`Motion`] holds one motion on the host.
 
 mod atomic;
+mod decode;
+mod encode;
 mod features;
 mod joints;
 mod motion;
 mod normalization;
 pub mod npy;
 mod padding;
+mod quality;
 mod rotations;
 mod skeleton;
 
 pub use atomic::{replace_atomically, write_atomically};
+pub use encode::{canonical, encode};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use joints::joints;
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
+pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};

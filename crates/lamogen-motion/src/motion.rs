@@ -4,8 +4,9 @@ use std::path::Path;
 
 use burn::tensor::Tensor;
 
+use crate::decode::decode;
+use crate::encode::{canonical, encode};
 use crate::features::POSE_FEATURES;
-use crate::joints::joints;
 use crate::npy::{self, NpyError};
 use crate::skeleton::{JOINTS, Joint};
 
@@ -68,25 +69,26 @@ impl Motion {
     ///
     /// If there is no frame, the width is not 263, or a position is not finite.
     pub fn from_features(features: Tensor<2>) -> Result<Motion, MotionError> {
-        let [frames, width] = features.dims();
+        let [_, width] = features.dims();
         if width != POSE_FEATURES {
             return Err(MotionError::Width { found: width });
         }
-        if frames == 0 {
-            return Err(MotionError::Empty);
-        }
-        let positions = host(joints(features.clone().unsqueeze()));
-        let positions = positions
-            .chunks_exact(3 * JOINTS)
-            .map(|pose| std::array::from_fn(|j| std::array::from_fn(|axis| pose[3 * j + axis])))
-            .collect();
         let rows = host(features)
             .chunks_exact(POSE_FEATURES)
             .map(|row| row.try_into().expect("rows of 263"))
             .collect();
+        Motion::from_pose_features(rows)
+    }
+
+    /// As [`from_features`](Self::from_features), for features that are on the host, a row a frame.
+    ///
+    /// # Errors
+    ///
+    /// If there is no frame, or a position is not finite.
+    pub fn from_pose_features(features: Vec<[f32; POSE_FEATURES]>) -> Result<Motion, MotionError> {
         Ok(Motion {
-            features: Some(rows),
-            ..Motion::from_joints(positions)?
+            joints: Motion::from_joints(decode(&features))?.joints,
+            features: Some(features),
         })
     }
 
@@ -142,6 +144,34 @@ impl Motion {
         let values = self.joints.as_flattened().as_flattened();
         npy::write(path, values, &[self.frames(), JOINTS, 3])
     }
+
+    /// Writes pose features as HumanML3D does: `.npy`, 32-bit floats, `(frames, 263)`.
+    ///
+    /// They are those the motion came from, else those of its [`canonical`] positions, which are a row less
+    /// than the motion has frames: a row describes a step.
+    ///
+    /// # Errors
+    ///
+    /// If the motion is a single frame without features, or the file cannot be written; nothing is left
+    /// half-written.
+    pub fn save_features(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
+        let encoded;
+        let rows = match &self.features {
+            Some(rows) => rows,
+            None => {
+                encoded = encode(&canonical(&self.joints));
+                &encoded
+            }
+        };
+        if rows.is_empty() {
+            let reason = "pose features describe steps: expected at least 2 frames, found 1";
+            return Err(NpyError::Io {
+                path: path.as_ref().to_owned(),
+                reason: std::io::Error::new(std::io::ErrorKind::InvalidInput, reason),
+            });
+        }
+        npy::write(path, rows.as_flattened(), &[rows.len(), POSE_FEATURES])
+    }
 }
 
 fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
@@ -184,6 +214,24 @@ mod tests {
             message.contains("frame 2") && message.contains("head"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn features_are_saved_as_they_came_or_made_of_the_joints() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("features.npy");
+        let came = Motion::from_pose_features(vec![[0.25; POSE_FEATURES]; 3]).unwrap();
+        came.save_features(&path).unwrap();
+        assert_eq!(npy::read(&path).unwrap().values, [0.25; 3 * POSE_FEATURES]);
+
+        let joints = vec![[[0.5; 3]; JOINTS]; 3];
+        let made = Motion::from_joints(joints.clone()).unwrap();
+        made.save_features(&path).unwrap();
+        assert_eq!(npy::read(&path).unwrap().shape, [2, POSE_FEATURES]);
+
+        let single = Motion::from_joints(joints[..1].to_vec()).unwrap();
+        let message = single.save_features(&path).unwrap_err().to_string();
+        assert!(message.contains("at least 2 frames"), "{message}");
     }
 
     #[test]

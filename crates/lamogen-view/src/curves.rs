@@ -134,7 +134,7 @@ fn draw(
     Ok(())
 }
 
-fn unit(component: Component) -> &'static str {
+pub(crate) fn unit(component: Component) -> &'static str {
     match component {
         Component::Weight => "m² per frame²",
         Component::Time => "m per frame²",

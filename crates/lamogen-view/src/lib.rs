@@ -1,9 +1,11 @@
-//! Pictures of motion, as SVG: strips of stick figures, and Laban features over time.
+//! Pictures of motion: as SVG strips of stick figures and Laban features over time, and a page that plays motions.
 
 mod curves;
+mod page;
 mod strip;
 
 pub use curves::{Curve, CurveError, curves};
+pub use page::{Figure, Page, page};
 pub use strip::{Row, strip};
 
 use std::io::Write;

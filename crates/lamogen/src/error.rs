@@ -132,7 +132,7 @@ pub enum RequestError {
     /// Tags and factors at once.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,
-    /// Tags that contradict each other.
+    /// Tags that contradict each other, or a key past the motion's end.
     #[error(transparent)]
     Scale(#[from] ScaleError),
     /// Steps or guidance options.

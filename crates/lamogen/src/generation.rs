@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 
 use lamogen_guide::{Preset, Step};
-use lamogen_laban::{LabanSeries, Scale};
+use lamogen_laban::{LabanSeries, ScaleCurve};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
-use crate::error::{Error, Which};
+use crate::error::{Error, RequestError, Which};
 use crate::groups::{Group, assign};
 use crate::licence::Licence;
 use crate::request::Request;
@@ -29,8 +29,8 @@ pub struct LaMoGen<D = MotionDiffuse> {
 pub struct Generation {
     /// How many tokens of the prompt did not fit the model and were left out.
     pub cut_tokens: usize,
-    /// The factors that the tags stand for.
-    pub scale: Scale,
+    /// The factors that were asked for, as such or by tags.
+    pub scale: ScaleCurve,
     /// The motion of the text alone.
     pub baseline: Motion,
     /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
@@ -40,7 +40,7 @@ pub struct Generation {
     pub baseline_laban: LabanSeries,
     /// Laban features of the guided motion.
     pub guided_laban: LabanSeries,
-    /// Laban features to reach: the baseline's, scaled.
+    /// Laban features to reach: the baseline's, times the scale at each frame.
     pub target: LabanSeries,
     /// The Laban loss at every step of the guided pass.
     pub loss: Vec<f32>,
@@ -187,22 +187,41 @@ impl<D: Denoiser> LaMoGen<D> {
         Ok(finished.into_iter().map(|(_, motion)| motion).collect())
     }
 
+    /// Whether a request makes sense to this model. Everything that generates checks so itself, before it
+    /// runs.
+    ///
+    /// # Errors
+    ///
+    /// If it does not; the error says why.
+    pub fn check(&self, request: &Request) -> Result<(), RequestError> {
+        self.join(&mut Vec::new(), 0, request)
+    }
+
     fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
         let mut groups = Vec::new();
         for (index, request) in requests.iter().enumerate() {
-            assign(
-                &mut groups,
-                (index, request),
-                &self.network,
-                &self.tokenizer,
-                (self.preset, self.batch_size),
-            )
-            .map_err(|reason| Error::Request {
-                which: Which::new(requests, index),
-                reason,
-            })?;
+            self.join(&mut groups, index, request)
+                .map_err(|reason| Error::Request {
+                    which: Which::new(requests, index),
+                    reason,
+                })?;
         }
         Ok(groups)
+    }
+
+    fn join(
+        &self,
+        groups: &mut Vec<Group>,
+        index: usize,
+        request: &Request,
+    ) -> Result<(), RequestError> {
+        assign(
+            groups,
+            (index, request),
+            &self.network,
+            &self.tokenizer,
+            (self.preset, self.batch_size),
+        )
     }
 }
 

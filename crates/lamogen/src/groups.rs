@@ -1,7 +1,7 @@
 //! Which requests run together.
 
 use lamogen_guide::{Guidance, Preset, Schedule};
-use lamogen_laban::Scale;
+use lamogen_laban::{Scale, ScaleCurve};
 use lamogen_model::{Denoiser, Tokenizer};
 
 use crate::error::RequestError;
@@ -17,7 +17,7 @@ pub(crate) struct Job {
     pub(crate) frames: usize,
     pub(crate) seed: u64,
     /// `None` where no tags or factors are given: the text alone.
-    pub(crate) scale: Option<Scale>,
+    pub(crate) scale: Option<ScaleCurve>,
 }
 
 /// Jobs that are one batch: they agree in what all motions of a batch must share.
@@ -47,9 +47,9 @@ pub(crate) fn assign(
     if request.prompt.trim().is_empty() {
         return Err(RequestError::EmptyPrompt);
     }
-    let scale = match (&request.tags[..], request.scale) {
-        ([], scale) => scale,
-        (tags, None) => Some(Scale::from_tags(tags)?),
+    let scale = match (&request.tags[..], &request.scale) {
+        ([], scale) => scale.clone(),
+        (tags, None) => Some(Scale::from_tags(tags)?.into()),
         (_, Some(_)) => return Err(RequestError::TagsAndScale),
     };
     let preset = request.preset.unwrap_or(default);
@@ -62,17 +62,21 @@ pub(crate) fn assign(
     if tokens.own == 0 {
         return Err(RequestError::EmptyPrompt);
     }
+    let frames = request
+        .length
+        .frames(model.min_frames(), model.max_frames())?;
+    if let Some(scale) = &scale {
+        scale.check(frames)?;
+    }
+    let is_guided = scale.is_some();
     let job = Job {
         request: index,
         ids: tokens.ids,
         cut: tokens.cut,
-        frames: request
-            .length
-            .frames(model.min_frames(), model.max_frames())?,
+        frames,
         seed: request.seed,
         scale,
     };
-    let is_guided = scale.is_some();
     let joins = |group: &&mut Group| {
         group.steps == steps
             && group.is_guided == is_guided

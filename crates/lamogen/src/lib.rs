@@ -44,11 +44,12 @@ pub use request::{Length, Request};
 pub use burn::tensor::Device;
 pub use lamogen_guide::{Guidance, Pass, Preset, Step, Update};
 pub use lamogen_laban::{
-    COMPONENTS, Component, Divisor, EndEffectors, Gaussian, LabanOptions, LabanSeries, Scale,
-    Smoothing, Summary, Tag,
+    COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Interpolation,
+    Key, LabanOptions, LabanSeries, Scale, ScaleCurve, Smoothing, Summary, Tag,
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
+pub use lamogen_files as files;
 pub use lamogen_guide as guide;
 pub use lamogen_laban as laban;
 pub use lamogen_model as model;

@@ -1,7 +1,7 @@
 //! What is asked for.
 
 use lamogen_guide::{Guidance, Preset};
-use lamogen_laban::{Scale, Tag};
+use lamogen_laban::{ScaleCurve, Tag};
 use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::error::RequestError;
@@ -32,7 +32,7 @@ pub struct Request {
     pub(crate) length: Length,
     pub(crate) seed: u64,
     pub(crate) tags: Vec<Tag>,
-    pub(crate) scale: Option<Scale>,
+    pub(crate) scale: Option<ScaleCurve>,
     pub(crate) preset: Option<Preset>,
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
@@ -85,10 +85,11 @@ impl Request {
         self
     }
 
-    /// Sets the factors on the four components, instead of tags.
-    pub fn scale(self, scale: Scale) -> Self {
+    /// Sets the factors on the four components, instead of tags: a [`Scale`](lamogen_laban::Scale) for the
+    /// whole motion, or a [`ScaleCurve`] over time.
+    pub fn scale(self, scale: impl Into<ScaleCurve>) -> Self {
         Request {
-            scale: Some(scale),
+            scale: Some(scale.into()),
             ..self
         }
     }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{Batch, GuideError, Pass, Sampler, Step, noise};
-use lamogen_laban::{COMPONENTS, LabanFeatures, LabanSeries, Scale};
+use lamogen_laban::{COMPONENTS, LabanFeatures, LabanSeries, ScaleCurve};
 use lamogen_model::Denoiser;
 use lamogen_motion::{Motion, MotionError, joints};
 
@@ -51,7 +51,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             return Ok(self.text_alone(&baseline, baselines));
         }
         let jobs = self.group.jobs.iter();
-        let scales: Vec<Scale> = jobs.filter_map(|job| job.scale).collect();
+        let scales: Vec<ScaleCurve> = jobs.filter_map(|job| job.scale.clone()).collect();
         let guided = sampler
             .guided(&batch, baseline, &scales, &self.group.guidance, &mut watch)
             .map_err(|error| self.interrupted(error, &baselines))?;
@@ -65,7 +65,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let generations = jobs.enumerate().map(|(index, (job, (baseline, motion)))| {
             let generation = Generation {
                 cut_tokens: job.cut,
-                scale: scales[index],
+                scale: scales[index].clone(),
                 guided: motion,
                 baseline,
                 guided_laban: self.series(&guided.features, index),
@@ -90,7 +90,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             let laban = self.series(&features, index);
             let generation = Generation {
                 cut_tokens: job.cut,
-                scale: Scale::NEUTRAL,
+                scale: ScaleCurve::default(),
                 guided: motion.clone(),
                 baseline: motion,
                 guided_laban: laban.clone(),

@@ -1,181 +1,157 @@
-//! Outside programs judge the files that lamogen writes.
+//! Outside programs judge what lamogen writes.
 
+mod exhibits;
 mod motions;
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-use burn::tensor::Device;
-use lamogen::{LaMoGen, Request, Tag};
-use lamogen_files::glb::{self, GlbOptions};
-use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
+use lamogen_motion::write_atomically;
 use serde_json::json;
 
-/// Where files and verdicts are.
+use exhibits::Exhibits;
+
+/// Where files and pictures are.
 const FOLDER: &str = "target/judges";
-/// Khronos' validator, as npm names it.
-const VALIDATOR: &str = "gltf-validator@2.0.0-dev.3.10";
-/// Programs, how each is asked whether it is there, and the Debian package that brings it.
-const PROGRAMS: [(&str, &str, &str); 3] = [
-    ("node", "--version", "nodejs"),
-    ("npm", "--version", "npm"),
-    ("blender", "--version", "blender"),
+/// The scripts that the judges run, and what these need of npm, beside this crate's sources.
+const SCRIPTS: [&str; 4] = ["package.json", "validate.mjs", "page.mjs", "blender.py"];
+/// Commands that fail where something is missing, and the Debian package that brings it.
+const NEEDED: [(&[&str], &str); 5] = [
+    (&["node", "--version"], "nodejs"),
+    (&["npm", "--version"], "npm"),
+    (&["chromium", "--version"], "chromium"),
+    (&["blender", "--version"], "blender"),
+    // Its glTF importer's, which Debian only suggests.
+    (
+        &[
+            "blender",
+            "-b",
+            "--python-exit-code",
+            "1",
+            "--python-expr",
+            "import numpy",
+        ],
+        "python3-numpy",
+    ),
 ];
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Files of one motion.
-struct Exhibit {
-    files: Vec<PathBuf>,
-    /// Where the joints have to be.
-    joints: PathBuf,
-    is_drawn: bool,
-}
+/// Asked about the exhibits; the folder is that of the scripts.
+type Judge = fn(&Path, &Exhibits) -> Result<()>;
+const JUDGES: [(&str, Judge); 3] = [
+    ("glTF validator", validator),
+    ("Blender", blender),
+    ("the page in a browser", browser),
+];
 
-/// Writes motions in all formats, then asks every judge.
+/// Writes motions in all formats, then asks every judge; fails if a judge is not installed, cannot be asked, or
+/// finds fault.
 pub fn run() -> ExitCode {
-    let missing: Vec<&str> = PROGRAMS
+    let missing: Vec<&str> = NEEDED
         .into_iter()
-        .filter(|(program, question, _)| !is_installed(program, question))
-        .map(|(.., package)| package)
+        .filter(|(command, _)| !succeeds(command))
+        .map(|(_, package)| package)
         .collect();
     if !missing.is_empty() {
         let packages = missing.join(" ");
         eprintln!(
-            "error: not all judges are installed (Debian and Ubuntu: apt-get install {packages})"
+            "error: not all that judges is installed (Debian and Ubuntu: apt-get install {packages})"
         );
         return ExitCode::FAILURE;
     }
     let folder = Path::new(FOLDER);
-    let exhibits = match exhibits(folder) {
-        Ok(exhibits) => exhibits,
+    let (exhibits, scripts) = match Exhibits::write(folder)
+        .and_then(|exhibits| Ok((exhibits, install(&folder.join("scripts"))?)))
+    {
+        Ok(ready) => ready,
         Err(error) => {
             eprintln!("error: {error}");
             return ExitCode::FAILURE;
         }
     };
-    let judges: [(&str, Judge); 2] = [("glTF validator", validator), ("Blender", blender)];
     let mut verdict = ExitCode::SUCCESS;
-    for (name, judge) in judges {
+    for (name, judge) in JUDGES {
         println!("\n== {name}");
-        if let Err(error) = judge(folder, &exhibits) {
+        if let Err(error) = judge(&scripts, &exhibits) {
             eprintln!("error: {name}: {error}");
             verdict = ExitCode::FAILURE;
         }
     }
+    println!("\nfiles and pictures are in {FOLDER}");
     verdict
 }
 
-type Judge = fn(&Path, &[Exhibit]) -> Result<()>;
-
-/// Writes what is to be judged.
-fn exhibits(folder: &Path) -> Result<Vec<Exhibit>> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let mut exhibits = Vec::new();
-    for (name, motion) in motions::all() {
-        exhibits.push(exhibit(folder, name, &motion)?);
+/// Copies the scripts to where npm may install what they need.
+fn install(folder: &Path) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder)?;
+    for name in SCRIPTS {
+        let from = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("judges")
+            .join(name);
+        std::fs::copy(&from, folder.join(name))
+            .map_err(|error| format!("{}: {error}", from.display()))?;
     }
-    let model = LaMoGen::embedded(&Device::flex())?;
-    let request = Request::new("a person jumps").tags([Tag::Strong, Tag::Sudden]);
-    let generation = model.generate(&request.seconds(3.0).steps(50).seed(7))?;
-    exhibits.push(exhibit(folder, "jump", &generation.guided)?);
-    Ok(exhibits)
-}
-
-fn exhibit(folder: &Path, name: &str, motion: &Motion) -> Result<Exhibit> {
-    let rotations = Rotations::of(motion);
-    let place = |ending: &str| folder.join(format!("{name}{ending}"));
-    let options = GlbOptions {
-        name: name.to_owned(),
-        ..GlbOptions::default()
-    };
-    let bare = GlbOptions {
-        body: false,
-        ..options.clone()
-    };
-    let files = vec![place(".glb"), place("_bare.glb")];
-    glb::write(&files[0], &rotations, &options)?;
-    glb::write(&files[1], &rotations, &bare)?;
-
-    let joints = place(".json");
-    let truth = json!({
-        "frames_per_second": rotations.frames_per_second(),
-        "names": Joint::ALL.map(Joint::name),
-        "frames": rotations.joints().iter().map(|pose| json!(pose)).collect::<Vec<_>>(),
-    });
-    write_atomically(&joints, |file| Ok(serde_json::to_writer(file, &truth)?))?;
-    Ok(Exhibit {
-        files,
-        joints,
-        is_drawn: true,
-    })
+    let mut npm = Command::new("npm");
+    npm.args(["install", "--no-audit", "--no-fund"])
+        .current_dir(folder);
+    passes(npm.stdout(Stdio::null()))?;
+    Ok(folder.to_owned())
 }
 
 /// Khronos' glTF validator: no error, no warning.
-fn validator(folder: &Path, exhibits: &[Exhibit]) -> Result<()> {
-    let packages = folder.join("node");
-    std::fs::create_dir_all(&packages)?;
-    let mut npm = Command::new("npm");
-    npm.args(["install", "--no-audit", "--no-fund", "--prefix"])
-        .arg(&packages)
-        .arg(VALIDATOR);
-    passes(npm.stdout(Stdio::null()))?;
-    let files = exhibits.iter().flat_map(|exhibit| &exhibit.files);
-    let files = files.filter(|file| file.extension().is_some_and(|ending| ending == "glb"));
-    passes(
-        Command::new("node")
-            .arg(script("validate.mjs"))
-            .arg(&packages)
-            .args(files),
-    )
+fn validator(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
+    let mut node = Command::new("node");
+    node.arg(scripts.join("validate.mjs"));
+    for take in &exhibits.takes {
+        node.arg(&take.glb).arg(&take.bare_glb);
+    }
+    passes(&mut node)
 }
 
-/// Blender's importers with their default settings: every joint where it should be, and a picture.
-fn blender(folder: &Path, exhibits: &[Exhibit]) -> Result<()> {
-    let work: Vec<_> = exhibits
-        .iter()
-        .flat_map(|exhibit| exhibit.files.iter().map(move |file| (exhibit, file)))
-        .map(|(exhibit, file)| {
-            let is_drawn = exhibit.is_drawn && file == &exhibit.files[0];
-            // Blender writes pictures below its own folder unless told the whole path.
-            let picture = std::path::absolute(file.with_extension("png")).ok();
-            json!({
-                "file": file,
-                "joints": exhibit.joints,
-                "picture": picture.filter(|_| is_drawn),
-            })
-        })
-        .collect();
-    let list = folder.join("blender.json");
+/// Blender's importers: every joint where it should be at every frame, and pictures.
+fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
+    let mut work = Vec::new();
+    for take in &exhibits.takes {
+        // Blender writes pictures to a folder of its own unless told the whole path.
+        let picture = std::path::absolute(take.glb.with_extension("png"))?;
+        work.push(json!({ "file": take.glb, "joints": take.joints, "picture": picture }));
+        for file in [&take.bare_glb, &take.bvh] {
+            work.push(json!({ "file": file, "joints": take.joints, "picture": null }));
+        }
+    }
+    let list = Path::new(FOLDER).join("blender.json");
     write_atomically(&list, |file| Ok(serde_json::to_writer(file, &work)?))?;
-    let log = folder.join("blender.log");
     let output = Command::new("blender")
         .args(["-b", "--factory-startup", "-noaudio", "--python"])
-        .arg(script("blender.py"))
+        .arg(scripts.join("blender.py"))
         .arg("--")
         .arg(&list)
         .output()?;
+    // Blender talks a lot; what it says beside the verdicts is kept for when they are bad.
+    let log = Path::new(FOLDER).join("blender.log");
     std::fs::write(&log, [&output.stdout[..], &output.stderr[..]].concat())?;
     let text = String::from_utf8_lossy(&output.stdout);
-    // What Blender itself has to say stays in the log.
-    for line in text.lines().filter_map(|line| line.strip_prefix("judge: ")) {
-        println!("{line}");
-    }
-    match output.status.success() {
-        true => {
-            println!("pictures: {}", folder.join("*.png").display());
-            Ok(())
-        }
-        false => Err(format!("{}; its words are in {}", output.status, log.display()).into()),
+    let verdicts: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("judge: "))
+        .collect();
+    println!("{}", verdicts.join("\n"));
+    match output.status.success() && verdicts.len() == work.len() {
+        true => Ok(()),
+        false => Err(format!("{}; more in {}", output.status, log.display()).into()),
     }
 }
 
-/// A judge's script, beside this crate's sources.
-fn script(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("judges")
-        .join(name)
+/// The page, used in Chromium as people use it.
+fn browser(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
+    passes(
+        Command::new("node")
+            .arg(scripts.join("page.mjs"))
+            .arg(&exhibits.page)
+            .arg(Path::new(FOLDER).join("page")),
+    )
 }
 
 fn passes(command: &mut Command) -> Result<()> {
@@ -189,11 +165,11 @@ fn passes(command: &mut Command) -> Result<()> {
     }
 }
 
-fn is_installed(program: &str, question: &str) -> bool {
-    let mut command = Command::new(program);
-    command
-        .arg(question)
+fn succeeds(command: &[&str]) -> bool {
+    let mut program = Command::new(command[0]);
+    program
+        .args(&command[1..])
         .stdout(Stdio::null())
         .stderr(Stdio::null());
-    command.status().is_ok_and(|status| status.success())
+    program.status().is_ok_and(|status| status.success())
 }

@@ -174,7 +174,7 @@ impl Network {
             lengths: case.lengths()?,
         };
         let size = batch.lengths.len();
-        let scales = vec![case.scale()?; size];
+        let scales = vec![case.scale()?.into(); size];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
         let mut watched = |step: &Step<'_>| {
             watch(step);
@@ -250,7 +250,7 @@ pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError>
     let baseline = features.measure(joints.clone());
     actual.insert("out.laban", Actual::of(baseline.clone(), SINGLE));
 
-    let scales = vec![case.scale()?; batch];
+    let scales = vec![case.scale()?.into(); batch];
     let target = Target::new(baseline, &lengths, &scales, Divisor::Frame, 1.0);
     let leaf = (joints * 0.9).autodiff().require_grad();
     let loss = target.loss(features.measure(leaf.clone())).sum();

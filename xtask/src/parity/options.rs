@@ -53,7 +53,7 @@ impl Network {
     pub(super) fn options(&self, case: &Case) -> Result<Values, ParityError> {
         let batch = self.batch(case)?;
         let baseline = case.tensor::<3>("out.baseline")?;
-        let scales = vec![case.scale()?; batch.lengths.len()];
+        let scales = vec![case.scale()?.into(); batch.lengths.len()];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
         options()
             .into_iter()

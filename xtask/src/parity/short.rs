@@ -59,7 +59,7 @@ pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
         }
     };
     let baseline = case.tensor::<3>("out.baseline")?;
-    let scales = vec![case.scale()?; size];
+    let scales = vec![case.scale()?.into(); size];
     let guidance = Guidance::paper();
     match sampler.guided(&batch, baseline, &scales, &guidance, &mut observer) {
         Ok(_) | Err(GuideError::Stopped { .. }) => {}

@@ -54,7 +54,7 @@ impl Side {
     }
 }
 
-/// The bodies' limbs: one around each bone, one around each tip.
+/// The body's limbs: one around each bone, one around each tip, and hips and chest.
 ///
 /// Positions are those of [`standing`].
 pub(super) fn limbs(rest: &RestPose) -> Vec<Limb> {
@@ -101,17 +101,13 @@ fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
     let ends = tips.map(|(joint, end)| {
         let start = place[joint.index()];
         let radii = match joint {
-            Joint::Head => [0.085, 0.085],
+            Joint::Head => [0.09, 0.09],
             Joint::LeftWrist | Joint::RightWrist => [0.03, 0.018],
             _ => [0.034, 0.026],
         }
         .map(|radius| radius * size);
         // The limb ends where its skin does.
         let along = (end - start).normalize_or_zero();
-        let start = match joint {
-            Joint::Head => start + along * radii[0].min(start.distance(end) / 2.0),
-            _ => start,
-        };
         let end = end - along * radii[1].min(start.distance(end));
         Limb {
             joint,
@@ -122,7 +118,20 @@ fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
             },
         }
     });
-    bones.chain(ends).collect()
+    // A spine alone is a pole: hips and chest are as wide as what hangs from them.
+    let girdles = [
+        (Joint::Pelvis, Joint::LeftHip, 0.095),
+        (Joint::Spine3, Joint::LeftCollar, 0.085),
+    ]
+    .map(|(joint, left, radius)| Limb {
+        joint,
+        side: Side::Middle,
+        capsule: Capsule {
+            ends: [left, left.mirrored()].map(|end| place[end.index()]),
+            radii: [radius * size; 2],
+        },
+    });
+    bones.chain(ends).chain(girdles).collect()
 }
 
 /// Radii in metres where the bone that ends in a joint starts and ends.
@@ -156,10 +165,10 @@ mod tests {
     use crate::glb::example;
 
     #[test]
-    fn the_body_stands_on_the_ground_with_all_its_bones_and_tips() {
+    fn the_body_stands_on_the_ground_with_all_its_bones_tips_and_girdles() {
         let rest = example::rotations().rest().clone();
         let limbs = limbs(&rest);
-        assert_eq!(limbs.len(), JOINTS - 1 + 5);
+        assert_eq!(limbs.len(), JOINTS - 1 + 5 + 2);
         let lowest = limbs
             .iter()
             .flat_map(|limb| [0, 1].map(|end| limb.capsule.ends[end].y - limb.capsule.radii[end]))

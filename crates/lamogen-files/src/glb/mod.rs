@@ -13,7 +13,7 @@
 //!   plain transforms; a skin makes an armature, a rig, a `Skeleton3D`, which can be retargeted and exported
 //!   again. Weights are whole (1 for one joint), for a capsule is stiff.
 //!
-//! [`read`](read()) takes any glTF file whose nodes have names.
+//! [`read`](crate::read) takes any glTF file whose nodes have names.
 
 mod body;
 mod capsule;
@@ -26,7 +26,6 @@ mod write;
 use std::io;
 use std::path::PathBuf;
 
-#[allow(unused_imports)]
 pub(crate) use read::read;
 pub use write::{GlbOptions, bytes, write};
 

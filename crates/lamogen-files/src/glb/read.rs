@@ -35,7 +35,6 @@ const OFF_GRID: f64 = 0.02;
 ///
 /// If the file cannot be read, is no glTF 2, is damaged or without animation, or needs what is not read here:
 /// compressed or sparse keyframes, buffers from a network, nodes below one that changes its size.
-#[allow(dead_code)]
 pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<Clip, GlbError> {
     let bytes = std::fs::read(path).map_err(|reason| GlbError::Io {
         path: path.to_owned(),

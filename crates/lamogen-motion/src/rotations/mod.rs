@@ -1,8 +1,14 @@
 //! From joint positions to local joint rotations on a T-pose rest skeleton, and back.
 
+mod fit;
 mod rest;
+mod solve;
+mod twist;
 
 pub use rest::RestPose;
+
+#[cfg(test)]
+mod tests;
 
 use glam::{DQuat, DVec3};
 
@@ -22,14 +28,39 @@ pub struct Rotations {
 }
 
 impl Rotations {
-    /// The rotations of a motion.
+    /// The rotations of a motion, by which [`joints`](Self::joints) gives its positions again, as far as a
+    /// rigid body can: bones get their median length, and what sits around pelvis and upper spine moves
+    /// together.
+    ///
+    /// Pelvis and upper spine turn as fits their three children best (least squares). Every other joint
+    /// turns by the smallest swing that points its bone the right way; upper arms and thighs are twisted
+    /// so that elbows and knees bend as hinges, and where a limb is too straight to tell, the twist is
+    /// carried smoothly from where it is known. Nothing flips, whichever way the body faces, because every
+    /// joint is solved over the whole motion at once. Head, hands and toes keep the turn of their parents.
     pub fn of(motion: &Motion) -> Rotations {
         let rest = RestPose::of(motion);
-        let root = motion.joints().iter().map(|pose| pose[0]).collect();
+        let global = solve::solve(motion, &rest);
+        let mut last = [DQuat::IDENTITY; JOINTS];
+        let local = global.iter().map(|global| {
+            for joint in Joint::ALL {
+                let j = joint.index();
+                let turn = match joint.parent() {
+                    None => global[j],
+                    Some(parent) => global[parent.index()].inverse() * global[j],
+                };
+                // Of the two quaternions of a rotation the one next to the frame before.
+                last[j] = match turn.dot(last[j]) < 0.0 {
+                    true => -turn,
+                    false => turn,
+                }
+                .normalize();
+            }
+            last.map(|turn| turn.to_array().map(|x| x as f32))
+        });
         Rotations {
+            local: local.collect(),
+            root: motion.joints().iter().map(|pose| pose[0]).collect(),
             rest,
-            root,
-            local: vec![[[0.0, 0.0, 0.0, 1.0]; JOINTS]; motion.frames()],
             frames_per_second: FRAMES_PER_SECOND,
         }
     }
@@ -83,14 +114,73 @@ impl Rotations {
             .collect()
     }
 
-    /// The same movement at another frame rate.
+    /// The same movement at another frame rate: rotations along the shortest arc between two frames, the
+    /// pelvis along a smooth curve through its places. It begins with the first frame and ends with the
+    /// last one, or up to half a new frame beside it.
     ///
     /// # Panics
     ///
     /// If the rate is not a positive number.
     pub fn resampled(&self, frames_per_second: f32) -> Rotations {
-        assert!(frames_per_second.is_finite() && frames_per_second > 0.0);
-        self.clone()
+        assert!(
+            frames_per_second.is_finite() && frames_per_second > 0.0,
+            "a frame rate is a positive number, not {frames_per_second}"
+        );
+        if frames_per_second == self.frames_per_second {
+            return self.clone();
+        }
+        let step = f64::from(self.frames_per_second) / f64::from(frames_per_second);
+        let last = self.frames() - 1;
+        let frames = (last as f64 / step).round() as usize + 1;
+        let places = (0..frames).map(|frame| {
+            let place = (frame as f64 * step).min(last as f64);
+            let before = (place.floor() as usize).min(last.saturating_sub(1));
+            (before, place - before as f64)
+        });
+        let (root, local) = places
+            .map(|(before, part)| {
+                (
+                    self.root_between(before, part),
+                    self.local_between(before, part),
+                )
+            })
+            .unzip();
+        Rotations {
+            rest: self.rest.clone(),
+            root,
+            local,
+            frames_per_second,
+        }
+    }
+
+    /// Catmull and Rom's curve through four neighbours; beyond the ends it goes straight on.
+    fn root_between(&self, before: usize, part: f64) -> [f32; 3] {
+        let last = self.frames() - 1;
+        let at = |frame: usize| vector(self.root[frame.min(last)]);
+        let (b, c) = (at(before), at(before + 1));
+        let a = match before {
+            0 => b * 2.0 - c,
+            before => at(before - 1),
+        };
+        let d = match before + 2 > last {
+            true => c * 2.0 - b,
+            false => at(before + 2),
+        };
+        let (speed_b, speed_c) = ((c - a) / 2.0, (d - b) / 2.0);
+        let [t, t2, t3] = [1, 2, 3].map(|power| part.powi(power));
+        let place = b * (2.0 * t3 - 3.0 * t2 + 1.0)
+            + speed_b * (t3 - 2.0 * t2 + t)
+            + c * (3.0 * t2 - 2.0 * t3)
+            + speed_c * (t3 - t2);
+        place.as_vec3().to_array()
+    }
+
+    fn local_between(&self, before: usize, part: f64) -> [[f32; 4]; JOINTS] {
+        let after = (before + 1).min(self.frames() - 1);
+        std::array::from_fn(|joint| {
+            let [from, to] = [before, after].map(|frame| quaternion(self.local[frame][joint]));
+            from.slerp(to, part).to_array().map(|x| x as f32)
+        })
     }
 }
 

@@ -1,2 +1,61 @@
-//! The command `lamogen`.
-fn main() {}
+//! The command `lamogen`: motion from a sentence, and what there is to do with motion files.
+//!
+//! ```text
+//! arguments.rs ──▶ generate.rs ─┐
+//!                  batch.rs ────┼─▶ scene.rs ──▶ output.rs: one file of any format
+//!                  convert.rs ──┤
+//!                  play.rs ─────┘
+//!                  laban.rs ──▶ report.rs: text and JSON
+//!                  devices.rs, model.rs, shell.rs
+//! ```
+//!
+//! Everything that can go wrong ends in a [`failure::Failure`] with one of the documented exit codes.
+
+mod arguments;
+mod batch;
+mod console;
+mod convert;
+mod devices;
+mod failure;
+mod generate;
+mod laban;
+mod model;
+mod output;
+mod play;
+mod report;
+mod scene;
+mod shell;
+mod source;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use arguments::{Arguments, Task};
+use console::Console;
+
+fn main() -> ExitCode {
+    let Arguments { task, console } = Arguments::parse();
+    let console = Console::new(&console);
+    let result = match &task {
+        Task::Generate(options) => generate::run(options, &console),
+        Task::Laban(options) => laban::run(options, &console),
+        Task::Convert(options) => convert::run(options, &console),
+        Task::Play(options) => play::run(options, &console),
+        Task::Batch(options) => batch::run(options, &console),
+        Task::Devices => devices::run(&console),
+        Task::Model(options) => model::run(options, &console),
+        Task::Completions { shell } => shell::completions(*shell, &console),
+        Task::Man { out } => shell::man(out.as_deref(), &console),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {}", failure.message);
+            if let Some(hint) = &failure.hint {
+                eprintln!("hint: {hint}");
+            }
+            ExitCode::from(failure.code as u8)
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Rotations as BVH text.
+
+use std::fmt::Write;
+
+use glam::{DQuat, DVec3};
+use lamogen_motion::{JOINTS, Joint, Rotations};
+
+use super::euler::zxy;
+use crate::units::Unit;
+
+/// How a BVH is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BvhOptions {
+    /// What one unit of the file is: centimetres, which most programs expect.
+    pub unit: Unit,
+    /// What the joints are called.
+    pub names: BvhNames,
+}
+
+impl Default for BvhOptions {
+    fn default() -> Self {
+        BvhOptions {
+            unit: Unit::Centimetre,
+            names: BvhNames::HumanMl3d,
+        }
+    }
+}
+
+/// What the joints of a BVH are called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum BvhNames {
+    /// As [`Joint::name`] has them: `pelvis`, `left_hip`, …
+    #[default]
+    HumanMl3d,
+    /// As Mixamo's characters have them, without their prefix: `Hips`, `LeftUpLeg`, … Retargeting
+    /// tools know these.
+    Mixamo,
+}
+
+impl BvhNames {
+    /// The name of a joint.
+    pub fn name(self, joint: Joint) -> &'static str {
+        use Joint::*;
+        match self {
+            BvhNames::HumanMl3d => joint.name(),
+            BvhNames::Mixamo => match joint {
+                Pelvis => "Hips",
+                LeftHip => "LeftUpLeg",
+                RightHip => "RightUpLeg",
+                Spine1 => "Spine",
+                LeftKnee => "LeftLeg",
+                RightKnee => "RightLeg",
+                Spine2 => "Spine1",
+                LeftAnkle => "LeftFoot",
+                RightAnkle => "RightFoot",
+                Spine3 => "Spine2",
+                LeftFoot => "LeftToeBase",
+                RightFoot => "RightToeBase",
+                Neck => "Neck",
+                LeftCollar => "LeftShoulder",
+                RightCollar => "RightShoulder",
+                Head => "Head",
+                LeftShoulder => "LeftArm",
+                RightShoulder => "RightArm",
+                LeftElbow => "LeftForeArm",
+                RightElbow => "RightForeArm",
+                LeftWrist => "LeftHand",
+                RightWrist => "RightHand",
+            },
+        }
+    }
+}
+
+/// A motion as the text of a BVH file, at the rotations' own frame rate.
+///
+/// The axes are right-handed, Y up; without any rotation the body stands in a T-pose facing +Z, its
+/// left arm along +X. The root has six channels, `Xposition Yposition Zposition` and three rotations,
+/// its position standing in place of its `OFFSET`, which is 0; every other joint has three rotations. They
+/// are degrees in the order `Zrotation Xrotation Yrotation`: the rotation is `Rz · Rx · Ry`. Angles go
+/// on past 180° instead of jumping, so that a program may blend between frames.
+pub fn text(rotations: &Rotations, options: &BvhOptions) -> String {
+    let rest = rotations.rest();
+    Body {
+        offsets: Joint::ALL.map(|joint| rest.offset(joint)),
+        tips: rest.tips(),
+        root: rotations.root(),
+        local: rotations.local(),
+        frames_per_second: rotations.frames_per_second(),
+    }
+    .text(options)
+}
+
+/// What the text is made of.
+struct Body<'a> {
+    offsets: [[f32; 3]; JOINTS],
+    tips: [(Joint, [f32; 3]); 5],
+    root: &'a [[f32; 3]],
+    local: &'a [[[f32; 4]; JOINTS]],
+    frames_per_second: f32,
+}
+
+impl Body<'_> {
+    fn text(&self, options: &BvhOptions) -> String {
+        let scale = 1.0 / options.unit.metres();
+        let mut text = String::from("HIERARCHY\n");
+        let mut order = Vec::with_capacity(JOINTS);
+        self.hierarchy(
+            Joint::Pelvis,
+            0,
+            scale,
+            options.names,
+            &mut text,
+            &mut order,
+        );
+        text.push_str("MOTION\n");
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "Frames: {}", self.root.len());
+        let seconds = 1.0 / f64::from(self.frames_per_second);
+        let _ = writeln!(text, "Frame Time: {seconds}");
+        let mut angles = [[0.0; 3]; JOINTS];
+        for (root, local) in self.root.iter().zip(self.local) {
+            text.push_str(&triple(vector(*root) * scale));
+            for &joint in &order {
+                let j = joint.index();
+                let turn = DQuat::from_array(local[j].map(f64::from)).normalize();
+                angles[j] = zxy(turn, angles[j]);
+                text.push(' ');
+                text.push_str(&triple(angles[j].map(f64::to_degrees).into()));
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// One joint and all below it, and their order in the file, which is that of the channels.
+    fn hierarchy(
+        &self,
+        joint: Joint,
+        depth: usize,
+        scale: f64,
+        names: BvhNames,
+        text: &mut String,
+        order: &mut Vec<Joint>,
+    ) {
+        order.push(joint);
+        let indent = "\t".repeat(depth);
+        let (keyword, offset, channels) = match joint.parent() {
+            None => (
+                "ROOT",
+                DVec3::ZERO,
+                "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation",
+            ),
+            Some(_) => (
+                "JOINT",
+                vector(self.offsets[joint.index()]) * scale,
+                "3 Zrotation Xrotation Yrotation",
+            ),
+        };
+        let _ = write!(
+            text,
+            "{indent}{keyword} {name}\n{indent}{{\n{indent}\tOFFSET {offset}\n{indent}\tCHANNELS {channels}\n",
+            name = names.name(joint),
+            offset = triple(offset),
+        );
+        for child in Joint::ALL {
+            if child.parent() == Some(joint) {
+                self.hierarchy(child, depth + 1, scale, names, text, order);
+            }
+        }
+        for (_, tip) in self.tips.iter().filter(|(at, _)| *at == joint) {
+            let _ = write!(
+                text,
+                "{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {offset}\n{indent}\t}}\n",
+                offset = triple(vector(*tip) * scale),
+            );
+        }
+        let _ = writeln!(text, "{indent}}}");
+    }
+}
+
+fn vector(point: [f32; 3]) -> DVec3 {
+    DVec3::from(point.map(f64::from))
+}
+
+/// Three numbers with six decimals: a millionth of a degree is far below what is seen, also at the
+/// end of a chain of joints. No number is minus zero.
+fn triple(values: DVec3) -> String {
+    let [x, y, z] = values
+        .to_array()
+        .map(|value| if value.abs() < 5e-7 { 0.0 } else { value });
+    format!("{x:.6} {y:.6} {z:.6}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::read::parse;
+    use std::path::Path;
+
+    /// Turns of every joint at every frame, made from sines, so that a joint reaches every attitude.
+    fn turns(frames: usize) -> Vec<[[f32; 4]; JOINTS]> {
+        let frame = |frame: usize| {
+            std::array::from_fn(|joint| {
+                let wave = |speed: f64| 4.0 * (frame as f64 * speed + joint as f64 * 1.7).sin();
+                let turn = DQuat::from_rotation_y(wave(0.11))
+                    * DQuat::from_rotation_x(wave(0.07))
+                    * DQuat::from_rotation_z(wave(0.05));
+                turn.to_array().map(|x| x as f32)
+            })
+        };
+        (0..frames).map(frame).collect()
+    }
+
+    /// A body with bones in all directions.
+    fn body<'a>(root: &'a [[f32; 3]], local: &'a [[[f32; 4]; JOINTS]]) -> Body<'a> {
+        Body {
+            offsets: Joint::ALL.map(|joint| {
+                let j = joint.index() as f32;
+                [0.3 * j.sin(), 0.2 * (1.3 * j).cos(), 0.1 * (2.1 * j).sin()]
+            }),
+            tips: [
+                (Joint::Head, [0.0, 0.1, 0.0]),
+                (Joint::LeftWrist, [0.1, 0.0, 0.0]),
+                (Joint::RightWrist, [-0.1, 0.0, 0.0]),
+                (Joint::LeftFoot, [0.0, 0.0, 0.05]),
+                (Joint::RightFoot, [0.0, 0.0, 0.05]),
+            ],
+            root,
+            local,
+            frames_per_second: 20.0,
+        }
+    }
+
+    /// Where the joints are by the definition of local rotations.
+    fn joints(body: &Body<'_>, frame: usize) -> [DVec3; JOINTS] {
+        let mut places = [(DVec3::ZERO, DQuat::IDENTITY); JOINTS];
+        for joint in Joint::ALL {
+            let j = joint.index();
+            let turn = DQuat::from_array(body.local[frame][j].map(f64::from)).normalize();
+            places[j] = match joint.parent() {
+                None => (vector(body.root[frame]), turn),
+                Some(parent) => {
+                    let (place, above) = places[parent.index()];
+                    (place + above * vector(body.offsets[j]), above * turn)
+                }
+            };
+        }
+        places.map(|(place, _)| place)
+    }
+
+    #[test]
+    fn what_is_written_reads_back_within_a_hundredth_of_a_millimetre() {
+        let local = turns(300);
+        let root: Vec<[f32; 3]> = (0..300)
+            .map(|frame| [frame as f32 * 0.01, 0.9, -3.0])
+            .collect();
+        let body = body(&root, &local);
+        for (unit, names) in [
+            (Unit::Centimetre, BvhNames::HumanMl3d),
+            (Unit::Metre, BvhNames::Mixamo),
+        ] {
+            let text = body.text(&BvhOptions { unit, names });
+            let bvh = parse(&text, Path::new("own.bvh")).unwrap();
+            assert_eq!(bvh.clip.frames, 300);
+            assert_eq!(bvh.clip.nodes.len(), JOINTS + 5);
+            for frame in 0..300 {
+                let found = bvh.clip.positions(frame as f64 * 0.05);
+                let expected = joints(&body, frame);
+                for joint in Joint::ALL {
+                    let name = names.name(joint);
+                    let mut nodes = bvh.clip.nodes.iter();
+                    let node = nodes.position(|node| node.name == name).unwrap();
+                    let distance = (found[node] * unit.metres()).distance(expected[joint.index()]);
+                    assert!(distance < 1e-5, "{name} at {frame}: {distance} m");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn angles_of_a_smooth_motion_never_jump() {
+        let local = turns(2000);
+        let root = vec![[0.0; 3]; 2000];
+        let text = body(&root, &local).text(&BvhOptions::default());
+        let rows: Vec<Vec<f64>> = text
+            .lines()
+            .skip_while(|line| !line.starts_with("Frame Time"))
+            .skip(1)
+            .map(|line| line.split(' ').map(|x| x.parse().unwrap()).collect())
+            .collect();
+        let jumps = rows
+            .windows(2)
+            .flat_map(|pair| pair[0].iter().zip(&pair[1]))
+            .filter(|(a, b)| (*a - *b).abs() > 181.0);
+        assert_eq!(jumps.count(), 0);
+    }
+
+    #[test]
+    fn the_text_is_a_plain_bvh() {
+        let local = [[[0.0, 0.0, 0.0, 1.0]; JOINTS]];
+        let root = [[0.0, 0.9, -1e-9]];
+        let mut body = body(&root, &local);
+        let text = body.text(&BvhOptions::default());
+        assert!(
+            text.starts_with(
+                "HIERARCHY\nROOT pelvis\n{\n\tOFFSET 0.000000 0.000000 0.000000\n\
+                 \tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n\
+                 \tJOINT left_hip\n\t{\n\t\tOFFSET "
+            ),
+            "{text}"
+        );
+        assert_eq!(text.matches("End Site").count(), 5);
+        assert_eq!(text.matches('{').count(), text.matches('}').count());
+        assert!(text.contains("MOTION\nFrames: 1\nFrame Time: 0.05\n0.000000 90.000000 0.000000 "));
+        let row = text.lines().last().unwrap();
+        assert_eq!(row.split(' ').count(), 3 + 3 * JOINTS);
+        body.frames_per_second = 30.0;
+        let text = body.text(&BvhOptions::default());
+        assert!(text.contains("Frame Time: 0.03333333333333333\n"));
+    }
+}

@@ -1,0 +1,103 @@
+//! What can go wrong between a file and a motion.
+
+use std::io;
+use std::path::PathBuf;
+
+use lamogen_motion::npy::NpyError;
+use lamogen_motion::{MotionError, POSE_FEATURES};
+
+use crate::bvh::BvhError;
+use crate::glb::GlbError;
+use crate::mapping::MappingError;
+use crate::names::UnknownSkeleton;
+
+/// Why a file is not read as a motion.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file's name tells no format.
+    #[error("{path}: expected a name that ends in .bvh, .glb, .gltf or .npy, found {found}")]
+    #[allow(missing_docs)]
+    Ending { path: PathBuf, found: String },
+    /// A BVH.
+    #[error(transparent)]
+    Bvh(#[from] BvhError),
+    /// A GLB or glTF.
+    #[error(transparent)]
+    Glb(#[from] GlbError),
+    /// An array.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
+    /// An array of another shape.
+    #[error(
+        "{path}: expected joints (frames, 22, 3) or (frames, 66), or pose features (frames, {POSE_FEATURES}), \
+         found the shape {found:?}"
+    )]
+    #[allow(missing_docs)]
+    Shape { path: PathBuf, found: Vec<usize> },
+    /// The skeleton is not known.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Skeleton {
+        path: PathBuf,
+        reason: UnknownSkeleton,
+    },
+    /// The mapping does not fit the file.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Mapping { path: PathBuf, reason: MappingError },
+    /// The body has no human size in any unit.
+    #[error(
+        "{path}: expected a body of human size in metres, centimetres, millimetres, inches or CMU's unit, found \
+         one that measures {size} from ankle to hip and from pelvis to head (1.48 m on an adult); say \
+         what unit the file has"
+    )]
+    #[allow(missing_docs)]
+    Size { path: PathBuf, size: f64 },
+    /// A motion of more than an hour.
+    #[error("{path}: expected at most an hour of motion, found {seconds:.0} s")]
+    #[allow(missing_docs)]
+    Long { path: PathBuf, seconds: f64 },
+    /// What was read is no motion.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Motion { path: PathBuf, reason: MotionError },
+}
+
+/// Why a motion is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The file's name tells no format.
+    #[error(
+        "{path}: expected a name that ends in .bvh, .glb, .npy or .features.npy, found {found}"
+    )]
+    #[allow(missing_docs)]
+    Ending { path: PathBuf, found: String },
+    /// A frame rate that cannot be.
+    #[error("{path}: expected {expected} frames a second, found {found}")]
+    #[allow(missing_docs)]
+    FrameRate {
+        path: PathBuf,
+        expected: &'static str,
+        found: f32,
+    },
+    /// A unit that has no length.
+    #[error("{path}: expected a unit of more than 0 metres, found {found}")]
+    #[allow(missing_docs)]
+    Unit { path: PathBuf, found: f64 },
+    /// A motion that came from no pose features.
+    #[error(
+        "{path}: expected a motion that has pose features, found one of joints alone; write its joints, to .npy"
+    )]
+    #[allow(missing_docs)]
+    NoFeatures { path: PathBuf },
+    /// A GLB.
+    #[error(transparent)]
+    Glb(#[from] GlbError),
+    /// An array.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
+    /// The file cannot be written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, reason: io::Error },
+}

@@ -1,0 +1,195 @@
+//! A mapping file: which joint has which name in a file of an unknown skeleton.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use lamogen_motion::{JOINTS, Joint};
+
+use crate::clip::Clip;
+use crate::names::{joint_names, missing, node_names};
+use crate::near::near;
+use crate::schemes::Nodes;
+
+/// Names of joints in a file.
+///
+/// As a file it is a JSON object from lamogen's joint names ([`Joint::name`]) to those of the file:
+/// `{"pelvis": "Root", "left_hip": "Thigh_L", …}`. Joints that are left out are placed as
+/// [`Imported::placed`](crate::Imported::placed) says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Mapping {
+    names: BTreeMap<&'static str, (Joint, String)>,
+}
+
+/// Why a mapping does not fit.
+#[derive(Debug, thiserror::Error)]
+pub enum MappingError {
+    /// The file cannot be opened or read.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, reason: io::Error },
+    /// The file is not a JSON object of names.
+    #[error("{path}: expected a JSON object such as {{\"pelvis\": \"Root\", …}}: {reason}")]
+    #[allow(missing_docs)]
+    Json {
+        path: PathBuf,
+        reason: serde_json::Error,
+    },
+    /// A key is none of lamogen's joints.
+    #[error("{path}: expected one of lamogen's joints ({known}), found {found:?}{near}", known = joint_names(&Joint::ALL))]
+    #[allow(missing_docs)]
+    Joint {
+        path: PathBuf,
+        found: String,
+        near: String,
+    },
+    /// Joints are missing that no rule can place.
+    #[error(
+        "the mapping leaves out {missing}; only the spine, collars, feet, and either head or neck may be left out"
+    )]
+    #[allow(missing_docs)]
+    Incomplete { missing: String },
+    /// The motion's file has no node of a name.
+    #[error("{joint} is mapped to {found:?}, which the file lacks{near}; it has {known}", joint = .joint.name())]
+    #[allow(missing_docs)]
+    Node {
+        joint: Joint,
+        found: String,
+        near: String,
+        known: String,
+    },
+}
+
+impl Mapping {
+    /// Reads a mapping file.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read, is not a JSON object of strings, or has a key that is no joint.
+    pub fn read(path: impl AsRef<Path>) -> Result<Mapping, MappingError> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|reason| MappingError::Io {
+            path: path.to_owned(),
+            reason,
+        })?;
+        Mapping::parse(&text, path)
+    }
+
+    /// The mapping of a JSON text; `path` stands in error messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn parse(json: &str, path: &Path) -> Result<Mapping, MappingError> {
+        let entries: BTreeMap<String, String> =
+            serde_json::from_str(json).map_err(|reason| MappingError::Json {
+                path: path.to_owned(),
+                reason,
+            })?;
+        let mut mapping = Mapping::default();
+        for (found, name) in entries {
+            let joint = Joint::from_name(&found).ok_or_else(|| MappingError::Joint {
+                path: path.to_owned(),
+                near: meant(&near(&found, Joint::ALL.iter().map(|joint| joint.name()))),
+                found: found.clone(),
+            })?;
+            mapping = mapping.with(joint, name);
+        }
+        Ok(mapping)
+    }
+
+    /// The mapping with one more joint.
+    #[must_use]
+    pub fn with(mut self, joint: Joint, name: impl Into<String>) -> Mapping {
+        self.names.insert(joint.name(), (joint, name.into()));
+        self
+    }
+
+    /// The nodes that are meant.
+    pub(crate) fn nodes(&self, clip: &Clip) -> Result<Nodes, MappingError> {
+        let mut nodes: Nodes = [None; JOINTS];
+        for (joint, name) in self.names.values() {
+            let node = clip.nodes.iter().position(|node| node.name == *name);
+            nodes[joint.index()] = Some(node.ok_or_else(|| MappingError::Node {
+                joint: *joint,
+                found: name.clone(),
+                near: meant(&near(name, clip.nodes.iter().map(|node| &*node.name))),
+                known: node_names(clip),
+            })?);
+        }
+        match missing(&nodes).as_slice() {
+            [] => Ok(nodes),
+            missing => Err(MappingError::Incomplete {
+                missing: joint_names(missing),
+            }),
+        }
+    }
+}
+
+fn meant(near: &[&str]) -> String {
+    match near {
+        [] => String::new(),
+        near => format!(" (meant was perhaps {})", near.join(" or ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip::Node;
+    use glam::{DQuat, DVec3};
+
+    fn clip(names: &[&str]) -> Clip {
+        Clip {
+            nodes: names
+                .iter()
+                .map(|name| Node {
+                    name: (*name).into(),
+                    parent: None,
+                    rest: DVec3::ZERO,
+                    translations: vec![DVec3::ZERO],
+                    rotations: vec![DQuat::IDENTITY],
+                    scale: DVec3::ONE,
+                })
+                .collect(),
+            frames: 1,
+            seconds_per_frame: 0.0,
+        }
+    }
+
+    fn parse(json: &str) -> Result<Mapping, String> {
+        Mapping::parse(json, Path::new("map.json")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn mistakes_are_named_with_what_was_perhaps_meant() {
+        let message = parse(r#"{"left_hipp": "Thigh_L"}"#).unwrap_err();
+        assert!(
+            message.contains("map.json") && message.contains("perhaps left_hip"),
+            "{message}"
+        );
+        for json in ["", "[]", r#"{"pelvis": 3}"#, "{"] {
+            let message = parse(json).unwrap_err();
+            assert!(
+                message.contains("JSON object") && message.contains("line"),
+                "{message}"
+            );
+        }
+        let mapping = parse(r#"{"pelvis": "root", "left_hip": "Thigh.L"}"#).unwrap();
+        let message = mapping
+            .nodes(&clip(&["Root", "Thigh.L"]))
+            .unwrap_err()
+            .to_string();
+        for part in ["pelvis", "\"root\"", "perhaps Root", "Thigh.L"] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+        let message = mapping
+            .nodes(&clip(&["root", "Thigh.L"]))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("right_hip") && !message.contains("pelvis"),
+            "{message}"
+        );
+    }
+}

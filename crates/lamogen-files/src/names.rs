@@ -1,0 +1,302 @@
+//! Which nodes of a file are which joints.
+
+use std::collections::HashMap;
+
+use lamogen_motion::{JOINTS, Joint};
+
+use crate::clip::{Clip, END_SITE};
+use crate::schemes::{Nodes, REQUIRED, SCHEMES, Scheme, key};
+
+/// A skeleton that is no known one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "expected a skeleton of a known scheme ({known}), found joints called {found}{closest}. For another \
+     skeleton write a mapping file, such as {{\"pelvis\": \"Root\", \"left_hip\": \"Thigh_L\", …}}: each of \
+     lamogen's joints with its name in the file; needed are {needed}, and head or neck",
+    known = SCHEMES.iter().map(|scheme| scheme.name).collect::<Vec<_>>().join("; "),
+    needed = joint_names(&REQUIRED),
+)]
+pub struct UnknownSkeleton {
+    /// The names of the file's joints.
+    pub found: String,
+    /// The scheme that comes closest, and what it lacks.
+    pub closest: String,
+}
+
+/// The nodes of a file by the key of their names.
+struct Index<'a> {
+    clip: &'a Clip,
+    nodes: HashMap<String, Vec<usize>>,
+}
+
+/// What a scheme finds in a file.
+struct Found {
+    scheme: &'static Scheme,
+    nodes: Nodes,
+    count: usize,
+}
+
+/// A pelvis may be hidden among many names; so many prefixes are tried.
+const MAX_PREFIXES: usize = 32;
+
+/// Recognises the skeleton by a scheme as a whole: the one whose required joints are all there and
+/// that names most others. Returns its name, too.
+pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, Nodes), UnknownSkeleton> {
+    let index = Index::new(clip);
+    let mut best: Option<Found> = None;
+    let mut closest: Option<Found> = None;
+    for scheme in SCHEMES {
+        for prefix in index.prefixes(scheme) {
+            let found = index.find(scheme, &prefix);
+            let place = match missing(&found.nodes).is_empty() {
+                true => &mut best,
+                false => &mut closest,
+            };
+            if place.as_ref().is_none_or(|best| found.count > best.count) {
+                *place = Some(found);
+            }
+        }
+    }
+    match best {
+        Some(found) => Ok((found.scheme.name, found.nodes)),
+        None => Err(UnknownSkeleton {
+            found: node_names(clip),
+            closest: closest
+                .filter(|found| found.count >= REQUIRED.len() / 2)
+                .map(|found| {
+                    let missing: Vec<String> = missing(&found.nodes)
+                        .into_iter()
+                        .filter_map(|joint| found.scheme.keys(joint).into_iter().next())
+                        .collect();
+                    let name = found.scheme.name;
+                    format!("; {name} comes closest, but for {}", missing.join(", "))
+                })
+                .unwrap_or_default(),
+        }),
+    }
+}
+
+/// The required joints that have no node; the head, if there is no neck either.
+pub(crate) fn missing(nodes: &Nodes) -> Vec<Joint> {
+    let has = |joint: Joint| nodes[joint.index()].is_some();
+    let mut missing: Vec<Joint> = REQUIRED.into_iter().filter(|&joint| !has(joint)).collect();
+    if !has(Joint::Head) && !has(Joint::Neck) {
+        missing.push(Joint::Head);
+    }
+    missing
+}
+
+/// The names of joints, for a message.
+pub(crate) fn joint_names(joints: &[Joint]) -> String {
+    let names: Vec<&str> = joints.iter().map(|joint| joint.name()).collect();
+    names.join(", ")
+}
+
+/// The names of a file's nodes, for a message.
+pub(crate) fn node_names(clip: &Clip) -> String {
+    const MOST: usize = 80;
+    let named = || clip.nodes.iter().filter(|node| node.name != END_SITE);
+    let names: Vec<String> = named()
+        .take(MOST)
+        .map(|node| node.name.chars().take(60).collect())
+        .collect();
+    match named().count() - names.len() {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names.join(", ")),
+    }
+}
+
+impl<'a> Index<'a> {
+    fn new(clip: &'a Clip) -> Self {
+        let mut nodes: HashMap<String, Vec<usize>> = HashMap::new();
+        for (index, node) in clip.nodes.iter().enumerate() {
+            if node.name != END_SITE {
+                nodes.entry(key(&node.name)).or_default().push(index);
+            }
+        }
+        Index { clip, nodes }
+    }
+
+    /// What may stand before all names of a scheme, read off the nodes that may be its pelvis; first
+    /// nothing.
+    fn prefixes(&self, scheme: &Scheme) -> Vec<String> {
+        let pelvis = scheme.keys(Joint::Pelvis);
+        let mut prefixes: Vec<String> = pelvis
+            .iter()
+            .flat_map(|pelvis| {
+                self.nodes
+                    .keys()
+                    .filter_map(|key| key.strip_suffix(&**pelvis))
+            })
+            .map(str::to_owned)
+            .collect();
+        prefixes.sort_by_key(|prefix| (prefix.len(), prefix.clone()));
+        prefixes.dedup();
+        prefixes.truncate(MAX_PREFIXES);
+        prefixes
+    }
+
+    /// The joints that a scheme finds. A knee counts only below its hip, and so on: else a word means
+    /// something else here.
+    fn find(&self, scheme: &'static Scheme, prefix: &str) -> Found {
+        let mut nodes: Nodes = [None; JOINTS];
+        let marked = |mark| self.nodes.contains_key(&format!("{prefix}{}", key(mark)));
+        if scheme.mark.is_none_or(marked) {
+            for joint in Joint::ALL {
+                let above = match limb(joint) {
+                    true => joint.parent().and_then(|parent| nodes[parent.index()]),
+                    false => nodes[Joint::Pelvis.index()],
+                };
+                let names = scheme.keys(joint).into_iter();
+                let candidates = names.filter_map(|key| self.nodes.get(&format!("{prefix}{key}")));
+                nodes[joint.index()] = candidates
+                    .flatten()
+                    .copied()
+                    .filter(|&node| {
+                        !limb(joint) || above.is_some_and(|above| self.clip.hangs_from(node, above))
+                    })
+                    // Of several nodes with one name, such as a bone and a mesh, the one in the body.
+                    .min_by_key(|&node| {
+                        above.is_none_or(|above| !self.clip.hangs_from(node, above))
+                    });
+            }
+        }
+        Found {
+            scheme,
+            nodes,
+            count: nodes.iter().flatten().count(),
+        }
+    }
+}
+
+/// Whether a joint hangs from its parent also in every file.
+fn limb(joint: Joint) -> bool {
+    use Joint::*;
+    matches!(
+        joint,
+        LeftKnee
+            | RightKnee
+            | LeftAnkle
+            | RightAnkle
+            | LeftFoot
+            | RightFoot
+            | LeftElbow
+            | RightElbow
+            | LeftWrist
+            | RightWrist
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip::Node;
+    use glam::{DQuat, DVec3};
+
+    /// A clip of nodes without movement, `name` or `name<parent`.
+    fn clip(nodes: &[&str]) -> Clip {
+        let names: Vec<&str> = nodes
+            .iter()
+            .map(|node| node.split('<').next().unwrap())
+            .collect();
+        let nodes = nodes.iter().map(|node| Node {
+            name: node.split('<').next().unwrap().into(),
+            parent: node
+                .split_once('<')
+                .map(|(_, parent)| names.iter().position(|name| *name == parent).unwrap()),
+            rest: DVec3::Y,
+            translations: vec![DVec3::Y],
+            rotations: vec![DQuat::IDENTITY],
+            scale: DVec3::ONE,
+        });
+        Clip {
+            nodes: nodes.collect(),
+            frames: 1,
+            seconds_per_frame: 0.0,
+        }
+    }
+
+    const MIXAMO: [&str; 14] = [
+        "Hips",
+        "LeftUpLeg<Hips",
+        "LeftLeg<LeftUpLeg",
+        "LeftFoot<LeftLeg",
+        "RightUpLeg<Hips",
+        "RightLeg<RightUpLeg",
+        "RightFoot<RightLeg",
+        "Head<Hips",
+        "LeftArm<Head",
+        "LeftForeArm<LeftArm",
+        "LeftHand<LeftForeArm",
+        "RightArm<Head",
+        "RightForeArm<RightArm",
+        "RightHand<RightForeArm",
+    ];
+
+    #[test]
+    fn any_common_prefix_is_seen_through() {
+        for prefix in [
+            "",
+            "mixamorig:",
+            "mixamorig",
+            "Character1_",
+            "a:b:",
+            "Hips_",
+        ] {
+            let names: Vec<String> = MIXAMO
+                .iter()
+                .map(|name| format!("{prefix}{}", name.replace('<', &format!("<{prefix}"))))
+                .collect();
+            let names: Vec<&str> = names.iter().map(|name| &**name).collect();
+            let (scheme, nodes) = recognise(&clip(&names)).unwrap();
+            assert!(scheme.starts_with("Mixamo"), "{prefix}: {scheme}");
+            assert_eq!(nodes[Joint::RightWrist.index()], Some(13));
+            assert_eq!(nodes[Joint::Neck.index()], None);
+        }
+    }
+
+    #[test]
+    fn a_mesh_called_like_a_bone_is_not_taken_for_it() {
+        let mut names = vec!["Armature", "head"];
+        names.extend(MIXAMO.map(|name| {
+            if name == "Hips" {
+                "Hips<Armature"
+            } else {
+                name
+            }
+        }));
+        let (_, nodes) = recognise(&clip(&names)).unwrap();
+        assert_eq!(nodes[Joint::Head.index()], Some(9));
+    }
+
+    #[test]
+    fn an_unknown_skeleton_is_told_what_it_has_what_it_lacks_and_what_to_do() {
+        let mut names = MIXAMO.to_vec();
+        names[13] = "Hook<RightForeArm";
+        let message = recognise(&clip(&names)).unwrap_err().to_string();
+        for part in [
+            "LeftForeArm",
+            "Hook",
+            "Mixamo",
+            "righthand",
+            "mapping file",
+            "left_hip",
+        ] {
+            assert!(message.contains(part), "{part} is not in {message}");
+        }
+        let message = recognise(&clip(&["Tail", "Fin<Tail"]))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("Tail, Fin") && !message.contains("closest"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_knee_that_hangs_from_no_hip_is_not_one() {
+        let mut names = MIXAMO.to_vec();
+        names[2] = "LeftLeg<Hips";
+        assert!(recognise(&clip(&names)).is_err());
+    }
+}

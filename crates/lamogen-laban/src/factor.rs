@@ -1,0 +1,383 @@
+//! A factor on one Laban component, constant or over time.
+
+use std::fmt;
+
+use crate::tags::{Component, Tag};
+
+/// How a component's baseline is multiplied at every moment of a motion; 1 asks for no change.
+///
+/// A factor over time has keys: before the first it is 1, after the last it holds that key's factor,
+/// and between two it holds the earlier one's or slides to the later one's.
+///
+/// As text a constant is a number or a tag of the component; keys are `seconds:factor`, in order, with a
+/// space where the factor holds until the next key and `~` where it slides there:
+///
+/// ```
+/// use lamogen_laban::{Component, Factor};
+///
+/// // Strong from second 1 to second 2, then light.
+/// let weight = Factor::parse(Component::Weight, "1:strong 2:light")?;
+/// assert_eq!([0.0, 1.0, 1.9, 2.0, 9.0].map(|t| weight.at(t)), [1.0, 1.5, 1.5, 0.5, 0.5]);
+///
+/// let shape = Factor::parse(Component::Shape, "0:1 ~ 2:0.5")?;
+/// assert_eq!([0.0, 1.0, 2.0, 9.0].map(|t| shape.at(t)), [1.0, 0.75, 0.5, 0.5]);
+///
+/// assert_eq!(Factor::parse(Component::Time, "sudden")?, Factor::constant(1.2)?);
+/// # Ok::<(), lamogen_laban::FactorError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Factor {
+    /// Until the first key.
+    start: f32,
+    keys: Vec<Key>,
+}
+
+/// A moment at which a factor over time is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Key {
+    /// Seconds from the motion's start.
+    pub seconds: f32,
+    /// The factor at that moment.
+    pub factor: f32,
+    /// What happens from here to the next key.
+    pub interpolation: Interpolation,
+}
+
+/// The way from one key to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Interpolation {
+    /// The factor stays what it is and jumps at the next key.
+    #[default]
+    Hold,
+    /// The factor goes to the next key's in a straight line.
+    Linear,
+}
+
+/// What cannot be a factor over time.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum FactorError {
+    /// No keys.
+    #[error(
+        "expected a factor such as 1.5, or keys such as \"0:1 1:1.5 2:0.5\" (seconds:factor), found nothing"
+    )]
+    Empty,
+    /// Text that is no key.
+    #[error("expected a key seconds:factor such as 1:1.5, found {found:?}")]
+    Key { found: String },
+    /// Text that is no factor.
+    #[error("expected a number or one of {}, found {found:?}", words(.component))]
+    Word { found: String, component: Component },
+    /// A tag of another component.
+    #[error(
+        "{tag} speaks of {}, not of {component}, whose words are {}",
+        .tag.component(),
+        words(.component)
+    )]
+    Tag { tag: Tag, component: Component },
+    /// A factor that is negative, infinite or not a number.
+    #[error("a factor must be a finite number of at least 0, found {found}")]
+    Value { found: f32 },
+    /// A time that is negative, infinite or not a number.
+    #[error("the seconds of a key must be a finite number of at least 0, found {found}")]
+    Seconds { found: f32 },
+    /// A key that is not later than the one before it.
+    #[error("keys must be in the order of time, found {later} s after {earlier} s")]
+    Order { earlier: f32, later: f32 },
+    /// A slide that starts or ends nowhere.
+    #[error("a slide (~) must lead from one key to another, as in \"0:1 ~ 2:0.5\"")]
+    Slide,
+}
+
+fn words(component: &Component) -> String {
+    let tags = Tag::ALL.iter().filter(|tag| tag.component() == *component);
+    tags.map(Tag::to_string).collect::<Vec<_>>().join(", ")
+}
+
+impl Key {
+    /// A key whose factor holds until the next.
+    pub const fn hold(seconds: f32, factor: f32) -> Key {
+        Key {
+            seconds,
+            factor,
+            interpolation: Interpolation::Hold,
+        }
+    }
+
+    /// A key whose factor slides to the next one's.
+    pub const fn linear(seconds: f32, factor: f32) -> Key {
+        Key {
+            seconds,
+            factor,
+            interpolation: Interpolation::Linear,
+        }
+    }
+}
+
+impl Factor {
+    /// No change.
+    pub const NEUTRAL: Factor = Factor::unchecked(1.0);
+
+    /// The same factor all the time.
+    ///
+    /// # Errors
+    ///
+    /// If it is negative or not finite.
+    pub fn constant(factor: f32) -> Result<Factor, FactorError> {
+        check_value(factor)?;
+        Ok(Factor::unchecked(factor))
+    }
+
+    /// A constant that is known to be finite and not negative.
+    pub(crate) const fn unchecked(factor: f32) -> Factor {
+        Factor {
+            start: factor,
+            keys: Vec::new(),
+        }
+    }
+
+    /// A factor over time.
+    ///
+    /// # Errors
+    ///
+    /// If there are no keys, their times do not ascend, a time or factor is negative or not finite, or
+    /// the last key slides.
+    pub fn keyed(keys: impl Into<Vec<Key>>) -> Result<Factor, FactorError> {
+        let keys = keys.into();
+        for key in &keys {
+            if !key.seconds.is_finite() || key.seconds < 0.0 {
+                return Err(FactorError::Seconds { found: key.seconds });
+            }
+            check_value(key.factor)?;
+        }
+        for pair in keys.windows(2) {
+            let [earlier, later] = [pair[0].seconds, pair[1].seconds];
+            if later <= earlier {
+                return Err(FactorError::Order { earlier, later });
+            }
+        }
+        match keys.last().ok_or(FactorError::Empty)?.interpolation {
+            Interpolation::Linear => Err(FactorError::Slide),
+            Interpolation::Hold => Ok(Factor { start: 1.0, keys }),
+        }
+    }
+
+    /// A factor from its text; see [`Factor`]. Words are tags of `component`.
+    ///
+    /// # Errors
+    ///
+    /// If the text is of another form, and as [`keyed`](Factor::keyed).
+    pub fn parse(component: Component, text: &str) -> Result<Factor, FactorError> {
+        let spaced = text.replace('~', " ~ ");
+        let parts: Vec<&str> = spaced.split_whitespace().collect();
+        if let [constant] = parts[..]
+            && !constant.contains([':', '~'])
+        {
+            return Factor::constant(value(component, constant)?);
+        }
+        let mut keys: Vec<Key> = Vec::new();
+        let mut slides = false;
+        for part in parts {
+            if part == "~" {
+                let last = keys.last_mut().filter(|_| !slides);
+                last.ok_or(FactorError::Slide)?.interpolation = Interpolation::Linear;
+                slides = true;
+            } else {
+                keys.push(key(component, part)?);
+                slides = false;
+            }
+        }
+        Factor::keyed(keys)
+    }
+
+    /// The factor at a moment.
+    pub fn at(&self, seconds: f32) -> f32 {
+        let passed = self.keys.partition_point(|key| key.seconds <= seconds);
+        let Some(key) = passed.checked_sub(1).map(|last| self.keys[last]) else {
+            return self.start;
+        };
+        match (key.interpolation, self.keys.get(passed)) {
+            (Interpolation::Linear, Some(next)) => {
+                let way = (seconds - key.seconds) / (next.seconds - key.seconds);
+                key.factor + way * (next.factor - key.factor)
+            }
+            _ => key.factor,
+        }
+    }
+
+    /// The keys, in order of time; none if the factor is constant.
+    pub fn keys(&self) -> &[Key] {
+        &self.keys
+    }
+
+    /// Whether a change is asked for at any moment.
+    pub fn changes(&self) -> bool {
+        self.start != 1.0 || self.keys.iter().any(|key| key.factor != 1.0)
+    }
+}
+
+impl Default for Factor {
+    fn default() -> Self {
+        Factor::NEUTRAL
+    }
+}
+
+/// The text that [`Factor::parse`] reads, with numbers for words.
+impl fmt::Display for Factor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some((last, before)) = self.keys.split_last() else {
+            return write!(f, "{}", self.start);
+        };
+        for key in before {
+            let gap = match key.interpolation {
+                Interpolation::Hold => " ",
+                Interpolation::Linear => " ~ ",
+            };
+            write!(f, "{}:{}{gap}", key.seconds, key.factor)?;
+        }
+        write!(f, "{}:{}", last.seconds, last.factor)
+    }
+}
+
+fn check_value(found: f32) -> Result<(), FactorError> {
+    match found.is_finite() && found >= 0.0 {
+        true => Ok(()),
+        false => Err(FactorError::Value { found }),
+    }
+}
+
+fn key(component: Component, text: &str) -> Result<Key, FactorError> {
+    let no_key = || FactorError::Key { found: text.into() };
+    let (seconds, factor) = text.split_once(':').ok_or_else(no_key)?;
+    let seconds = seconds.parse().map_err(|_| no_key())?;
+    Ok(Key::hold(seconds, value(component, factor)?))
+}
+
+fn value(component: Component, text: &str) -> Result<f32, FactorError> {
+    if let Ok(tag) = text.parse::<Tag>() {
+        return match tag.component() == component {
+            true => Ok(tag.scale()),
+            false => Err(FactorError::Tag { tag, component }),
+        };
+    }
+    text.parse().map_err(|_| FactorError::Word {
+        found: text.into(),
+        component,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn weight(text: &str) -> Result<Factor, FactorError> {
+        Factor::parse(Component::Weight, text)
+    }
+
+    #[test]
+    fn a_factor_holds_until_the_next_key_and_after_the_last() {
+        let factor = weight("0:1 1:1.5 2:0.5").unwrap();
+        for (seconds, expected) in [(0.0, 1.0), (0.95, 1.0), (1.0, 1.5), (1.95, 1.5), (2.0, 0.5)] {
+            assert_eq!(factor.at(seconds), expected, "{seconds} s");
+        }
+        assert_eq!(factor.at(100.0), 0.5);
+    }
+
+    #[test]
+    fn before_the_first_key_nothing_is_asked() {
+        for text in ["1:0.5", "1:0.5 ~ 2:1.5"] {
+            assert_eq!(weight(text).unwrap().at(0.95), 1.0);
+        }
+    }
+
+    #[test]
+    fn a_slide_is_a_straight_line_and_ends_at_its_key() {
+        let factor = weight("0:1~1:1.5~3:0.5 4:2").unwrap();
+        for (seconds, expected) in [(0.5, 1.25), (1.0, 1.5), (2.0, 1.0), (3.0, 0.5), (3.9, 0.5)] {
+            assert_eq!(factor.at(seconds), expected, "{seconds} s");
+        }
+    }
+
+    #[test]
+    fn text_round_trips_whatever_the_spaces() {
+        for (text, expected) in [
+            ("1.5", "1.5"),
+            (" Strong ", "1.5"),
+            ("1:LIGHT", "1:0.5"),
+            ("0:1  1:strong\t2:light", "0:1 1:1.5 2:0.5"),
+            ("0:1~1:1.5 2:0.5", "0:1 ~ 1:1.5 2:0.5"),
+            ("0.05:1e-3 ~ 0.3:0", "0.05:0.001 ~ 0.3:0"),
+        ] {
+            let factor = weight(text).unwrap();
+            assert_eq!(factor.to_string(), expected);
+            assert_eq!(weight(expected).unwrap(), factor);
+        }
+    }
+
+    #[test]
+    fn words_are_those_of_the_component_alone() {
+        for tag in Tag::ALL {
+            for component in Component::ALL {
+                let parsed = Factor::parse(component, &format!("1:{tag}"));
+                match component == tag.component() {
+                    true => assert_eq!(parsed.unwrap().at(1.0), tag.scale()),
+                    false => assert_eq!(parsed, Err(FactorError::Tag { tag, component })),
+                }
+            }
+        }
+        let message = weight("0:1 1:sudden").unwrap_err().to_string();
+        for part in ["sudden", "Time", "Weight", "light, strong"] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_factor_is_refused_with_what_was_found() {
+        for (text, parts) in [
+            ("", &["0:1 1:1.5 2:0.5", "nothing"][..]),
+            ("heavy", &["light, strong", "\"heavy\""]),
+            ("1:heavy", &["light, strong", "\"heavy\""]),
+            ("1:", &["light, strong", "\"\""]),
+            ("1:2:3", &["\"2:3\""]),
+            (":1", &["seconds:factor", "\":1\""]),
+            ("1 2", &["seconds:factor", "\"1\""]),
+            ("0:1, 1:2", &["\"1,\""]),
+            ("one:1", &["seconds:factor", "\"one:1\""]),
+            ("-1", &["factor", "at least 0", "-1"]),
+            ("nan", &["factor", "NaN"]),
+            ("0:inf", &["factor", "finite", "inf"]),
+            ("0:1e39", &["factor", "inf"]),
+            ("-1:1", &["seconds", "at least 0", "-1"]),
+            ("inf:1", &["seconds", "finite", "inf"]),
+            ("0:1 2:1 1:1", &["1 s after 2 s"]),
+            ("1:1 1:2", &["1 s after 1 s"]),
+            ("~", &["slide"]),
+            ("~0:1", &["slide"]),
+            ("0:1~", &["slide"]),
+            ("0:1~~1:2", &["slide"]),
+            ("1~2", &["\"1\""]),
+        ] {
+            let message = weight(text).expect_err(text).to_string();
+            for part in parts {
+                assert!(message.contains(part), "{text:?}: {message}");
+            }
+        }
+    }
+
+    #[test]
+    fn keys_can_be_given_as_such() {
+        let keys = [Key::linear(0.0, 1.0), Key::hold(1.0, 1.5)];
+        assert_eq!(Factor::keyed(keys), weight("0:1 ~ 1:1.5"));
+        assert_eq!(Factor::keyed([]), Err(FactorError::Empty));
+        let slides_away = [Key::hold(0.0, 1.0), Key::linear(1.0, 1.5)];
+        assert_eq!(Factor::keyed(slides_away), Err(FactorError::Slide));
+    }
+
+    #[test]
+    fn a_change_anywhere_is_a_change() {
+        for (text, changes) in [("1", false), ("0:1 2:1", false), ("0.9", true)] {
+            assert_eq!(weight(text).unwrap().changes(), changes, "{text}");
+        }
+        assert!(weight("0:1 2:1.5 3:1").unwrap().changes());
+    }
+}

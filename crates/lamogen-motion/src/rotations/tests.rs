@@ -1,0 +1,380 @@
+use std::f64::consts::{PI, TAU};
+
+use super::*;
+use crate::skeleton::Joint::*;
+
+/// Lengths of the bones of HumanML3D's body, by the joint in which they end.
+const LENGTHS: [f64; JOINTS] = [
+    0.0, 0.103, 0.110, 0.132, 0.394, 0.390, 0.143, 0.432, 0.426, 0.057, 0.143, 0.149, 0.219, 0.137,
+    0.143, 0.103, 0.132, 0.123, 0.257, 0.263, 0.266, 0.270,
+];
+
+/// A body in T-pose.
+fn body() -> RestPose {
+    let mut pose = [[0.0; 3]; JOINTS];
+    for joint in Joint::ALL {
+        if let Some(parent) = joint.parent() {
+            let offset = rest::direction(joint) * LENGTHS[joint.index()];
+            let place = vector(pose[parent.index()]) + offset;
+            pose[joint.index()] = place.as_vec3().to_array();
+        }
+    }
+    RestPose::of(&Motion::from_joints(vec![pose]).unwrap())
+}
+
+/// The body moved by known rotations.
+fn moved(frames: usize, turn: impl Fn(usize, Joint) -> DQuat) -> (Rotations, Motion) {
+    let rotations = Rotations {
+        rest: body(),
+        root: (0..frames)
+            .map(|t| [0.01 * t as f32, 0.9, 0.02 * t as f32])
+            .collect(),
+        local: (0..frames)
+            .map(|t| Joint::ALL.map(|joint| turn(t, joint).to_array().map(|x| x as f32)))
+            .collect(),
+        frames_per_second: FRAMES_PER_SECOND,
+    };
+    let motion = Motion::from_joints(rotations.joints()).unwrap();
+    (rotations, motion)
+}
+
+/// The largest distance between the joints of a motion and what its rotations give, in metres.
+fn error(rotations: &Rotations, motion: &Motion) -> f32 {
+    let pairs = rotations.joints().into_iter().zip(motion.joints());
+    pairs
+        .flat_map(|(a, b)| a.into_iter().zip(*b))
+        .map(|(a, b)| (vector(a) - vector(b)).length() as f32)
+        .fold(0.0, f32::max)
+}
+
+/// The largest turn of a joint from one frame to the next, in degrees, and where it is.
+fn largest_step(rotations: &Rotations) -> (f64, usize, &'static str) {
+    let mut largest = (0.0, 0, "");
+    for (t, pair) in rotations.local().windows(2).enumerate() {
+        for joint in Joint::ALL {
+            let [a, b] = [0, 1].map(|i| quaternion(pair[i][joint.index()]));
+            let step = a.angle_between(b).to_degrees();
+            if step > largest.0 {
+                largest = (step, t, joint.name());
+            }
+        }
+    }
+    largest
+}
+
+/// Quaternions, not only rotations, go on without a jump.
+fn signs_are_kept(rotations: &Rotations) -> bool {
+    rotations
+        .local()
+        .windows(2)
+        .all(|pair| (0..JOINTS).all(|j| quaternion(pair[0][j]).dot(quaternion(pair[1][j])) >= 0.0))
+}
+
+/// Everything swings, limbs bend and stretch; the body as a whole is turned by `whole`.
+fn swinging(t: usize, joint: Joint, whole: impl Fn(f64) -> DQuat) -> DQuat {
+    let time = t as f64 / 20.0;
+    let phase = joint.index() as f64;
+    let wave = |speed: f64, size: f64| size * (speed * time * TAU + phase).sin();
+    match joint {
+        Pelvis => whole(time),
+        LeftKnee | RightKnee => DQuat::from_rotation_x(0.6 + wave(0.8, 0.6)),
+        LeftElbow => DQuat::from_rotation_y(-0.9 + wave(0.7, 0.7)),
+        RightElbow => DQuat::from_rotation_y(0.9 + wave(0.7, 0.7)),
+        LeftHip | RightHip => DQuat::from_euler(
+            glam::EulerRot::XYZ,
+            wave(0.5, 0.7),
+            wave(0.3, 0.4),
+            wave(0.4, 0.3),
+        ),
+        LeftShoulder | RightShoulder => DQuat::from_euler(
+            glam::EulerRot::XYZ,
+            wave(0.5, 0.6),
+            wave(0.6, 0.5),
+            wave(0.4, 0.9),
+        ),
+        // About the axis on which the collarbones lie, a collar would be twisted: nobody could tell.
+        LeftCollar | RightCollar => DQuat::from_rotation_z(wave(0.3, 0.15)),
+        Head | LeftWrist | RightWrist | LeftFoot | RightFoot => DQuat::IDENTITY,
+        _ => DQuat::from_euler(glam::EulerRot::XYZ, wave(0.4, 0.15), 0.0, wave(0.3, 0.15)),
+    }
+}
+
+#[test]
+fn positions_come_back_at_every_heading_and_upside_down() {
+    let ways: [(&str, fn(f64) -> DQuat); 7] = [
+        ("forwards", |_| DQuat::IDENTITY),
+        ("backwards", |time| {
+            DQuat::from_rotation_y(PI + 0.3 * (time * 3.0).sin())
+        }),
+        ("to the left", |_| DQuat::from_rotation_y(PI / 2.0)),
+        ("turning", |time| DQuat::from_rotation_y(time * 2.0)),
+        ("cartwheel", |time| DQuat::from_rotation_z(time * 3.0)),
+        ("somersault", |time| DQuat::from_rotation_x(time * 4.0)),
+        ("standing on the head", |time| {
+            DQuat::from_rotation_x(PI) * DQuat::from_rotation_y(time)
+        }),
+    ];
+    for (way, whole) in ways {
+        for heading in 0..8 {
+            let facing = DQuat::from_rotation_y(f64::from(heading) * PI / 4.0);
+            let (known, motion) = moved(100, |t, joint| {
+                swinging(t, joint, |time| facing * whole(time))
+            });
+            let found = Rotations::of(&motion);
+            let error = error(&found, &motion);
+            assert!(error < 1e-4, "{way}, heading {heading}: {error} m");
+            let (step, known) = (largest_step(&found), largest_step(&known));
+            assert!(
+                step.0 < 1.5 * known.0 + 2.0,
+                "{way}, {heading}: {step:?}, known {known:?}"
+            );
+            assert!(signs_are_kept(&found), "{way}, heading {heading}");
+        }
+    }
+}
+
+#[test]
+fn only_the_pelvis_knows_where_the_body_faces() {
+    let (_, motion) = moved(60, |t, joint| swinging(t, joint, |_| DQuat::IDENTITY));
+    let found = Rotations::of(&motion);
+    for step in 1..12 {
+        let facing = DQuat::from_rotation_y(f64::from(step) * TAU / 12.0);
+        let poses = motion.joints().iter();
+        let turned = poses.map(|pose| pose.map(|p| (facing * vector(p)).as_vec3().to_array()));
+        let turned = Rotations::of(&Motion::from_joints(turned.collect()).unwrap());
+        for (a, b) in found.local().iter().zip(turned.local()) {
+            for j in 1..JOINTS {
+                let angle = quaternion(a[j]).angle_between(quaternion(b[j]));
+                assert!(angle < 1e-3, "{} {angle}", Joint::ALL[j].name());
+            }
+        }
+    }
+}
+
+#[test]
+fn twists_of_upper_arms_and_thighs_are_found_and_knees_and_elbows_are_hinges() {
+    let (known, motion) = moved(120, |t, joint| {
+        swinging(t, joint, |time| DQuat::from_rotation_y(time))
+    });
+    let found = Rotations::of(&motion);
+    for (t, (known, found)) in known.local().iter().zip(found.local()).enumerate() {
+        for (upper, lower, axis) in [
+            (LeftHip, LeftKnee, DVec3::X),
+            (RightHip, RightKnee, DVec3::X),
+            (LeftShoulder, LeftElbow, DVec3::Y),
+            (RightShoulder, RightElbow, DVec3::Y),
+        ] {
+            let bend = quaternion(known[lower.index()]);
+            if bend.to_axis_angle().1 < 0.6 {
+                continue;
+            }
+            let [known, turn] = [known, found].map(|pose| quaternion(pose[upper.index()]));
+            let off = known.angle_between(turn).to_degrees();
+            assert!(off < 3.0, "frame {t}, {}: {off}", upper.name());
+            let bend = quaternion(found[lower.index()]);
+            let off = bend
+                .xyz()
+                .normalize()
+                .cross(axis)
+                .length()
+                .asin()
+                .to_degrees();
+            assert!(
+                off < 8.0,
+                "frame {t}, {}: {off} off the hinge",
+                lower.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn the_twist_of_a_limb_that_straightens_is_carried_through() {
+    // A bent arm, turned outwards by 60°, straightens for two seconds and bends again.
+    let (_, motion) = moved(80, |t, joint| {
+        let bend = (0.02 * (t as f64 - 20.0) * (t as f64 - 60.0) / 8.0).clamp(0.0, 1.2);
+        match joint {
+            LeftShoulder => DQuat::from_rotation_z(-1.0) * DQuat::from_rotation_x(1.05),
+            LeftElbow => DQuat::from_rotation_y(-bend),
+            _ => DQuat::IDENTITY,
+        }
+    });
+    let found = Rotations::of(&motion);
+    let known = DQuat::from_rotation_z(-1.0) * DQuat::from_rotation_x(1.05);
+    assert!(motion.position(40, LeftWrist) != motion.position(0, LeftWrist));
+    for (t, pose) in found.local().iter().enumerate() {
+        let off = quaternion(pose[LeftShoulder.index()])
+            .angle_between(known)
+            .to_degrees();
+        let limit = if (12..68).contains(&t) { 25.0 } else { 3.0 };
+        assert!(off < limit, "frame {t}: {off}");
+    }
+    assert!(largest_step(&found).0 < 10.0, "{:?}", largest_step(&found));
+    assert!(error(&found, &motion) < 1e-4);
+}
+
+#[test]
+fn knees_that_overstretch_and_noise_on_straight_limbs_turn_nothing_around() {
+    let (_, motion) = moved(100, |t, joint| {
+        let noise = |seed: f64| ((t as f64 * 12.9898 + seed * 78.233).sin() * 43758.5453).fract();
+        match joint {
+            LeftKnee => DQuat::from_rotation_x(0.35 * (t as f64 * 0.3).sin()),
+            RightKnee | LeftElbow | RightElbow => DQuat::from_euler(
+                glam::EulerRot::XYZ,
+                0.08 * noise(joint.index() as f64),
+                0.08 * noise(joint.index() as f64 + 0.3),
+                0.08 * noise(joint.index() as f64 + 0.6),
+            ),
+            LeftShoulder => DQuat::from_rotation_z(-1.3),
+            RightShoulder => DQuat::from_rotation_z(1.3),
+            _ => DQuat::IDENTITY,
+        }
+    });
+    let found = Rotations::of(&motion);
+    for (t, pose) in found.local().iter().enumerate() {
+        for (joint, known) in [
+            (LeftHip, DQuat::IDENTITY),
+            (RightHip, DQuat::IDENTITY),
+            (LeftShoulder, DQuat::from_rotation_z(-1.3)),
+            (RightShoulder, DQuat::from_rotation_z(1.3)),
+        ] {
+            let off = quaternion(pose[joint.index()])
+                .angle_between(known)
+                .to_degrees();
+            assert!(off < 15.0, "frame {t}, {}: {off}", joint.name());
+        }
+    }
+}
+
+#[test]
+fn a_leg_may_go_past_the_opposite_of_its_rest() {
+    // Straight up beside the head and over, a little to the side: a full circle of the hip.
+    for side in [-0.1, -0.02, 0.001, 0.05] {
+        let (_, motion) = moved(120, |t, joint| match joint {
+            LeftHip => {
+                DQuat::from_rotation_z(side) * DQuat::from_rotation_x(-TAU * t as f64 / 120.0)
+            }
+            LeftKnee => DQuat::from_rotation_x(0.05),
+            _ => DQuat::IDENTITY,
+        });
+        let found = Rotations::of(&motion);
+        let step = largest_step(&found);
+        assert!(step.0 < 20.0, "side {side}: {step:?}");
+        assert!(error(&found, &motion) < 1e-4);
+    }
+}
+
+#[test]
+fn bodies_that_are_not_rigid_are_met_as_well_as_one_can() {
+    let (_, motion) = moved(50, |t, joint| swinging(t, joint, |_| DQuat::IDENTITY));
+    let noisy = motion.joints().iter().enumerate().map(|(t, pose)| {
+        std::array::from_fn(|j| {
+            std::array::from_fn(|axis| {
+                pose[j][axis] + 0.005 * ((t * 31 + j * 7 + axis) as f32 * 1.7).sin()
+            })
+        })
+    });
+    let noisy = Motion::from_joints(noisy.collect()).unwrap();
+    let found = Rotations::of(&noisy);
+    let error = error(&found, &noisy);
+    assert!((0.003..0.05).contains(&error), "{error}");
+}
+
+#[test]
+fn the_rest_pose_is_a_t_pose_with_the_bodys_bones() {
+    let (_, motion) = moved(50, |t, joint| {
+        swinging(t, joint, |time| {
+            DQuat::from_rotation_x(time) * DQuat::from_rotation_y(2.0)
+        })
+    });
+    let rest = RestPose::of(&motion);
+    for joint in Joint::ALL {
+        let offset = vector(rest.offset(joint));
+        let length = LENGTHS[joint.index()];
+        assert!((offset.length() - length).abs() < 1e-5, "{}", joint.name());
+    }
+    for joint in [LeftShoulder, LeftElbow, LeftWrist] {
+        assert!(vector(rest.offset(joint)).normalize().dot(DVec3::X) > 0.9999);
+    }
+    for joint in [LeftKnee, RightKnee, LeftAnkle, RightAnkle] {
+        assert!(vector(rest.offset(joint)).normalize().dot(DVec3::NEG_Y) > 0.9999);
+    }
+    let across = vector(rest.offset(LeftHip)) - vector(rest.offset(RightHip));
+    assert!(across.normalize().dot(DVec3::X) > 0.9999);
+    for (joint, tip) in rest.tips() {
+        let is_end = !Joint::ALL.iter().any(|child| child.parent() == Some(joint));
+        assert!(is_end && vector(tip).length() > 0.05, "{}", joint.name());
+    }
+}
+
+#[test]
+fn joints_that_fall_together_and_single_frames_give_numbers() {
+    for pose in [[[0.0; 3]; JOINTS], [[0.3, 1.0, -0.2]; JOINTS]] {
+        for frames in [1, 2, 5] {
+            let motion = Motion::from_joints(vec![pose; frames]).unwrap();
+            let found = Rotations::of(&motion);
+            assert!(error(&found, &motion) < 1e-6);
+            assert!(
+                found
+                    .local()
+                    .as_flattened()
+                    .as_flattened()
+                    .iter()
+                    .all(|x| x.is_finite())
+            );
+        }
+    }
+    let (_, motion) = moved(1, |t, joint| {
+        swinging(t, joint, |_| DQuat::from_rotation_y(3.0))
+    });
+    assert!(error(&Rotations::of(&motion), &motion) < 1e-4);
+}
+
+#[test]
+fn resampling_keeps_the_frames_that_both_rates_have_and_the_bones() {
+    let (_, motion) = moved(41, |t, joint| {
+        swinging(t, joint, |time| DQuat::from_rotation_y(time))
+    });
+    let found = Rotations::of(&motion);
+    let fine = found.resampled(60.0);
+    assert_eq!((fine.frames(), fine.frames_per_second()), (121, 60.0));
+    let (coarse, fine_joints) = (found.joints(), fine.joints());
+    for (t, pose) in coarse.iter().enumerate() {
+        for j in 0..JOINTS {
+            let gap = (vector(pose[j]) - vector(fine_joints[3 * t][j])).length();
+            assert!(gap < 1e-5, "frame {t}: {gap}");
+        }
+    }
+    let steps = (largest_step(&found).0, largest_step(&fine).0);
+    assert!(steps.1 < steps.0 / 2.5, "{steps:?}");
+    assert!(found.resampled(20.0) == found);
+    assert_eq!(found.resampled(10.0).frames(), 21);
+    assert_eq!(found.resampled(29.97).frames(), 61);
+    let (_, short) = moved(1, |_, _| DQuat::IDENTITY);
+    assert_eq!(Rotations::of(&short).resampled(120.0).frames(), 1);
+}
+
+/// Real clips, where there are some: joints in `.npy` files in the folder named by LAMOGEN_CLIPS.
+#[test]
+#[ignore = "needs clips: LAMOGEN_CLIPS=folder cargo test --release --workspace -- --ignored real_clips"]
+fn real_clips_come_back_without_flips() {
+    let folder =
+        std::env::var("LAMOGEN_CLIPS").expect("LAMOGEN_CLIPS names a folder of joints in .npy");
+    let mut clips = 0;
+    for entry in std::fs::read_dir(folder).unwrap().flatten() {
+        let array = crate::npy::read(entry.path()).unwrap();
+        let (points, _) = array.values.as_chunks::<3>();
+        let (poses, _) = points.as_chunks::<JOINTS>();
+        let motion = Motion::from_joints(poses.to_vec()).unwrap();
+        let found = Rotations::of(&motion);
+        let (error, step) = (error(&found, &motion), largest_step(&found));
+        println!(
+            "{}: {:.2} mm, largest step {step:?}",
+            entry.path().display(),
+            1e3 * error
+        );
+        assert!(signs_are_kept(&found));
+        clips += 1;
+    }
+    assert!(clips > 0, "no clips");
+}

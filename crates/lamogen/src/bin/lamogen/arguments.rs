@@ -1,0 +1,446 @@
+//! What may stand on the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+use lamogen::files::{Unit, Up};
+use lamogen::{Component, DeviceName, Factor, FactorError, Preset, Request, Scale, ScaleCurve};
+use serde::{Deserialize, Serialize};
+
+use crate::output::{Format, Output};
+
+/// Human motion from a sentence and a few words of Laban movement analysis.
+///
+/// A text-to-motion model gives the motion that the sentence describes; then it is guided so that the motion
+/// becomes strong or light, sudden or sustained, bound or free, near or far.
+#[derive(Parser)]
+#[command(
+    name = "lamogen",
+    version,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Exit codes: 0 done, 1 a motion could not be generated, 2 wrong arguments or requests, \
+                  3 a file or model could not be read, 4 a file could not be written, 5 a batch is done \
+                  but for some motions."
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub task: Task,
+    #[command(flatten)]
+    pub console: ConsoleArguments,
+}
+
+/// What is said while working.
+#[derive(Args)]
+pub struct ConsoleArguments {
+    /// Print the result as JSON, for machines.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print no progress and no notices.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+}
+
+#[derive(Subcommand)]
+pub enum Task {
+    /// Generate a motion from a sentence.
+    #[command(after_help = GENERATE_HELP)]
+    Generate(Box<Generate>),
+    /// Measure a motion file: Weight, Time, Flow, Shape, their peaks, sliding feet, drifting bones.
+    Laban(Laban),
+    /// Convert a motion file to another format, or to a picture of it.
+    Convert(Convert),
+    /// Show motion files in the browser, in 3D.
+    Play(Play),
+    /// Generate many motions from a file of requests; goes on where it was stopped.
+    #[command(after_help = BATCH_HELP)]
+    Batch(Batch),
+    /// List where this program can compute on this machine.
+    Devices,
+    /// Look at a model's files, or convert them.
+    #[command(subcommand)]
+    Model(Model),
+    /// Print a shell's completions of this command.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Print this command's manual page, or write those of all its parts.
+    Man {
+        /// Folder for one page each part.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+}
+
+const GENERATE_HELP: &str = "\
+Factors are numbers, words, or keys over time: --weight strong, --weight 1.5, --weight \"0:1 1:1.5 2:0.5\" \
+(second:factor, each holds until the next; with ~ between two keys the factor slides).
+
+Files: .glb and .bvh for Blender and engines, .npy (joints) and .features.npy for NumPy, .html a page that \
+plays the motion, .gif, .svg and .png pictures, .csv the Laban series, .json everything.
+
+Examples:
+  lamogen generate \"a person jumps\" --weight strong --time sudden --seconds 4 --seed 7 --out jump.glb
+  lamogen generate \"a person walks\" --weight \"0:light 2:strong\" --out walk.html --out walk.bvh
+  lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
+
+const BATCH_HELP: &str = "\
+Every line of the file is a request as JSON, by the names of lamogen generate's options:
+  {\"prompt\": \"a person jumps\", \"weight\": \"strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"id\": \"jump\"}
+Only the prompt must be there. A motion's files are named by its id, or by its line's number.
+
+A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
+again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4.";
+
+/// Which model, and where it runs.
+#[derive(Args, Clone)]
+pub struct SourceArguments {
+    /// Folder of a model instead of the embedded one.
+    #[arg(long, value_name = "FOLDER")]
+    pub model: Option<PathBuf>,
+    /// Where to compute; lamogen devices lists them.
+    #[arg(long)]
+    pub device: Option<DeviceName>,
+}
+
+/// How passes run.
+#[derive(Args, Clone)]
+pub struct PassArguments {
+    /// DDIM steps of each pass, 1 to 1000.
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Steps and guidance together: fast is the embedded model's default, paper that of others.
+    #[arg(long, value_enum)]
+    pub preset: Option<PresetName>,
+    /// How much the components that shall change count in the loss beside those that shall not: more follows
+    /// the factors more exactly and keeps the others less.
+    #[arg(long, value_name = "WEIGHT")]
+    pub emphasis: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PresetName {
+    Fast,
+    Paper,
+}
+
+impl PresetName {
+    pub fn name(self) -> &'static str {
+        match self {
+            PresetName::Fast => "fast",
+            PresetName::Paper => "paper",
+        }
+    }
+
+    /// The name of what a model runs with.
+    pub fn of(preset: Preset) -> PresetName {
+        match preset {
+            Preset::Fast => PresetName::Fast,
+            Preset::Paper => PresetName::Paper,
+        }
+    }
+
+    pub fn preset(self) -> Preset {
+        match self {
+            PresetName::Fast => Preset::Fast,
+            PresetName::Paper => Preset::Paper,
+        }
+    }
+}
+
+impl PassArguments {
+    /// Sets them on a request. `default` is what the model runs with if nothing is said.
+    pub fn apply(&self, mut request: Request, default: Preset) -> Request {
+        let preset = self.preset.map_or(default, PresetName::preset);
+        request = request.preset(preset);
+        if let Some(steps) = self.steps {
+            request = request.steps(steps);
+        }
+        if let Some(emphasis) = self.emphasis {
+            let mut guidance = preset.guidance();
+            guidance.emphasis = emphasis;
+            request = request.guidance(guidance);
+        }
+        request
+    }
+}
+
+/// Factors on the components.
+#[derive(Args, Clone)]
+pub struct FactorArguments {
+    /// Factor on Weight (kinetic energy): light, strong, a number, or keys over time.
+    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Weight))]
+    pub weight: Option<Factor>,
+    /// Factor on Time (acceleration): sustained, sudden, a number, or keys over time.
+    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Time))]
+    pub time: Option<Factor>,
+    /// Factor on Flow (jerk): bound, free, a number, or keys over time.
+    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Flow))]
+    pub flow: Option<Factor>,
+    /// Factor on Shape (the room that the body takes): near, far, a number, or keys over time.
+    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Shape))]
+    pub shape: Option<Factor>,
+    /// Factors on Weight, Time, Flow and Shape at once, such as 1.5,1.2,1,1.
+    #[arg(long, value_name = "W,T,F,S", value_parser = scale, conflicts_with_all = ["weight", "time", "flow", "shape"])]
+    pub scale: Option<Scale>,
+}
+
+impl FactorArguments {
+    /// The factors, if there are any.
+    pub fn curve(&self) -> Option<ScaleCurve> {
+        if let Some(scale) = self.scale {
+            return Some(scale.into());
+        }
+        let factors = [&self.weight, &self.time, &self.flow, &self.shape];
+        let mut curve = None;
+        for (component, factor) in Component::ALL.into_iter().zip(factors) {
+            if let Some(factor) = factor {
+                let known: ScaleCurve = curve.unwrap_or_default();
+                curve = Some(known.with(component, factor.clone()));
+            }
+        }
+        curve
+    }
+}
+
+fn factor(
+    component: Component,
+) -> impl Fn(&str) -> Result<Factor, FactorError> + Clone + Send + Sync + 'static {
+    move |text| Factor::parse(component, text)
+}
+
+fn scale(text: &str) -> Result<Scale, String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let factors = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+    let factors = factors.ok_or("expected four numbers with commas, such as 1.5,1.2,1,1")?;
+    Scale::new(factors).map_err(|error| error.to_string())
+}
+
+/// How motion files are written.
+#[derive(Args, Clone)]
+pub struct WritingArguments {
+    /// Frames a second of .bvh and .glb.
+    #[arg(long, default_value_t = 20.0)]
+    pub fps: f32,
+    /// Unit of .bvh: cm, m, mm or in.
+    #[arg(long, default_value = "cm")]
+    pub bvh_unit: Unit,
+    /// Names of the joints in .bvh.
+    #[arg(long, value_enum, default_value = "humanml3d")]
+    pub bvh_names: BvhNamesName,
+    /// Width of .gif in pixels; usually 320 a motion.
+    #[arg(long, value_name = "PIXELS")]
+    pub gif_width: Option<u32>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum BvhNamesName {
+    #[value(name = "humanml3d")]
+    HumanMl3d,
+    Mixamo,
+}
+
+impl BvhNamesName {
+    pub fn name(self) -> &'static str {
+        match self {
+            BvhNamesName::HumanMl3d => "humanml3d",
+            BvhNamesName::Mixamo => "mixamo",
+        }
+    }
+}
+
+/// How motion files are read.
+#[derive(Args, Clone)]
+pub struct ReadingArguments {
+    /// Unit of the file: m, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
+    #[arg(long)]
+    pub unit: Option<Unit>,
+    /// Axis of the file that points up, y or z; usually told by the body.
+    #[arg(long)]
+    pub up: Option<Up>,
+    /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
+    #[arg(long, value_name = "MAPPING")]
+    pub names: Option<PathBuf>,
+}
+
+#[derive(Args)]
+pub struct Generate {
+    /// What the person does, such as "a person jumps".
+    pub prompt: String,
+    #[command(flatten)]
+    pub factors: FactorArguments,
+    /// Length in seconds.
+    #[arg(long, default_value_t = 3.0)]
+    pub seconds: f32,
+    /// Seed of the start noise: the same seed gives the same motion.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// How many motions, from as many seeds: this one and the next. Files are then named by their seed.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub samples: u32,
+    /// File to write; its ending says which format. May be given several times.
+    #[arg(long, short, value_name = "FILE", default_value = "motion.html")]
+    pub out: Vec<Output>,
+    /// Only the motion of the text alone.
+    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "emphasis"])]
+    pub baseline_only: bool,
+    #[command(flatten)]
+    pub pass: PassArguments,
+    #[command(flatten)]
+    pub source: SourceArguments,
+    #[command(flatten)]
+    pub writing: WritingArguments,
+}
+
+#[derive(Args)]
+pub struct Laban {
+    /// Motion files: .bvh, .glb, .gltf or .npy.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// A motion to compare each of them with.
+    #[arg(long, value_name = "OTHER")]
+    pub compare: Option<PathBuf>,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
+}
+
+#[derive(Args)]
+pub struct Convert {
+    /// The file to read: .bvh, .glb, .gltf or .npy.
+    pub from: PathBuf,
+    /// The file to write: .bvh, .glb, .npy, .features.npy, .csv (Laban series), .svg, .png, .gif, .html or .json.
+    pub to: Output,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
+    #[command(flatten)]
+    pub writing: WritingArguments,
+}
+
+#[derive(Args)]
+pub struct Play {
+    /// Motion files, up to four: .bvh, .glb, .gltf or .npy.
+    #[arg(required = true, num_args = 1..=4)]
+    pub files: Vec<PathBuf>,
+    /// Where to write the page; usually among the temporary files.
+    #[arg(long, short, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Write the page, but do not open it.
+    #[arg(long)]
+    pub no_open: bool,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
+}
+
+#[derive(Args)]
+pub struct Batch {
+    /// The requests, one JSON object a line.
+    pub requests: PathBuf,
+    /// Folder for the files.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Formats to write beside each motion's .json.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "glb")]
+    pub format: Vec<Format>,
+    /// Which part of the lines to work on: 2/8 is the second of eight.
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(usize, usize)>,
+    /// How many motions run together.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub batch_size: u32,
+    #[command(flatten)]
+    pub pass: PassArguments,
+    #[command(flatten)]
+    pub source: SourceArguments,
+    #[command(flatten)]
+    pub writing: WritingArguments,
+}
+
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/');
+    let numbers = parts.and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match numbers {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err("expected a part of a whole, such as 2/8, from 1/8 to 8/8".into()),
+    }
+}
+
+#[derive(Subcommand)]
+pub enum Model {
+    /// Say what a model is: sizes, licence, lengths, defaults.
+    Info {
+        /// Folder of the model; the embedded one without.
+        folder: Option<PathBuf>,
+    },
+    /// Convert a checkpoint to safetensors: half the size in 16 bits, and no pickle.
+    Convert {
+        /// A latest.tar of MotionDiffuse, or a file in safetensors.
+        from: PathBuf,
+        /// The file to write, ending in .safetensors.
+        to: PathBuf,
+        /// Store 16 bits a number instead of 32.
+        #[arg(long)]
+        half: bool,
+        /// Licence of the weights, as an SPDX identifier; it travels in the file.
+        #[arg(long)]
+        license: Option<String>,
+        /// Whom to name when the weights or what they make is passed on.
+        #[arg(long)]
+        attribution: Option<String>,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn factors_are_words_numbers_or_keys_of_their_own_component() {
+        let parse = |arguments: &[&str]| {
+            let all = [&["lamogen", "generate", "a person jumps"], arguments].concat();
+            Arguments::try_parse_from(all).map(|arguments| match arguments.task {
+                Task::Generate(options) => options.factors.curve(),
+                _ => None,
+            })
+        };
+        assert_eq!(parse(&[]).unwrap(), None);
+        let curve = parse(&["--weight", "0:1 1:1.5 2:0.5", "--time", "sudden"]);
+        let curve = curve.unwrap().unwrap();
+        assert_eq!(curve.at(1.5), [1.5, 1.2, 1.0, 1.0]);
+        let curve = parse(&["--scale", "1.5, 1.2,1,0.5"]).unwrap().unwrap();
+        assert_eq!(curve.at(0.0), [1.5, 1.2, 1.0, 0.5]);
+        for (wrong, part) in [
+            (&["--weight", "sudden"][..], "speaks of Time"),
+            (&["--scale", "1,2,3"], "four numbers"),
+            (&["--scale", "1,2,3,-1"], "at least 0"),
+            (
+                &["--scale", "1,1,1,1", "--flow", "free"],
+                "cannot be used with",
+            ),
+            (
+                &["--baseline-only", "--flow", "free"],
+                "cannot be used with",
+            ),
+            (&["--samples", "0"], "1..=10000"),
+        ] {
+            let message = parse(wrong).unwrap_err().to_string();
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn shards_are_counted_from_one() {
+        assert_eq!(shard("2/8"), Ok((2, 8)));
+        for wrong in ["0/8", "9/8", "1", "a/b", "1/0", "-1/2"] {
+            assert!(shard(wrong).is_err(), "{wrong}");
+        }
+    }
+}

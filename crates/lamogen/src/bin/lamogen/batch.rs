@@ -1,0 +1,276 @@
+//! `lamogen batch`: many requests, stopped and gone on with at will.
+//!
+//! ```text
+//! requests.jsonl ──read──▶ lines ──shard──▶ items ──finished?──▶ pending ──checked──▶ groups of motions
+//!                                                    skipped ◀──┘                          │
+//!                            id.glb, … and last id.json: this motion is finished ◀─────────┘
+//! ```
+
+mod line;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use lamogen::{Error, Generation, Request};
+use serde_json::{Value, json};
+
+use crate::arguments::Batch;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+use crate::generate::facts;
+use crate::output::{Format, Output};
+use crate::scene::Scene;
+use crate::source::Source;
+use line::Item;
+
+/// Wrong lines that are named.
+const NAMED: usize = 10;
+
+pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
+    let items = items(options)?;
+    std::fs::create_dir_all(&options.out)
+        .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
+        .map_err(|error| Failure::output(&options.out, error))?;
+    let source = Source::open(&options.source, console)?;
+    let work = Work {
+        options,
+        source: &source,
+        console,
+    };
+    let (finished, pending): (Vec<Item>, Vec<Item>) =
+        items.into_iter().partition(|item| work.is_finished(item));
+    let requests: Vec<Request> = pending.iter().map(|item| work.request(item)).collect();
+    work.check(&pending, &requests)?;
+
+    let start = Instant::now();
+    let bar = console.bar("motions");
+    bar.set_length(pending.len() as u64);
+    let mut failed: Vec<(String, String)> = Vec::new();
+    let size = options.batch_size as usize;
+    for (items, requests) in pending.chunks(size).zip(requests.chunks(size)) {
+        work.generate(items, requests, &bar, &mut failed)?;
+    }
+    bar.finish_and_clear();
+
+    let made = pending.len() - failed.len();
+    let seconds = start.elapsed().as_secs_f64();
+    let failures = failed
+        .iter()
+        .map(|(id, reason)| json!({ "id": id, "reason": reason }));
+    let summary = json!({
+        "made": made,
+        "finished_before": finished.len(),
+        "failed": failures.collect::<Vec<_>>(),
+        "seconds": seconds,
+        "folder": options.out,
+    });
+    match console.json {
+        true => console.say(summary.to_string())?,
+        false => {
+            let each = match made {
+                0 => String::new(),
+                made => format!(" in {seconds:.1} s, {:.2} s each", seconds / made as f64),
+            };
+            console.say(format!(
+                "{made} made{each}; {} finished before; {} failed; {}",
+                finished.len(),
+                failed.len(),
+                options.out.display()
+            ))?;
+        }
+    }
+    match failed.is_empty() {
+        true => Ok(()),
+        false => {
+            let reasons: Vec<String> = failed
+                .iter()
+                .map(|(id, reason)| format!("{id}: {reason}"))
+                .collect();
+            Err(Failure::new(Code::Partly, reasons.join("\n")))
+        }
+    }
+}
+
+/// The lines of the file that are this part's, in their order.
+fn items(options: &Batch) -> Result<Vec<Item>, Failure> {
+    let path = &options.requests;
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
+    let (items, mut wrong) = line::items(&text);
+    if !wrong.is_empty() {
+        let more = wrong.len().saturating_sub(NAMED);
+        wrong.truncate(NAMED);
+        let mut lines: Vec<String> = wrong
+            .into_iter()
+            .map(|(number, reason)| format!("{}, line {number}: {reason}", path.display()))
+            .collect();
+        if more > 0 {
+            lines.push(format!("and {more} more lines"));
+        }
+        return Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"));
+    }
+    let (part, parts) = options.shard.unwrap_or((1, 1));
+    let mine = items
+        .into_iter()
+        .enumerate()
+        .filter(|(place, _)| place % parts == part - 1);
+    Ok(mine.map(|(_, item)| item).collect())
+}
+
+struct Work<'a> {
+    options: &'a Batch,
+    source: &'a Source,
+    console: &'a Console,
+}
+
+impl Work<'_> {
+    fn request(&self, item: &Item) -> Request {
+        item.request(&self.options.pass, self.source.preset)
+    }
+
+    /// What makes a motion this one: a finished file that says the same need not be made again.
+    fn identity(&self, item: &Item) -> Value {
+        let pass = item.pass(&self.options.pass);
+        let formats = self.options.format.iter().map(|format| format.ending());
+        let writing = &self.options.writing;
+        json!({
+            "request": item.line,
+            "model": self.source.name,
+            "preset": pass.preset.map(|preset| preset.name()),
+            "steps": pass.steps,
+            "emphasis": pass.emphasis,
+            "formats": formats.collect::<Vec<_>>(),
+            "fps": writing.fps,
+            "bvh_unit": writing.bvh_unit.to_string(),
+            "bvh_names": writing.bvh_names.name(),
+            "gif_width": writing.gif_width,
+            "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
+        })
+    }
+
+    fn output(&self, item: &Item, format: Format) -> Output {
+        let name = format!("{}.{}", item.id, format.ending());
+        Output {
+            path: self.options.out.join(name),
+            format,
+        }
+    }
+
+    /// Formats beside the JSON, which is always written, and last.
+    fn formats(&self) -> impl Iterator<Item = Format> + '_ {
+        let formats = self.options.format.iter().copied();
+        formats.filter(|format| *format != Format::Json)
+    }
+
+    fn is_finished(&self, item: &Item) -> bool {
+        let record = self.output(item, Format::Json).path;
+        // Through JSON numbers lose what they would lose in the file.
+        let identity = serde_json::from_str::<Value>(&self.identity(item).to_string());
+        let found = read_identity(&record);
+        found.is_some()
+            && found == identity.ok()
+            && self
+                .formats()
+                .all(|format| self.output(item, format).path.exists())
+    }
+
+    /// Names the requests that make no sense, before anything is run.
+    fn check(&self, items: &[Item], requests: &[Request]) -> Result<(), Failure> {
+        let wrong: Vec<String> = items
+            .iter()
+            .zip(requests)
+            .filter_map(|(item, request)| {
+                let reason = self.source.model.check(request).err()?;
+                let path = self.options.requests.display();
+                Some(format!("{path}, line {}: {reason}", item.number))
+            })
+            .collect();
+        if wrong.is_empty() {
+            return Ok(());
+        }
+        let more = wrong.len().saturating_sub(NAMED);
+        let mut lines = wrong;
+        lines.truncate(NAMED);
+        if more > 0 {
+            lines.push(format!("and {more} more lines"));
+        }
+        Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"))
+    }
+
+    /// Makes some motions together. One that fails is left out, and the others are made without it.
+    fn generate(
+        &self,
+        items: &[Item],
+        requests: &[Request],
+        bar: &indicatif::ProgressBar,
+        failed: &mut Vec<(String, String)>,
+    ) -> Result<(), Failure> {
+        let mut open: Vec<(&Item, Request)> = items.iter().zip(requests.iter().cloned()).collect();
+        while !open.is_empty() {
+            let requests: Vec<Request> = open.iter().map(|(_, request)| request.clone()).collect();
+            let result = self
+                .source
+                .model
+                .generate_all_with(&requests, &mut |progress| {
+                    let share = 100 * progress.done / progress.total.max(1);
+                    bar.set_message(format!("next {share:3} %"));
+                    ControlFlow::Continue(())
+                });
+            let (done, culprit) = match result {
+                Ok(all) => (all.into_iter().enumerate().collect(), None),
+                Err(Error::Failed(error)) => {
+                    let culprit = (error.which.index, error.reason.to_string());
+                    (error.partial.finished, Some(culprit))
+                }
+                Err(error) => return Err(error.into()),
+            };
+            let mut closed: Vec<usize> = Vec::new();
+            for (place, generation) in done {
+                self.write(open[place].0, generation)?;
+                bar.inc(1);
+                closed.push(place);
+            }
+            if let Some((place, reason)) = culprit {
+                failed.push((open[place].0.id.clone(), reason));
+                bar.inc(1);
+                closed.push(place);
+            }
+            let mut place = 0;
+            open.retain(|_| {
+                place += 1;
+                !closed.contains(&(place - 1))
+            });
+        }
+        Ok(())
+    }
+
+    fn write(&self, item: &Item, generation: Generation) -> Result<(), Failure> {
+        let pass = item.pass(&self.options.pass);
+        let mut facts = facts(
+            &item.line.prompt,
+            item.seed(),
+            &generation,
+            &pass,
+            self.source,
+        );
+        facts.insert("id".into(), item.id.as_str().into());
+        facts.insert("batch".into(), self.identity(item));
+        let licence = self.source.model.licence();
+        let scene = Scene::generated(&item.line.prompt, generation, facts, licence);
+        // The JSON says that the motion is finished, so it comes last.
+        for format in self.formats().chain([Format::Json]) {
+            let output = self.output(item, format);
+            let quiet = self.console.hushed();
+            output.write(&scene, &self.options.writing, &quiet)?;
+        }
+        Ok(())
+    }
+}
+
+/// What a finished motion's record says of how it was made; none if it is not there or not whole.
+fn read_identity(path: &Path) -> Option<Value> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let mut record: Value = serde_json::from_str(&text).ok()?;
+    Some(record.get_mut("batch")?.take())
+}

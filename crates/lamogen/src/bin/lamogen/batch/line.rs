@@ -1,0 +1,217 @@
+//! One line of a file of requests.
+
+use std::collections::HashMap;
+
+use lamogen::{Component, Factor, Preset, Request, Scale, ScaleCurve};
+use serde::{Deserialize, Serialize};
+
+use crate::arguments::{PassArguments, PresetName};
+
+/// A request as it stands in the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    pub prompt: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    id: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    weight: Option<FactorText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time: Option<FactorText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    flow: Option<FactorText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shape: Option<FactorText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    scale: Option<[f32; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    seconds: Option<f32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    steps: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    preset: Option<PresetName>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    emphasis: Option<f32>,
+}
+
+/// A factor as the command line has it, or a plain number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a number, a word or keys such as \"0:1 1:1.5\"")]
+enum FactorText {
+    Number(f32),
+    Text(String),
+}
+
+/// A request to work on.
+#[derive(Clone, Debug)]
+pub struct Item {
+    /// Its line in the file, from 1.
+    pub number: usize,
+    /// What its files are called.
+    pub id: String,
+    pub line: Line,
+    curve: Option<ScaleCurve>,
+}
+
+/// Longest id, in letters.
+const LONGEST: usize = 100;
+
+/// The requests of a file; and the numbers of the lines that are none, with the reasons.
+pub fn items(text: &str) -> (Vec<Item>, Vec<(usize, String)>) {
+    let (mut items, mut wrong) = (Vec::new(), Vec::new());
+    let mut ids: HashMap<String, usize> = HashMap::new();
+    for (index, text) in text.lines().enumerate() {
+        // A mark that some editors put before the first line.
+        let text = text.trim_start_matches('\u{feff}').trim();
+        if text.is_empty() {
+            continue;
+        }
+        let number = index + 1;
+        match item(number, text) {
+            Ok(item) => match ids.insert(item.id.to_lowercase(), number) {
+                None => items.push(item),
+                Some(first) => {
+                    wrong.push((
+                        number,
+                        format!("the id {:?} is that of line {first}", item.id),
+                    ));
+                }
+            },
+            Err(reason) => wrong.push((number, reason)),
+        }
+    }
+    (items, wrong)
+}
+
+fn item(number: usize, text: &str) -> Result<Item, String> {
+    let line: Line = serde_json::from_str(text).map_err(|error| {
+        // The line is known; serde counts it as the first.
+        error.to_string().replace("at line 1 column", "at column")
+    })?;
+    let id = match &line.id {
+        Some(id) => {
+            let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+            if id.is_empty() || id.len() > LONGEST || id.starts_with('.') || !id.chars().all(fits) {
+                return Err(format!(
+                    "expected an id of up to {LONGEST} letters, digits, - _ and . (not first), found {id:?}"
+                ));
+            }
+            id.clone()
+        }
+        None => format!("line-{number:05}"),
+    };
+    let curve = line.curve()?;
+    Ok(Item {
+        number,
+        id,
+        line,
+        curve,
+    })
+}
+
+impl Line {
+    fn curve(&self) -> Result<Option<ScaleCurve>, String> {
+        let factors = [&self.weight, &self.time, &self.flow, &self.shape];
+        if let Some(scale) = self.scale {
+            if factors.iter().any(|factor| factor.is_some()) {
+                return Err("expected a scale or factors of components, found both".into());
+            }
+            let scale = Scale::new(scale).map_err(|error| error.to_string())?;
+            return Ok(Some(scale.into()));
+        }
+        let mut curve: Option<ScaleCurve> = None;
+        for (component, text) in Component::ALL.into_iter().zip(factors) {
+            let factor = match text {
+                None => continue,
+                Some(FactorText::Number(number)) => Factor::constant(*number),
+                Some(FactorText::Text(text)) => Factor::parse(component, text),
+            };
+            let factor = factor
+                .map_err(|error| format!("{}: {error}", component.to_string().to_lowercase()))?;
+            curve = Some(curve.unwrap_or_default().with(component, factor));
+        }
+        Ok(curve)
+    }
+}
+
+impl Item {
+    pub fn seed(&self) -> u64 {
+        self.line.seed.unwrap_or(0)
+    }
+
+    /// How its passes run: what the line says, else what the command line does.
+    pub fn pass(&self, general: &PassArguments) -> PassArguments {
+        PassArguments {
+            steps: self.line.steps.or(general.steps),
+            preset: self.line.preset.or(general.preset),
+            emphasis: self.line.emphasis.or(general.emphasis),
+        }
+    }
+
+    pub fn request(&self, general: &PassArguments, default: Preset) -> Request {
+        let mut request = Request::new(&self.line.prompt).seed(self.seed());
+        if let Some(seconds) = self.line.seconds {
+            request = request.seconds(seconds);
+        }
+        if let Some(curve) = &self.curve {
+            request = request.scale(curve.clone());
+        }
+        self.pass(general).apply(request, default)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prompt_is_enough_and_everything_may_be_said() {
+        let text = "\u{feff}{\"prompt\": \"a person jumps\"}\n\n{\"prompt\": \"walk\", \"id\": \"w.1\", \"weight\": \
+                    \"0:1 1:strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"steps\": 20, \"preset\": \"paper\", \
+                    \"emphasis\": 3}\r\n";
+        let (items, wrong) = items(text);
+        assert_eq!(wrong, []);
+        assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
+        assert_eq!(
+            items[1].curve.as_ref().unwrap().at(2.0),
+            [1.5, 1.2, 1.0, 1.0]
+        );
+        assert_eq!((items[1].number, items[1].seed()), (3, 7));
+    }
+
+    #[test]
+    fn wrong_lines_are_told_with_their_numbers() {
+        for (line, part) in [
+            ("{\"prompt\": 3}", "invalid type"),
+            ("{\"weight\": 1}", "missing field `prompt`"),
+            (
+                "{\"prompt\": \"a\", \"wieght\": 1}",
+                "unknown field `wieght`",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": \"sudden\"}",
+                "weight: sudden speaks of Time",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": []}",
+                "a number, a word or keys",
+            ),
+            (
+                "{\"prompt\": \"a\", \"weight\": 2, \"scale\": [1,1,1,1]}",
+                "found both",
+            ),
+            ("{\"prompt\": \"a\", \"scale\": [1,1,1,-1]}", "Shape"),
+            ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
+            ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
+            ("{\"prompt\": \"a\", \"id\": \"A\"}", "that of line 1"),
+            ("not json", "at column"),
+        ] {
+            let (good, wrong) = items(&format!("{{\"prompt\": \"a\", \"id\": \"a\"}}\n{line}"));
+            assert_eq!(good.len(), 1);
+            assert_eq!(wrong[0].0, 2);
+            assert!(wrong[0].1.contains(part), "{line}: {}", wrong[0].1);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! How a command ends that did not succeed.
+
+use std::path::Path;
+
+use lamogen::files::{MappingError, ReadError, WriteError};
+use lamogen::{DeviceError, Error, LoadError};
+
+/// Exit codes, as `lamogen --help` documents them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Code {
+    /// A motion could not be generated.
+    Run = 1,
+    /// Arguments or requests make no sense; clap's code too.
+    Usage = 2,
+    /// A file or a model cannot be read.
+    Input = 3,
+    /// A file cannot be written.
+    Output = 4,
+    /// A batch is done but for some motions.
+    Partly = 5,
+}
+
+/// What went wrong, and what might help.
+#[derive(Debug)]
+pub struct Failure {
+    pub code: Code,
+    pub message: String,
+    pub hint: Option<String>,
+}
+
+impl Failure {
+    pub fn new(code: Code, message: impl ToString) -> Self {
+        Failure {
+            code,
+            message: message.to_string(),
+            hint: None,
+        }
+    }
+
+    pub fn hint(self, hint: impl Into<String>) -> Self {
+        Failure {
+            hint: Some(hint.into()),
+            ..self
+        }
+    }
+
+    /// A file that cannot be written.
+    pub fn output(path: &Path, reason: impl std::fmt::Display) -> Self {
+        Failure::new(Code::Output, format!("{}: {reason}", path.display()))
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Request { .. } => Failure::new(Code::Usage, error),
+            Error::Stopped(_) => Failure::new(Code::Run, error),
+            Error::Failed(_) => Failure::new(Code::Run, error)
+                .hint("factors nearer to 1, or another seed, may help"),
+        }
+    }
+}
+
+impl From<LoadError> for Failure {
+    fn from(error: LoadError) -> Self {
+        Failure::new(Code::Input, error).hint("docs/checkpoints.md says what a model folder has")
+    }
+}
+
+impl From<DeviceError> for Failure {
+    fn from(error: DeviceError) -> Self {
+        Failure::new(Code::Usage, error).hint("lamogen devices lists what there is")
+    }
+}
+
+impl From<ReadError> for Failure {
+    fn from(error: ReadError) -> Self {
+        Failure::new(Code::Input, error)
+    }
+}
+
+impl From<MappingError> for Failure {
+    fn from(error: MappingError) -> Self {
+        Failure::new(Code::Input, error)
+    }
+}
+
+impl From<WriteError> for Failure {
+    fn from(error: WriteError) -> Self {
+        Failure::new(Code::Output, error)
+    }
+}

@@ -1,0 +1,104 @@
+//! `lamogen model`.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use lamogen::model::{Checkpoint, Denoiser, Precision};
+use serde_json::json;
+
+use crate::arguments::{Model, SourceArguments};
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+use crate::source::Source;
+
+pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
+    match task {
+        Model::Info { folder } => info(folder.as_deref(), console),
+        Model::Convert {
+            from,
+            to,
+            half,
+            license,
+            attribution,
+        } => {
+            let precision = match half {
+                true => Precision::F16,
+                false => Precision::F32,
+            };
+            let texts = [("license", license), ("attribution", attribution)];
+            let metadata = texts
+                .into_iter()
+                .filter_map(|(name, text)| Some((name.to_owned(), text.clone()?)))
+                .collect();
+            convert((from, to), precision, metadata, console)
+        }
+    }
+}
+
+fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
+    let arguments = SourceArguments {
+        model: folder.map(Path::to_owned),
+        device: None,
+    };
+    let source = Source::open(&arguments, console)?;
+    let (network, licence) = (source.model.network(), source.model.licence());
+    let config = source.model.config();
+    let steps = source.preset.steps();
+    if console.json {
+        let licence = licence.map(|licence| {
+            json!({
+                "name": licence.name,
+                "attribution": licence.attribution,
+                "non_commercial": licence.is_non_commercial(),
+            })
+        });
+        let info = json!({
+            "model": source.name,
+            "config": config,
+            "frames": [network.min_frames(), network.max_frames()],
+            "steps": steps,
+            "licence": licence,
+        });
+        return console.say(info.to_string());
+    }
+    let rate = lamogen::FRAMES_PER_SECOND;
+    let [shortest, longest] = [network.min_frames(), network.max_frames()];
+    let seconds = [shortest, longest].map(|frames| frames as f32 / rate);
+    let licence = licence.map_or("not stated in the files".into(), ToString::to_string);
+    let config =
+        serde_json::to_string_pretty(config).map_err(|error| Failure::new(Code::Run, error))?;
+    console.say(format!(
+        "{}\nlicence   {licence}\nlength    {:.1} to {:.1} s ({shortest} to {longest} frames)\nsteps     {steps} by default\nconfig    {config}",
+        source.name, seconds[0], seconds[1]
+    ))
+}
+
+fn convert(
+    (from, to): (&Path, &Path),
+    precision: Precision,
+    metadata: HashMap<String, String>,
+    console: &Console,
+) -> Result<(), Failure> {
+    // Any other name would be taken for a PyTorch file when it is read.
+    if to.extension().is_none_or(|ending| ending != "safetensors") {
+        let found = to.display();
+        let message = format!("expected a name that ends in .safetensors, found {found}");
+        return Err(Failure::new(Code::Usage, message));
+    }
+    let checkpoint = Checkpoint::open(from).map_err(|error| Failure::new(Code::Input, error))?;
+    let bar = console.bar("tensors");
+    checkpoint
+        .convert(to, precision, metadata, &mut |converted| {
+            bar.set_length(converted.all as u64);
+            bar.set_position(converted.done as u64);
+        })
+        .map_err(|error| Failure::new(Code::Output, error))?;
+    bar.finish_and_clear();
+    let bytes = std::fs::metadata(to)
+        .map_err(|error| Failure::output(to, error))?
+        .len();
+    match console.json {
+        true => console.say(json!({ "file": to, "bytes": bytes }).to_string()),
+        false => console.say(format!("{}: {:.1} MB", to.display(), bytes as f64 / 1e6)),
+    }
+}

@@ -1,0 +1,55 @@
+//! `lamogen play`.
+
+use std::path::PathBuf;
+
+use serde_json::{Map, json};
+
+use crate::arguments::Play;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+use crate::laban::open;
+use crate::scene::{Scene, page_of};
+use crate::source::device;
+
+pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
+    let device = device(None)?;
+    let mut motions = Vec::new();
+    for path in &options.files {
+        motions.extend(open(path, &options.reading, &device)?.scene.motions);
+    }
+    let names: Vec<&str> = motions.iter().map(|shown| shown.label.as_str()).collect();
+    let scene = Scene {
+        title: names.join(", "),
+        notes: String::new(),
+        motions,
+        target: None,
+        facts: Map::new(),
+        copyright: None,
+    };
+    let path = match &options.out {
+        Some(path) => path.clone(),
+        None => temporary(&options.files[0])?,
+    };
+    lamogen_view::save(&path, page_of(&scene))
+        .map_err(|error| Failure::new(Code::Output, error))?;
+    match console.json {
+        true => console.say(json!({ "file": path }).to_string())?,
+        false => console.say(path.display().to_string())?,
+    }
+    if !options.no_open
+        && let Err(error) = open::that_detached(&path)
+    {
+        console.notice(format!(
+            "No browser could be started ({error}); open the file by hand."
+        ));
+    }
+    Ok(())
+}
+
+/// A page's place among the temporary files: always the same for a motion file, so that they do not pile up.
+fn temporary(file: &std::path::Path) -> Result<PathBuf, Failure> {
+    let folder = std::env::temp_dir().join("lamogen");
+    std::fs::create_dir_all(&folder).map_err(|error| Failure::output(&folder, error))?;
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(folder.join(format!("{stem}.html")))
+}

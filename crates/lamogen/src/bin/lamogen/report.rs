@@ -1,0 +1,220 @@
+//! What is measured of motions, as text and as JSON.
+
+use std::fmt::Write;
+
+use lamogen::motion::{BoneDrift, FootSliding};
+use lamogen::{
+    COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, Summary,
+};
+use serde_json::{Map, Value, json};
+
+use crate::scene::{Scene, Shown, seconds};
+
+/// Peaks that are named.
+const PEAKS: usize = 3;
+
+/// Everything about a scene: its facts, and every motion with measures, series and joints.
+pub fn everything(scene: &Scene) -> Value {
+    let mut whole = facts(scene);
+    let motions = scene.motions.iter().map(|shown| {
+        let mut motion = measures(shown);
+        motion.insert("series".into(), series(&shown.laban));
+        motion.insert("joints".into(), joints(&shown.motion));
+        Value::from(motion)
+    });
+    whole.insert("motions".into(), motions.collect());
+    let target = scene.target.as_ref();
+    whole.insert(
+        "target".into(),
+        target.map_or(
+            Value::Null,
+            |target| json!({ "laban": summaries(target), "series": series(target) }),
+        ),
+    );
+    whole.into()
+}
+
+/// A scene's facts and measures without the numbers of every frame.
+pub fn summary(scene: &Scene) -> Map<String, Value> {
+    let mut whole = facts(scene);
+    let motions = scene
+        .motions
+        .iter()
+        .map(|shown| Value::from(measures(shown)));
+    whole.insert("motions".into(), motions.collect());
+    if let Some(target) = &scene.target {
+        whole.insert("target".into(), json!({ "laban": summaries(target) }));
+    }
+    whole
+}
+
+fn facts(scene: &Scene) -> Map<String, Value> {
+    let mut whole = Map::new();
+    let generator = concat!("lamogen ", env!("CARGO_PKG_VERSION"));
+    whole.insert("generator".into(), generator.into());
+    whole.insert("title".into(), scene.title.as_str().into());
+    whole.extend(scene.facts.clone());
+    whole.insert("frames_per_second".into(), FRAMES_PER_SECOND.into());
+    whole
+}
+
+/// What is measured of a motion, in metres and seconds.
+pub fn measures(shown: &Shown) -> Map<String, Value> {
+    let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
+    let measured = json!({
+        "label": shown.label,
+        "frames": shown.motion.frames(),
+        "seconds": shown.motion.seconds(),
+        "laban": summaries(&shown.laban),
+        "foot_sliding": {
+            "ratio": sliding.ratio,
+            "left_m": sliding.distance[0],
+            "right_m": sliding.distance[1],
+            "speed_m_s": sliding.speed,
+        },
+        "bone_drift": {
+            "largest_m": drift.largest(),
+            "joint": drift.worst.name(),
+            "seconds": seconds(drift.frame),
+            "lengths_m": Joint::ALL.into_iter().map(|joint| (joint.name().to_owned(), drift.lengths[joint.index()].into()))
+                .collect::<Map<String, Value>>(),
+        },
+    });
+    measured.as_object().cloned().unwrap_or_default()
+}
+
+fn summaries(laban: &LabanSeries) -> Value {
+    let (maxima, means) = (
+        laban.summary(Summary::Maximum),
+        laban.summary(Summary::Mean),
+    );
+    by_component(|component| {
+        let at = component.index();
+        let values: Vec<f32> = laban.component(component).collect();
+        let peaks = laban.peaks(component).into_iter();
+        let peaks = peaks.map(|frame| json!({ "seconds": seconds(frame), "value": values[frame] }));
+        json!({ "maximum": maxima[at], "mean": means[at], "peaks": peaks.collect::<Vec<_>>() })
+    })
+}
+
+fn series(laban: &LabanSeries) -> Value {
+    by_component(|component| laban.component(component).collect())
+}
+
+fn by_component(value: impl Fn(Component) -> Value) -> Value {
+    let named = Component::ALL.map(|component| (name(component), value(component)));
+    Value::Object(named.into_iter().collect())
+}
+
+pub fn name(component: Component) -> String {
+    component.to_string().to_lowercase()
+}
+
+/// Metres to a tenth of a millimetre are exact enough.
+fn joints(motion: &Motion) -> Value {
+    let tenths = |x: f32| (f64::from(x) * 1e4).round() / 1e4;
+    let pose = |pose: &[[f32; 3]; JOINTS]| json!(pose.map(|point| point.map(tenths)).to_vec());
+    motion.joints().iter().map(pose).collect()
+}
+
+/// What a motion measures, for people.
+pub fn text(shown: &Shown) -> String {
+    let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
+    let laban = &shown.laban;
+    let (maxima, means) = (
+        laban.summary(Summary::Maximum),
+        laban.summary(Summary::Mean),
+    );
+    let mut text = format!(
+        "{:<12} {:>10} {:>10}   {:13} peaks at\n",
+        "", "maximum", "mean", "unit"
+    );
+    for component in Component::ALL {
+        let at = component.index();
+        let peaks = laban.peaks(component).into_iter().take(PEAKS);
+        let peaks: Vec<String> = peaks
+            .map(|frame| format!("{:.2} s", seconds(frame)))
+            .collect();
+        writeln!(
+            text,
+            "{component:<12} {:>10.4} {:>10.4}   {:13} {}",
+            maxima[at],
+            means[at],
+            component.unit(),
+            peaks.join(", ")
+        )
+        .expect("a string takes all");
+    }
+    writeln!(
+        text,
+        "sliding feet {:.0} % of the steps; {:.2} m left, {:.2} m right; {:.2} m/s while they stand",
+        100.0 * sliding.ratio,
+        sliding.distance[0],
+        sliding.distance[1],
+        sliding.speed
+    )
+    .expect("a string takes all");
+    writeln!(
+        text,
+        "bone drift   {:.1} mm at most ({}, {:.2} s)",
+        1e3 * drift.largest(),
+        drift.worst.name(),
+        seconds(drift.frame)
+    )
+    .expect("a string takes all");
+    text
+}
+
+/// Two or three series beside each other: the first, what was asked for, and what came out.
+pub fn comparison(
+    columns: [&str; 2],
+    before: &LabanSeries,
+    after: &LabanSeries,
+    target: Option<&LabanSeries>,
+) -> String {
+    let mut text = String::new();
+    for (summary, title) in [
+        (Summary::Maximum, "maximum over time"),
+        (Summary::Mean, "mean over time"),
+    ] {
+        let [before, after] = [before, after].map(|laban| laban.summary(summary));
+        let target = target.map(|laban| laban.summary(summary));
+        let asked = target.map(|_| format!(" {:>10} {:>9}", "target", "asked"));
+        writeln!(
+            text,
+            "{title:18} {:>12} {:>12} {:>9}{}",
+            columns[0],
+            columns[1],
+            "change",
+            asked.unwrap_or_default()
+        )
+        .expect("a string takes all");
+        for component in Component::ALL {
+            let at = component.index();
+            let asked = target.map(|target: [f32; COMPONENTS]| {
+                format!(
+                    " {:>10.4} {:>9}",
+                    target[at],
+                    change(before[at], target[at])
+                )
+            });
+            writeln!(
+                text,
+                "{component:18} {:>12.4} {:>12.4} {:>9}{}",
+                before[at],
+                after[at],
+                change(before[at], after[at]),
+                asked.unwrap_or_default()
+            )
+            .expect("a string takes all");
+        }
+    }
+    text
+}
+
+fn change(before: f32, after: f32) -> String {
+    match before > 0.0 {
+        true => format!("{:+.0}%", 100.0 * (after / before - 1.0)),
+        false => "–".into(),
+    }
+}

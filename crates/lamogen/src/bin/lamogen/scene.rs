@@ -1,0 +1,211 @@
+//! What files are made of: motions with their Laban series, and what is known of them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use lamogen::files::Imported;
+use lamogen::{Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries, Licence, Motion};
+use lamogen_view::{Curve, Figure, Page, Row};
+use serde_json::{Map, Value, json};
+
+/// A motion with its name.
+pub struct Shown {
+    pub label: String,
+    pub motion: Motion,
+    pub laban: LabanSeries,
+}
+
+/// One motion or several that belong together.
+pub struct Scene {
+    pub title: String,
+    /// A line below the title.
+    pub notes: String,
+    /// The last one is what motion files get.
+    pub motions: Vec<Shown>,
+    pub target: Option<LabanSeries>,
+    /// What the JSON says beside the motions.
+    pub facts: Map<String, Value>,
+    /// Under which terms the motion may be used.
+    pub copyright: Option<String>,
+}
+
+/// Of several motions that are neither baseline nor guided.
+const COLOURS: [[u8; 3]; 4] = [[194, 65, 12], [107, 114, 128], [3, 105, 161], [22, 101, 52]];
+
+impl Scene {
+    /// A generated motion and, where it was guided, the baseline before it.
+    pub fn generated(
+        title: &str,
+        generation: Generation,
+        facts: Map<String, Value>,
+        licence: Option<&Licence>,
+    ) -> Scene {
+        let scale = generation.scale.to_string();
+        let is_guided = !generation.loss.is_empty();
+        let guided = Shown {
+            label: if is_guided {
+                scale.clone()
+            } else {
+                "text alone".into()
+            },
+            motion: generation.guided,
+            laban: generation.guided_laban,
+        };
+        let baseline = Shown {
+            label: "text alone".into(),
+            motion: generation.baseline,
+            laban: generation.baseline_laban,
+        };
+        let seed = facts.get("seed").map(|seed| format!("seed {seed}"));
+        let notes = [is_guided.then_some(scale), seed];
+        let notes: Vec<String> = notes.into_iter().flatten().collect();
+        Scene {
+            title: title.to_owned(),
+            notes: notes.join(", "),
+            motions: if is_guided {
+                vec![baseline, guided]
+            } else {
+                vec![guided]
+            },
+            target: is_guided.then_some(generation.target),
+            facts,
+            copyright: licence.map(|licence| format!("Made with a model under {licence}")),
+        }
+    }
+
+    /// A motion from a file.
+    pub fn file(path: &Path, imported: Imported, device: &Device) -> Scene {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let laban = LabanSeries::of(&imported.motion, &LabanOptions::default(), device);
+        let facts = json!({
+            "file": path,
+            "scheme": imported.scheme,
+            "unit": imported.unit.to_string(),
+            "up": imported.up.to_string(),
+            "source_frames_per_second": imported.source_frames_per_second,
+            "source_frames": imported.source_frames,
+            "placed_joints": imported.placed.iter().map(|joint| joint.name()).collect::<Vec<_>>(),
+        });
+        Scene {
+            title: name.to_string(),
+            notes: String::new(),
+            motions: vec![Shown {
+                label: name.into_owned(),
+                motion: imported.motion,
+                laban,
+            }],
+            target: None,
+            facts: facts.as_object().cloned().unwrap_or_default(),
+            copyright: None,
+        }
+    }
+
+    /// The motion that it is all about.
+    pub fn main(&self) -> &Shown {
+        self.motions.last().expect("a scene has a motion")
+    }
+
+    fn is_guided(&self) -> bool {
+        self.target.is_some()
+    }
+
+    /// Title and notes in one line.
+    pub fn heading(&self) -> String {
+        match self.notes.is_empty() {
+            true => self.title.clone(),
+            false => format!("{}: {}", self.title, self.notes),
+        }
+    }
+
+    pub fn rows(&self) -> Vec<Row<'_>> {
+        let shown = self.motions.iter();
+        shown
+            .map(|shown| Row {
+                label: &shown.label,
+                motion: &shown.motion,
+            })
+            .collect()
+    }
+
+    pub fn curves(&self) -> Vec<Curve<'_>> {
+        match (&self.motions[..], &self.target) {
+            ([baseline, guided], Some(target)) => vec![
+                Curve::baseline(&baseline.laban),
+                Curve::target(target),
+                Curve::guided(&guided.laban),
+            ],
+            (motions, _) => {
+                let all = motions.iter().zip(COLOURS);
+                all.map(|(shown, colour)| Curve {
+                    label: &shown.label,
+                    series: &shown.laban,
+                    colour,
+                    dashed: false,
+                })
+                .collect()
+            }
+        }
+    }
+
+    pub fn figures(&self) -> Vec<Figure<'_>> {
+        let mut figures: Vec<Figure<'_>> = self
+            .motions
+            .iter()
+            .zip(COLOURS)
+            .map(|(shown, colour)| Figure {
+                label: &shown.label,
+                motion: &shown.motion,
+                colour,
+            })
+            .collect();
+        if let (true, [baseline, guided]) = (self.is_guided(), &mut figures[..]) {
+            baseline.colour = Figure::baseline(baseline.motion).colour;
+            guided.colour = Figure::guided(guided.motion).colour;
+        }
+        figures
+    }
+
+    /// The series for a table, each with its name.
+    pub fn series(&self) -> Vec<(&str, &LabanSeries)> {
+        match (&self.motions[..], &self.target) {
+            ([baseline, guided], Some(target)) => vec![
+                ("baseline", &baseline.laban),
+                ("target", target),
+                ("guided", &guided.laban),
+            ],
+            ([alone], _) => vec![("", &alone.laban)],
+            (motions, _) => motions
+                .iter()
+                .map(|shown| (shown.label.as_str(), &shown.laban))
+                .collect(),
+        }
+    }
+
+    /// What a GLB's custom properties say.
+    pub fn glb_notes(&self) -> BTreeMap<String, String> {
+        let facts = self.facts.iter().filter(|(_, value)| !value.is_null());
+        let text = |value: &Value| match value {
+            Value::String(text) => text.clone(),
+            value => value.to_string(),
+        };
+        facts
+            .map(|(name, value)| (name.clone(), text(value)))
+            .collect()
+    }
+}
+
+/// Seconds of a frame.
+pub fn seconds(frame: usize) -> f32 {
+    frame as f32 / FRAMES_PER_SECOND
+}
+
+/// A page of a scene.
+pub fn page_of(scene: &Scene) -> String {
+    let (figures, curves) = (scene.figures(), scene.curves());
+    lamogen_view::page(&Page {
+        title: &scene.title,
+        notes: &scene.notes,
+        figures: &figures,
+        curves: &curves,
+    })
+}

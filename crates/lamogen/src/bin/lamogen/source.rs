@@ -1,0 +1,59 @@
+//! The model that a command works with.
+
+use lamogen::{Device, DeviceName, LaMoGen, Preset};
+
+use crate::arguments::SourceArguments;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+
+/// A loaded model.
+pub struct Source {
+    pub model: LaMoGen,
+    /// `embedded`, or its folder.
+    pub name: String,
+    /// What its requests run with that say nothing else.
+    pub preset: Preset,
+}
+
+impl Source {
+    /// Loads it, and says its licence if that excludes commercial use.
+    pub fn open(arguments: &SourceArguments, console: &Console) -> Result<Source, Failure> {
+        let device = device(arguments.device)?;
+        let source = match &arguments.model {
+            Some(folder) => {
+                console.notice(format!("Loading {} …", folder.display()));
+                Source {
+                    model: LaMoGen::load(folder, &device)?,
+                    name: folder.display().to_string(),
+                    preset: Preset::Paper,
+                }
+            }
+            None => Source {
+                model: embedded(&device)?,
+                name: "embedded".into(),
+                preset: Preset::Fast,
+            },
+        };
+        console.licence(source.model.licence());
+        Ok(source)
+    }
+}
+
+/// The device of a name, or the first there is.
+pub fn device(name: Option<DeviceName>) -> Result<Device, Failure> {
+    let name = name.or_else(|| DeviceName::available().into_iter().next());
+    let none = "this program was built without any backend that works on this machine";
+    let name = name.ok_or_else(|| Failure::new(Code::Usage, none))?;
+    Ok(name.open()?)
+}
+
+#[cfg(feature = "compact")]
+pub fn embedded(device: &Device) -> Result<LaMoGen, Failure> {
+    Ok(LaMoGen::embedded(device)?)
+}
+
+#[cfg(not(feature = "compact"))]
+pub fn embedded(_: &Device) -> Result<LaMoGen, Failure> {
+    let message = "this program was built without the embedded model";
+    Err(Failure::new(Code::Usage, message).hint("--model FOLDER names another"))
+}

@@ -1,0 +1,403 @@
+//! The command `lamogen` as people and scripts use it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// Runs the command; few steps, so that it takes a moment.
+fn lamogen(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lamogen"));
+    command.current_dir(folder).args(arguments);
+    command.output().expect("the command starts")
+}
+
+fn succeeds(folder: &Path, arguments: &[&str]) -> String {
+    let output = lamogen(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).expect("results are UTF-8")
+}
+
+/// Fails with a code, and says `part` on stderr and nothing on stdout.
+fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
+    let output = lamogen(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    assert!(errors.contains(part), "{arguments:?}: {errors}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+fn number(value: &Value, path: &str) -> f64 {
+    let found = value.pointer(path).and_then(Value::as_f64);
+    found.unwrap_or_else(|| panic!("no number at {path}"))
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+const JUMP: [&str; 7] = [
+    "generate",
+    "a person jumps",
+    "--steps",
+    "10",
+    "--seed",
+    "7",
+    "--quiet",
+];
+
+#[test]
+fn one_motion_is_written_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let names = [
+        "jump.glb",
+        "jump.bvh",
+        "jump.npy",
+        "jump.features.npy",
+        "jump.csv",
+        "jump.svg",
+        "jump.png",
+        "jump.gif",
+        "jump.html",
+        "jump.json",
+    ];
+    let mut arguments = [
+        &JUMP[..],
+        &["--weight", "strong", "--time", "sudden", "--json"],
+    ]
+    .concat();
+    for name in names {
+        arguments.extend(["--out", name]);
+    }
+    let result = json(&succeeds(folder, &arguments));
+    assert_eq!(result["files"].as_array().unwrap().len(), names.len());
+    assert_eq!(result["scale"], "Weight 1.5, Time 1.2");
+    assert!(number(&result, "/motions/1/laban/weight/maximum") > 0.0);
+
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    for (name, start) in [
+        ("jump.glb", &b"glTF"[..]),
+        ("jump.bvh", b"HIERARCHY"),
+        ("jump.npy", b"\x93NUMPY"),
+        ("jump.features.npy", b"\x93NUMPY"),
+        ("jump.csv", b"seconds,frame,baseline_weight"),
+        ("jump.svg", b"<svg"),
+        ("jump.png", b"\x89PNG"),
+        ("jump.gif", b"GIF89a"),
+        ("jump.html", b"<!"),
+        ("jump.json", b"{"),
+    ] {
+        assert!(read(name).starts_with(start), "{name}");
+    }
+    let whole = json(&String::from_utf8(read("jump.json")).unwrap());
+    assert_eq!(whole["motions"][1]["joints"].as_array().unwrap().len(), 60);
+    assert_eq!(
+        whole["motions"][1]["series"]["flow"]
+            .as_array()
+            .unwrap()
+            .len(),
+        60
+    );
+
+    // The files hold the same motion: what is read back measures the same.
+    let measure = |name: &str| json(&succeeds(folder, &["laban", name, "--json"]));
+    let expected = number(&whole, "/motions/1/laban/shape/maximum");
+    for name in ["jump.npy", "jump.features.npy", "jump.bvh", "jump.glb"] {
+        let found = number(&measure(name), "/motions/0/laban/shape/maximum");
+        assert!(
+            (found / expected - 1.0).abs() < 0.1,
+            "{name}: {found}, {expected}"
+        );
+    }
+    let compared = succeeds(folder, &["laban", "jump.bvh", "--compare", "jump.glb"]);
+    assert!(compared.contains("compared with jump.glb"), "{compared}");
+    let compared = json(&succeeds(
+        folder,
+        &["laban", "jump.bvh", "--compare", "jump.glb", "--json"],
+    ));
+    assert!(number(&compared, "/compared/distance_m") < 1e-3);
+
+    for name in ["again.bvh", "again.npy", "again.csv", "again.html"] {
+        succeeds(folder, &["convert", "jump.glb", name, "--quiet"]);
+    }
+    let page = succeeds(
+        folder,
+        &[
+            "play",
+            "jump.glb",
+            "jump.bvh",
+            "--no-open",
+            "--out",
+            "play.html",
+        ],
+    );
+    assert_eq!(page.trim(), "play.html");
+    assert!(read("play.html").starts_with(b"<!"));
+}
+
+#[test]
+fn samples_are_named_by_seed_and_baselines_are_the_text_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let arguments = [
+        &JUMP[..],
+        &["--samples", "2", "--baseline-only", "--out", "a.npy"],
+    ]
+    .concat();
+    let text = succeeds(folder, &arguments);
+    assert_eq!(files(folder), ["a-7.npy", "a-8.npy"]);
+    assert!(
+        text.contains("a-8.npy") && text.contains("peaks at"),
+        "{text}"
+    );
+
+    succeeds(
+        folder,
+        &[&JUMP[..], &["--scale", "1.5,1,1,1", "--out", "b.json"]].concat(),
+    );
+    let whole = json(&std::fs::read_to_string(folder.join("b.json")).unwrap());
+    assert_eq!(whole["motions"].as_array().unwrap().len(), 2);
+    // A seed is a motion, whatever runs beside it.
+    succeeds(folder, &[&JUMP[..], &["--out", "c.npy"]].concat());
+    let [a, c] = ["a-7.npy", "c.npy"].map(|name| std::fs::read(folder.join(name)).unwrap());
+    assert_eq!(a, c);
+}
+
+#[test]
+fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let with = |more: &'static [&'static str]| [&JUMP[..], more].concat();
+    fails(
+        folder,
+        &with(&["--out", "a.fbx"]),
+        2,
+        "expected a name that ends in .glb, .bvh",
+    );
+    fails(
+        folder,
+        &with(&["--weight", "sudden"]),
+        2,
+        "sudden speaks of Time",
+    );
+    fails(
+        folder,
+        &with(&["--seconds", "100", "--out", "a.npy"]),
+        2,
+        "40 to 196 frames",
+    );
+    fails(
+        folder,
+        &with(&["--weight", "9:2", "--out", "a.npy"]),
+        2,
+        "9 s",
+    );
+    fails(
+        folder,
+        &with(&["--device", "abacus"]),
+        2,
+        "no device is named `abacus`",
+    );
+    fails(
+        folder,
+        &with(&["--model", "nowhere", "--out", "a.npy"]),
+        3,
+        "hint: docs/checkpoints.md",
+    );
+    fails(
+        folder,
+        &with(&["--out", "no/such/a.npy"]),
+        4,
+        "hint: mkdir -p no/such",
+    );
+    fails(
+        folder,
+        &with(&["--out", "a.npy", "--out", "a.npy"]),
+        2,
+        "given twice",
+    );
+    fails(
+        folder,
+        &["generate", " ", "--out", "a.npy"],
+        2,
+        "the prompt is empty",
+    );
+    fails(folder, &["laban", "nothing.bvh"], 3, "nothing.bvh");
+    std::fs::write(folder.join("bad.bvh"), "HIERARCHY\nROOT a {").unwrap();
+    fails(folder, &["convert", "bad.bvh", "a.glb"], 3, "bad.bvh");
+    fails(folder, &["convert", "bad.bvh", "a.txt"], 2, ".glb");
+    fails(
+        folder,
+        &["model", "convert", "bad.bvh", "a.tar"],
+        2,
+        ".safetensors",
+    );
+    assert_eq!(files(folder), ["bad.bvh"]);
+}
+
+#[test]
+fn the_model_and_the_devices_say_what_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let info = json(&succeeds(
+        folder.path(),
+        &["model", "info", "--json", "--quiet"],
+    ));
+    assert_eq!(info["licence"]["non_commercial"], true);
+    assert_eq!(info["frames"], serde_json::json!([40, 196]));
+    let devices = json(&succeeds(folder.path(), &["devices", "--json"]));
+    assert!(
+        devices["devices"]
+            .as_array()
+            .unwrap()
+            .contains(&"flex".into())
+    );
+    // Non-commercial weights say so, once, on stderr.
+    let output = lamogen(
+        folder.path(),
+        &[
+            "generate",
+            "a person jumps",
+            "--steps",
+            "2",
+            "--out",
+            "a.npy",
+        ],
+    );
+    let notices = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(
+        notices.matches("not for commercial use").count(),
+        1,
+        "{notices}"
+    );
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        assert!(succeeds(folder.path(), &["completions", shell]).contains("baseline-only"));
+    }
+    assert!(succeeds(folder.path(), &["man"]).contains(".TH lamogen"));
+    succeeds(folder.path(), &["man", "--out", "man"]);
+    assert!(files(&folder.path().join("man")).contains(&"lamogen-generate.1".to_owned()));
+}
+
+fn requests(folder: &Path, lines: &[&str]) -> PathBuf {
+    let path = folder.join("requests.jsonl");
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    path
+}
+
+const LINES: [&str; 5] = [
+    r#"{"prompt": "a person jumps", "id": "jump", "weight": "strong", "seconds": 2}"#,
+    r#"{"prompt": "a person walks", "seconds": 2.5, "seed": 3}"#,
+    "",
+    r#"{"prompt": "a person waves", "id": "wave", "shape": 1.5, "seconds": 2}"#,
+    r#"{"prompt": "a person runs", "id": "run", "scale": [0.5, 1, 1, 1], "seconds": 2}"#,
+];
+
+const BATCH: [&str; 9] = [
+    "batch",
+    "requests.jsonl",
+    "--out",
+    "out",
+    "--steps",
+    "4",
+    "--format",
+    "npy,bvh",
+    "--json",
+];
+
+#[test]
+fn a_batch_goes_on_where_it_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    requests(folder, &LINES);
+    let made = |result: &Value| [number(result, "/made"), number(result, "/finished_before")];
+    assert_eq!(made(&json(&succeeds(folder, &BATCH))), [4.0, 0.0]);
+    let out = folder.join("out");
+    assert_eq!(files(&out).len(), 4 * 3);
+    let time = |name: &str| out.join(name).metadata().unwrap().modified().unwrap();
+    let before = ["jump.npy", "wave.npy", "run.json"].map(time);
+
+    // Killed between two motions, and while a record was being written.
+    std::fs::remove_file(out.join("line-00002.json")).unwrap();
+    std::fs::write(out.join("jump.json"), "{\"batch\": {\"requ").unwrap();
+    assert_eq!(made(&json(&succeeds(folder, &BATCH))), [2.0, 2.0]);
+    assert!(time("jump.npy") > before[0]);
+    assert_eq!([time("wave.npy"), time("run.json")], before[1..]);
+    assert_eq!(made(&json(&succeeds(folder, &BATCH))), [0.0, 4.0]);
+
+    // Another request under the same name is made again, as are all with other options.
+    let mut lines = LINES;
+    lines[3] = r#"{"prompt": "a person waves", "id": "wave", "shape": 0.5, "seconds": 2}"#;
+    requests(folder, &lines);
+    assert_eq!(made(&json(&succeeds(folder, &BATCH))), [1.0, 3.0]);
+    let slower: Vec<&str> = BATCH
+        .iter()
+        .map(|&word| if word == "4" { "5" } else { word })
+        .collect();
+    assert_eq!(made(&json(&succeeds(folder, &slower))), [4.0, 0.0]);
+}
+
+#[test]
+fn shards_share_a_batch_without_a_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    requests(folder, &LINES);
+    let mut made = 0.0;
+    for shard in ["1/3", "2/3", "3/3"] {
+        let arguments = [&BATCH[..], &["--shard", shard, "--batch-size", "2"]].concat();
+        let result = json(&succeeds(folder, &arguments));
+        assert_eq!(number(&result, "/finished_before"), 0.0);
+        made += number(&result, "/made");
+    }
+    assert_eq!(made, 4.0);
+    assert_eq!(
+        number(&json(&succeeds(folder, &BATCH)), "/finished_before"),
+        4.0
+    );
+}
+
+#[test]
+fn wrong_lines_are_named_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    requests(
+        folder,
+        &[
+            LINES[0],
+            "{\"prompt\": 3}",
+            "{\"prompt\": \"a\", \"sed\": 1}",
+        ],
+    );
+    fails(
+        folder,
+        &BATCH,
+        2,
+        "requests.jsonl, line 3: unknown field `sed`",
+    );
+    requests(
+        folder,
+        &[LINES[0], "{\"prompt\": \"a person sits\", \"seconds\": 60}"],
+    );
+    fails(
+        folder,
+        &BATCH,
+        2,
+        "requests.jsonl, line 2: expected 40 to 196 frames",
+    );
+    assert!(!folder.join("out/jump.json").exists());
+    fails(
+        folder,
+        &["batch", "none.jsonl", "--out", "out"],
+        3,
+        "none.jsonl",
+    );
+}
