@@ -25,7 +25,7 @@ struct Arguments {
     #[arg(long, default_value = "a person walks forward")]
     prompt: String,
     /// Factor on Weight; words: light, strong.
-    #[arg(long, default_value = "0:strong 2:light", value_parser = factor(Component::Weight))]
+    #[arg(long, default_value = "0:light 2:strong", value_parser = factor(Component::Weight))]
     weight: Factor,
     /// Factor on Time; words: sustained, sudden.
     #[arg(long, default_value = "1", value_parser = factor(Component::Time))]
@@ -139,8 +139,9 @@ fn report(result: &Generation) -> String {
                     .map(|means| means[component.index()]);
             let change = |value: f32| 100.0 * (value / baseline - 1.0);
             let [start, end] = [frames.start, frames.end].map(|t| t as f32 / FRAMES_PER_SECOND);
+            let name = format!("{component} {start:.1}–{end:.1} s");
             table += &format!(
-                "{component:6} {start:4.1}–{end:<4.1} s {baseline:11.4} {target:10.4} {guided:10.4} {:+8.0}% {:+8.0}%\n",
+                "{name:18} {baseline:10.4} {target:10.4} {guided:10.4} {:+8.0}% {:+8.0}%\n",
                 change(target),
                 change(guided)
             );

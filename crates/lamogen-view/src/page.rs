@@ -80,7 +80,7 @@ const SCRIPTS: [&str; 8] = [
 ///
 /// The view can be turned, zoomed and moved, by mouse, fingers and keys; time can be dragged, stepped,
 /// slowed and looped. Joints are embedded to half a tenth of a millimetre, unless one is farther than
-/// 3.2 m from its pelvis; a pair of four seconds takes some 90 kB.
+/// 3.2 m from its pelvis; a pair of four seconds takes less than 100 kB.
 ///
 /// `window.lamogen` is the player's state for tests: `time`, `frame`, `playing`, `speed`, `loop`,
 /// `overlay`, `follow`, `trails`, `camera`, `motions[i].pose(seconds)` (`page/main.js`).
