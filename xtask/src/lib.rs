@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod embed;
+pub mod judges;
 pub mod parity;
 pub mod sweep;
 pub mod test;

@@ -25,6 +25,8 @@ enum Task {
         #[arg(long)]
         cpu_only: bool,
     },
+    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, a browser.
+    Judges,
     /// Compare with a golden case of the PyTorch reference; exit 1 if a value is too far off.
     Parity {
         /// Folder with config.json, latest.tar, mean.npy, std.npy and case.safetensors.
@@ -76,6 +78,7 @@ enum Task {
 fn main() -> ExitCode {
     match Arguments::parse().task {
         Task::Test { cpu_only } => xtask::test::run(cpu_only),
+        Task::Judges => xtask::judges::run(),
         Task::Parity {
             folder,
             device,

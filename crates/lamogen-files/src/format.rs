@@ -7,6 +7,7 @@ use lamogen_motion::{FRAMES_PER_SECOND, Motion, Rotations};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
+use crate::glb::{self, GlbOptions};
 use crate::import::{Imported, ReadOptions, import};
 use crate::npy;
 use crate::units::Up;
@@ -37,7 +38,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, R
             })
         }
         Some("glb" | "gltf") => {
-            let clip = crate::glb::read(path)?;
+            let clip = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
                 up: options.up.or(Some(Up::Y)),
                 ..options.clone()
@@ -59,6 +60,8 @@ pub struct WriteOptions {
     pub frames_per_second: f32,
     /// How a BVH is written.
     pub bvh: BvhOptions,
+    /// What a GLB holds.
+    pub glb: GlbOptions,
 }
 
 impl Default for WriteOptions {
@@ -66,6 +69,7 @@ impl Default for WriteOptions {
         WriteOptions {
             frames_per_second: FRAMES_PER_SECOND,
             bvh: BvhOptions::default(),
+            glb: GlbOptions::default(),
         }
     }
 }
@@ -75,7 +79,7 @@ impl Default for WriteOptions {
 /// | name ends in | written as |
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
-/// | `.glb` | glTF |
+/// | `.glb` | [glTF](crate::glb) |
 /// | `.features.npy` | the pose features that the motion came from, `(frames, 263)` |
 /// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up, 20 frames a second |
 ///
@@ -120,7 +124,7 @@ pub fn write(
                 },
             )
         }
-        Some("glb") => Ok(crate::glb::write(path, &rotations(motion, rate))?),
+        Some("glb") => Ok(glb::write(path, &rotations(motion, rate), &options.glb)?),
         Some("npy") if features(path) => npy::write_features(path, motion),
         Some("npy") => Ok(motion.save_joints(path)?),
         found => Err(WriteError::Ending {

@@ -22,6 +22,8 @@ pub struct ReadOptions {
     pub up: Option<Up>,
     /// Which joint has which name, if the skeleton is none that is known.
     pub mapping: Option<Mapping>,
+    /// Which animation of a glTF to read, by its name; the first if not said.
+    pub animation: Option<String>,
 }
 
 /// A motion from a file, and what was taken for granted.

@@ -5,7 +5,7 @@
 //! .glb ──┴──▶ clip of any ──────▶ nodes ──────▶ 22 joints ─────────────────────▶ Motion
 //! .npy ────────────────────────────────────────────────────────────────────────▶ Motion
 //!
-//! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy
+//! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
 //! ```
 //!
 //! [`read`] and [`write`] choose the format by the end of the file's name. [`read`] recognises the
@@ -15,9 +15,10 @@
 mod body;
 pub mod bvh;
 mod clip;
+pub mod csv;
 mod error;
 mod format;
-mod glb;
+pub mod glb;
 mod import;
 mod mapping;
 mod names;
@@ -28,7 +29,6 @@ mod units;
 
 pub use error::{ReadError, WriteError};
 pub use format::{WriteOptions, read, write};
-pub use glb::GlbError;
 pub use import::{Imported, ReadOptions};
 pub use mapping::{Mapping, MappingError};
 pub use names::UnknownSkeleton;

@@ -44,6 +44,7 @@ pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<
         unit: reading.unit,
         up: reading.up,
         mapping,
+        ..ReadOptions::default()
     };
     let imported = read(path, &options)?;
     Ok(Opened {

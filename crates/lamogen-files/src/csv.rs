@@ -1,0 +1,158 @@
+//! Laban series as CSV, for spreadsheets, pandas and R.
+
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use lamogen_laban::{Component, LabanSeries};
+use lamogen_motion::{FRAMES_PER_SECOND, write_atomically};
+
+/// A CSV file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {reason}")]
+#[allow(missing_docs)]
+pub struct CsvError {
+    pub path: PathBuf,
+    pub reason: io::Error,
+}
+
+/// Laban series side by side, each with its name, as CSV text.
+///
+/// One line a frame below one of column names: `seconds`, `frame` (from 0), then for every series
+/// `weight` (m²/frame²), `time` (m/frame²), `flow` (m/frame³) and `shape` (m³), with frames of 1/20 s. The
+/// columns of a named series are `name_weight` and so on; a series alone may have the empty name and then keeps the
+/// bare words. Where a series is shorter than another its cells are empty.
+///
+/// Numbers have a point for the fraction, wherever the program runs, and as many digits as it takes to read the same
+/// 32-bit number back.
+///
+/// ```
+/// use lamogen_files::csv::laban;
+/// use lamogen_laban::{LabanOptions, LabanSeries};
+/// use lamogen_motion::Motion;
+///
+/// let motion = Motion::from_joints(vec![[[0.0; 3]; 22]; 2])?;
+/// let series = LabanSeries::of(&motion, &LabanOptions::default(), &burn::tensor::Device::flex());
+/// assert_eq!(
+///     laban(&[("", &series)]),
+///     "seconds,frame,weight,time,flow,shape\n0,0,0,0,0,0\n0.05,1,0,0,0,0\n"
+/// );
+/// # Ok::<(), lamogen_motion::MotionError>(())
+/// ```
+pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
+    let mut text = String::from("seconds,frame");
+    for (name, _) in series {
+        for component in Component::ALL {
+            let word = component.to_string().to_lowercase();
+            let column = match name.is_empty() {
+                true => word,
+                false => format!("{name}_{word}"),
+            };
+            text.push(',');
+            text.push_str(&quoted(&column));
+        }
+    }
+    text.push('\n');
+    let frames = series.iter().map(|(_, series)| series.frames().len()).max();
+    for frame in 0..frames.unwrap_or(0) {
+        let seconds = frame as f32 / FRAMES_PER_SECOND;
+        write!(text, "{seconds},{frame}").expect("a string takes all");
+        for (_, series) in series {
+            for component in Component::ALL {
+                text.push(',');
+                if let Some(row) = series.frames().get(frame) {
+                    let value = row[component.index()];
+                    write!(text, "{value}").expect("a string takes all");
+                }
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Writes [`laban`]'s text to a file.
+///
+/// # Errors
+///
+/// If the file cannot be written; nothing is left half-written.
+pub fn write_laban(
+    path: impl AsRef<Path>,
+    series: &[(&str, &LabanSeries)],
+) -> Result<(), CsvError> {
+    let path = path.as_ref();
+    let text = laban(series);
+    write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(|reason| CsvError {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// A cell as RFC 4180 has it.
+fn quoted(cell: &str) -> String {
+    match cell.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Tensor;
+
+    fn series<const N: usize>(rows: [[f32; 4]; N]) -> LabanSeries {
+        LabanSeries::from_tensor(Tensor::from(rows))
+    }
+
+    #[test]
+    fn one_series_has_bare_columns() {
+        let series = series([[0.0, 0.0, 0.0, 0.125], [0.1, 1e-12, 123456.79, 1.0 / 3.0]]);
+        assert_eq!(
+            laban(&[("", &series)]),
+            "seconds,frame,weight,time,flow,shape\n\
+             0,0,0,0,0,0.125\n\
+             0.05,1,0.1,0.000000000001,123456.79,0.33333334\n"
+        );
+    }
+
+    #[test]
+    fn several_series_stand_side_by_side_and_short_ones_leave_cells_empty() {
+        let long = series([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]);
+        let short = series([[0.5; 4]]);
+        assert_eq!(
+            laban(&[("baseline", &long), ("a \"b\", c", &short)]),
+            "seconds,frame,baseline_weight,baseline_time,baseline_flow,baseline_shape,\
+             \"a \"\"b\"\", c_weight\",\"a \"\"b\"\", c_time\",\"a \"\"b\"\", c_flow\",\"a \"\"b\"\", c_shape\"\n\
+             0,0,1,2,3,4,0.5,0.5,0.5,0.5\n\
+             0.05,1,5,6,7,8,,,,\n"
+        );
+    }
+
+    #[test]
+    fn every_number_reads_back_as_it_was() {
+        let rows: [[f32; 4]; 3] = [
+            [f32::MIN_POSITIVE, 1.0e-45, 0.1 + 0.2, 3.402_823_5e38],
+            [16_777_217.0, 0.333_333_34, 2.7e-7, 9.999_999e-5],
+            [1.0, 1e10, 1e-10, 0.0],
+        ];
+        let text = laban(&[("", &series(rows))]);
+        for (line, row) in text.lines().skip(1).zip(rows) {
+            let cells: Vec<f32> = line
+                .split(',')
+                .skip(2)
+                .map(|x| x.parse().unwrap())
+                .collect();
+            assert_eq!(cells, row);
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named() {
+        let error = write_laban("no/such/folder/a.csv", &[("", &series([[0.0; 4]]))]).unwrap_err();
+        assert!(
+            error.to_string().contains("no/such/folder/a.csv"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,371 @@
+//! A glTF file taken apart: its JSON, checked, and its buffers.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Component, Path};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use gltf_json::accessor::{Accessor, ComponentType};
+use gltf_json::validation::{Checked, Validate};
+use gltf_json::{Index, Root};
+use serde::Deserialize;
+
+use super::GlbError;
+
+/// The parts of a file that say how nodes move.
+pub(super) struct Container {
+    pub(super) root: Root,
+    buffers: Vec<Vec<u8>>,
+}
+
+/// What is wrong with a file, without its path.
+pub(super) type Flaw = String;
+
+/// Bytes of all buffers together.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// Beginnings of the names of extensions that change how surfaces look or are stored, and not how nodes move.
+const LOOKS: [&str; 9] = [
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "KHR_lights_punctual",
+    "EXT_texture_",
+    "EXT_mesh_gpu_instancing",
+    "EXT_lights_",
+    "MSFT_texture_dds",
+];
+
+impl Container {
+    /// Takes the bytes of a `.glb` or `.gltf` file apart; which of the two they say themselves.
+    ///
+    /// Buffers may lie in the file itself or beside it, not in a network.
+    pub(super) fn of(bytes: &[u8], path: &Path) -> Result<Container, GlbError> {
+        let flawed = |reason| GlbError::Format {
+            path: path.to_owned(),
+            reason,
+        };
+        let (json, chunk) = split(bytes).map_err(flawed)?;
+        let root = parse(json).map_err(flawed)?;
+        let mut container = Container {
+            root,
+            buffers: Vec::new(),
+        };
+        container.load_buffers(path, chunk)?;
+        Ok(container)
+    }
+
+    fn load_buffers(&mut self, path: &Path, chunk: Option<&[u8]>) -> Result<(), GlbError> {
+        let mut room = MOST_BYTES;
+        for (index, buffer) in self.root.buffers.iter().enumerate() {
+            let flawed = |reason| GlbError::Format {
+                path: path.to_owned(),
+                reason: format!("buffer {index}: {reason}"),
+            };
+            let length = buffer.byte_length.0;
+            room = room.checked_sub(length).ok_or_else(|| {
+                flawed(format!(
+                    "expected at most {MOST_BYTES} bytes in all buffers, found more"
+                ))
+            })?;
+            let bytes = match &buffer.uri {
+                None if index == 0 => chunk.map(<[u8]>::to_vec).ok_or_else(|| {
+                    flawed("expected the binary chunk of a GLB file, found none".into())
+                })?,
+                None => return Err(flawed("expected a URI, found none".into())),
+                Some(uri) => match uri.strip_prefix("data:") {
+                    Some(data) => embedded(data).map_err(flawed)?,
+                    None => {
+                        let relative = beside(uri).map_err(flawed)?;
+                        let side = path.parent().unwrap_or(Path::new("")).join(relative);
+                        read_side_file(&side, length)
+                            .map_err(|reason| GlbError::Io { path: side, reason })?
+                    }
+                },
+            };
+            if (bytes.len() as u64) < length {
+                let found = bytes.len();
+                return Err(flawed(format!("expected {length} bytes, found {found}")));
+            }
+            self.buffers.push(bytes);
+        }
+        Ok(())
+    }
+
+    /// How many rows an accessor has.
+    pub(super) fn count(&self, accessor: Index<Accessor>) -> u64 {
+        self.root
+            .get(accessor)
+            .map_or(0, |accessor| accessor.count.0)
+    }
+
+    /// The rows of an accessor as floats; whole numbers that stand for fractions are made so.
+    pub(super) fn floats<const N: usize>(
+        &self,
+        accessor: Index<Accessor>,
+    ) -> Result<Vec<[f64; N]>, Flaw> {
+        let index = accessor.value();
+        self.rows(accessor)
+            .map_err(|flaw| format!("accessor {index}: {flaw}"))
+    }
+
+    fn rows<const N: usize>(&self, accessor: Index<Accessor>) -> Result<Vec<[f64; N]>, Flaw> {
+        let accessor = self
+            .root
+            .get(accessor)
+            .ok_or("expected an accessor, found none")?;
+        if accessor.sparse.is_some() {
+            return Err("expected keyframes in full, found a sparse accessor".into());
+        }
+        let (Checked::Valid(component), Checked::Valid(kind)) =
+            (accessor.component_type, accessor.type_)
+        else {
+            return Err("expected a known type, found another".into());
+        };
+        if kind.multiplicity() != N {
+            let found = kind.multiplicity();
+            return Err(format!("expected {N} numbers a row, found {found}"));
+        }
+        let view = accessor.buffer_view.and_then(|view| self.root.get(view));
+        let view = view.ok_or("expected a buffer view, found none")?;
+        let component = component.0;
+        let row = component.size() * N;
+        let stride = view.byte_stride.map_or(row, |stride| stride.0.max(row));
+        let places = slice(
+            &self.buffers[view.buffer.value()],
+            view.byte_offset.map_or(0, |offset| offset.0),
+            Some(view.byte_length.0),
+        )
+        .and_then(|view| {
+            slice(
+                view,
+                accessor.byte_offset.map_or(0, |offset| offset.0),
+                None,
+            )
+        })
+        .ok_or("expected its buffer to be longer, found it to end before")?;
+        let count = usize::try_from(accessor.count.0).map_err(|_| "its count is too large")?;
+        let end = count
+            .checked_sub(1)
+            .ok_or("expected at least one row, found none")?
+            .checked_mul(stride)
+            .and_then(|start| start.checked_add(row));
+        if end.is_none_or(|end| end > places.len()) {
+            let found = places.len();
+            return Err(format!(
+                "expected {count} rows of {row} bytes, found {found} bytes"
+            ));
+        }
+        let read = |bytes: &[u8]| number(bytes, component, accessor.normalized);
+        let rows = (0..count).map(|index| {
+            let bytes = &places[index * stride..][..row];
+            let mut numbers = bytes.chunks_exact(component.size()).map(read);
+            std::array::from_fn(|_| numbers.next().expect("a row of N numbers"))
+        });
+        let rows: Vec<[f64; N]> = rows.collect();
+        match rows.as_flattened().iter().position(|x| !x.is_finite()) {
+            Some(place) => Err(format!(
+                "row {}: found a number that is not finite",
+                place / N
+            )),
+            None => Ok(rows),
+        }
+    }
+}
+
+fn slice(bytes: &[u8], offset: u64, length: Option<u64>) -> Option<&[u8]> {
+    let rest = bytes.get(usize::try_from(offset).ok()?..)?;
+    match length {
+        Some(length) => rest.get(..usize::try_from(length).ok()?),
+        None => Some(rest),
+    }
+}
+
+/// glTF 2.0, section 3.11: whole numbers of an animation stand for fractions.
+fn number(bytes: &[u8], component: ComponentType, normalized: bool) -> f64 {
+    let (value, one) = match component {
+        ComponentType::I8 => (f64::from(bytes[0] as i8), 127.0),
+        ComponentType::U8 => (f64::from(bytes[0]), 255.0),
+        ComponentType::I16 => (f64::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+        ComponentType::U16 => (f64::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
+        ComponentType::U32 => {
+            let value = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            (f64::from(value), f64::from(u32::MAX))
+        }
+        ComponentType::F32 => {
+            let value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            return f64::from(value);
+        }
+    };
+    match normalized {
+        true => (value / one).max(-1.0),
+        false => value,
+    }
+}
+
+/// The JSON of a file and, of GLB, its binary chunk.
+fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Flaw> {
+    if !bytes.starts_with(b"glTF") {
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        return match text.trim_ascii_start().first() {
+            Some(b'{') => Ok((text, None)),
+            _ => Err("expected glTF, binary or JSON, found something else".into()),
+        };
+    }
+    let cut = || String::from("expected a whole GLB file, found it cut short");
+    let word = |place: usize| -> Result<usize, Flaw> {
+        let word = bytes.get(place..place + 4).ok_or_else(cut)?;
+        let word = u32::from_le_bytes(word.try_into().expect("four bytes"));
+        usize::try_from(word).map_err(|_| cut())
+    };
+    match word(4)? {
+        2 => {}
+        version => return Err(format!("expected GLB of version 2, found {version}")),
+    }
+    let file = bytes.get(..word(8)?).ok_or_else(cut)?;
+    let (mut json, mut binary, mut place) = (None, None, 12);
+    while place < file.len() {
+        let start = place + 8;
+        let end = start.checked_add(word(place)?).ok_or_else(cut)?;
+        let chunk = file.get(start..end).ok_or_else(cut)?;
+        match &file[place + 4..start] {
+            b"JSON" if json.is_none() => json = Some(chunk),
+            b"BIN\0" if binary.is_none() => binary = Some(chunk),
+            // Other chunks are to be passed over (glTF 2.0, section 4.4.3).
+            _ => {}
+        }
+        place = end;
+    }
+    let json = json.ok_or("expected a JSON chunk, found none")?;
+    Ok((json, binary))
+}
+
+/// Reads and checks what moves, leaving out what only looks.
+fn parse(json: &[u8]) -> Result<Root, Flaw> {
+    #[derive(Deserialize)]
+    struct Versioned {
+        asset: Asset,
+    }
+    #[derive(Deserialize)]
+    struct Asset {
+        version: String,
+    }
+    let unreadable = |error: serde_json::Error| format!("its JSON is not glTF's: {error}");
+    let Versioned { asset } = serde_json::from_slice(json).map_err(unreadable)?;
+    if asset.version.split('.').next() != Some("2") {
+        return Err(format!("expected glTF 2, found version {}", asset.version));
+    }
+    let mut root = Root::from_slice(json).map_err(unreadable)?;
+    root.extensions = None;
+    root.extensions_required
+        .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
+    root.cameras.clear();
+    root.images.clear();
+    root.materials.clear();
+    root.meshes.clear();
+    root.samplers.clear();
+    root.skins.clear();
+    root.textures.clear();
+    for node in &mut root.nodes {
+        (node.camera, node.mesh, node.skin) = (None, None, None);
+        (node.extensions, node.weights) = (None, None);
+    }
+    let mut flaws = Vec::new();
+    root.validate(&root, gltf_json::Path::new, &mut |path, error| {
+        flaws.push(format!("{}: {error}", path()));
+    });
+    match flaws.into_iter().next() {
+        Some(flaw) => Err(flaw),
+        None => Ok(root),
+    }
+}
+
+/// The bytes of a `data:` URI.
+fn embedded(data: &str) -> Result<Vec<u8>, Flaw> {
+    let (_, text) = data
+        .split_once(";base64,")
+        .ok_or("expected base64 in its data URI, found another coding")?;
+    STANDARD
+        .decode(text.trim_ascii())
+        .map_err(|error| format!("its data URI is no base64: {error}"))
+}
+
+/// The file that a relative URI names.
+fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
+    let refused = || format!("expected a file beside this one, found the URI {uri:?}");
+    let mut name = Vec::with_capacity(uri.len());
+    let mut bytes = uri.bytes();
+    while let Some(byte) = bytes.next() {
+        name.push(match byte {
+            b'%' => {
+                let digits = [bytes.next(), bytes.next()];
+                let digit = |byte: Option<u8>| char::from(byte?).to_digit(16);
+                let [Some(high), Some(low)] = digits.map(digit) else {
+                    return Err(refused());
+                };
+                (16 * high + low) as u8
+            }
+            byte => byte,
+        });
+    }
+    let name = String::from_utf8(name).map_err(|_| refused())?;
+    let path = std::path::PathBuf::from(&name);
+    let is_plain = path.components().all(|part| {
+        matches!(
+            part,
+            Component::Normal(_) | Component::CurDir | Component::ParentDir
+        )
+    });
+    match is_plain && !name.is_empty() && !name.contains([':', '\0']) {
+        true => Ok(path),
+        false => Err(refused()),
+    }
+}
+
+/// At most `length` bytes of a file that is one: no device, no pipe.
+fn read_side_file(path: &Path, length: u64) -> io::Result<Vec<u8>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "not a regular file",
+        ));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uris_name_files_beside_and_nothing_else() {
+        assert_eq!(beside("a%20b/walk.bin").unwrap(), Path::new("a b/walk.bin"));
+        for uri in [
+            "",
+            "/etc/hostname",
+            "https://example.org/walk.bin",
+            "file:///etc/hostname",
+            "C:\\walk.bin",
+            "walk%2",
+            "walk%zz.bin",
+            "%ff",
+            "%2Fetc%2Fhostname",
+            "walk%00.bin",
+        ] {
+            assert!(beside(uri).is_err(), "{uri}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_stand_for_fractions() {
+        assert_eq!(number(&[0x80], ComponentType::I8, true), -1.0);
+        assert_eq!(number(&[0xff], ComponentType::U8, true), 1.0);
+        assert_eq!(number(&[0xff, 0x7f], ComponentType::I16, true), 1.0);
+        assert_eq!(number(&[2, 1], ComponentType::U16, false), 258.0);
+        assert_eq!(number(&1.5f32.to_le_bytes(), ComponentType::F32, true), 1.5);
+    }
+}

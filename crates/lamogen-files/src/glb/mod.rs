@@ -1,0 +1,126 @@
+//! GLB, the binary form of glTF 2.0: what engines, browsers and Blender open.
+//!
+//! A file that lamogen writes holds a root node `lamogen`, below it the 22 joints under the names of
+//! [`Joint::name`](lamogen_motion::Joint::name), one animation, and a body. Units and axes are glTF's own and
+//! lamogen's: metres, seconds, right-handed, Y up, facing +Z, the body's left along +X. Blender turns Y up into its
+//! Z up by itself.
+//!
+//! - The nodes' own transforms are the T-pose with its feet on the ground, without any rotation.
+//! - The animation has linear keyframes at the motion's frames, a frame rate apart: the pelvis' translation,
+//!   and a rotation of each joint that turns. Rotations have length 1 and no jumps of sign.
+//! - The body is **one skinned mesh** of capsules, each bound to one joint. The other way, a mesh of its own on
+//!   every joint's node, draws the same, but Blender makes of it empties with objects hung below, Unity and Godot
+//!   plain transforms; a skin makes an armature, a rig, a `Skeleton3D`, which can be retargeted and exported
+//!   again. Weights are whole (1 for one joint), for a capsule is stiff.
+//!
+//! [`read`](crate::read) takes any glTF file whose nodes have names.
+
+mod body;
+mod capsule;
+mod container;
+mod curve;
+mod pack;
+mod read;
+mod write;
+
+use std::io;
+use std::path::PathBuf;
+
+pub(crate) use read::read;
+pub use write::{GlbOptions, bytes, write};
+
+/// What can go wrong with a GLB or glTF file.
+#[derive(Debug, thiserror::Error)]
+pub enum GlbError {
+    /// The file, or one that it names, cannot be opened, read or written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, reason: io::Error },
+    /// The file is not glTF 2.0, is damaged, or needs what is not read.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Format { path: PathBuf, reason: String },
+    /// An animation that the file does not hold.
+    #[error("{path}: expected an animation named {asked:?}, found {}", listed(.found))]
+    #[allow(missing_docs)]
+    Animation {
+        path: PathBuf,
+        asked: String,
+        found: Vec<String>,
+    },
+    /// A motion with a number that is not finite.
+    #[error("expected finite positions and rotations, found a number that is not")]
+    NotFinite,
+    /// A motion too long for the format.
+    #[error("expected a motion of at most 4 GiB, found {bytes} bytes")]
+    #[allow(missing_docs)]
+    TooLarge { bytes: usize },
+}
+
+fn listed(names: &[String]) -> String {
+    match names {
+        [] => "none".into(),
+        names => names
+            .iter()
+            .map(|name| format!("{name:?}"))
+            .collect::<Vec<_>>()
+            .join(", "),
+    }
+}
+
+#[cfg(test)]
+mod example {
+    //! A motion for tests: a body that wanders, turns round, and swings its limbs.
+
+    use glam::{DQuat, DVec3};
+    use lamogen_motion::{JOINTS, Joint, Motion, Rotations};
+
+    pub(super) fn motion(frames: usize) -> Motion {
+        let poses = (0..frames).map(|frame| {
+            let time = frame as f64 / 20.0;
+            let mut place = [DVec3::ZERO; JOINTS];
+            let mut turn = [DQuat::IDENTITY; JOINTS];
+            for joint in Joint::ALL {
+                let j = joint.index();
+                let phase = time * 2.0 + j as f64;
+                match joint.parent() {
+                    None => {
+                        place[j] = DVec3::new(time.sin(), 0.95 + 0.05 * phase.sin(), 0.8 * time);
+                        turn[j] = DQuat::from_rotation_y(3.0 * time);
+                    }
+                    Some(parent) => {
+                        let p = parent.index();
+                        place[j] = place[p] + turn[p] * bone(joint);
+                        turn[j] = turn[p] * DQuat::from_rotation_x(0.4 * phase.sin());
+                    }
+                }
+            }
+            place.map(|point| point.as_vec3().to_array())
+        });
+        Motion::from_joints(poses.collect()).unwrap()
+    }
+
+    pub(super) fn rotations() -> Rotations {
+        Rotations::of(&motion(40))
+    }
+
+    fn bone(joint: Joint) -> DVec3 {
+        use Joint::*;
+        let left = match joint {
+            Pelvis => [0.0; 3],
+            LeftHip | RightHip => [0.07, -0.09, 0.0],
+            LeftKnee | RightKnee => [0.0, -0.38, 0.0],
+            LeftAnkle | RightAnkle => [0.0, -0.4, 0.0],
+            LeftFoot | RightFoot => [0.0, -0.06, 0.12],
+            Spine1 | Spine2 | Spine3 => [0.0, 0.12, 0.0],
+            Neck => [0.0, 0.2, 0.0],
+            Head => [0.0, 0.1, 0.0],
+            LeftCollar | RightCollar => [0.08, 0.11, 0.0],
+            LeftShoulder | RightShoulder => [0.1, 0.0, 0.0],
+            LeftElbow | RightElbow => [0.26, 0.0, 0.0],
+            LeftWrist | RightWrist => [0.25, 0.0, 0.0],
+        };
+        let mirrored = joint.name().starts_with("right");
+        DVec3::from(left) * DVec3::new(if mirrored { -1.0 } else { 1.0 }, 1.0, 1.0)
+    }
+}

@@ -1,0 +1,472 @@
+//! Rotations as binary glTF.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+
+use glam::DQuat;
+use lamogen_motion::{JOINTS, Joint, Rotations, write_atomically};
+use serde_json::{Value, json};
+
+use super::GlbError;
+use super::body::{Side, limbs, standing};
+use super::pack::{Pack, Purpose};
+
+/// What goes into a GLB file beside the movement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GlbOptions {
+    /// Name of the animation, which players list.
+    pub name: String,
+    /// Whether the skeleton wears a body of capsules. Without one, viewers that draw surfaces alone show
+    /// nothing, and Blender makes empties instead of an armature.
+    pub body: bool,
+    /// Under which terms the motion may be used: glTF's `asset.copyright`.
+    pub copyright: Option<String>,
+    /// What else is known of the motion, such as its text and seed: `extras` of the root node, which Blender
+    /// shows as custom properties and three.js as `userData`.
+    pub notes: BTreeMap<String, String>,
+}
+
+impl Default for GlbOptions {
+    fn default() -> Self {
+        GlbOptions {
+            name: "motion".into(),
+            body: true,
+            copyright: None,
+            notes: BTreeMap::new(),
+        }
+    }
+}
+
+/// Index of the node above the pelvis; the joints follow in their own order.
+const ROOT: usize = 0;
+const fn node(joint: Joint) -> usize {
+    ROOT + 1 + joint.index()
+}
+
+/// Writes rotations as a GLB file: see [`bytes()`].
+///
+/// # Errors
+///
+/// As [`bytes()`], or if the file cannot be written; nothing is left half-written.
+pub fn write(
+    path: impl AsRef<Path>,
+    rotations: &Rotations,
+    options: &GlbOptions,
+) -> Result<(), GlbError> {
+    let path = path.as_ref();
+    let bytes = bytes(rotations, options)?;
+    write_atomically(path, |file| file.write_all(&bytes)).map_err(|reason| GlbError::Io {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// Rotations as the bytes of a GLB file: the skeleton, its movement with a keyframe a frame, and a body.
+///
+/// # Errors
+///
+/// If a number of the motion is not finite, or the file would grow beyond the 4 GiB that GLB can hold.
+pub fn bytes(rotations: &Rotations, options: &GlbOptions) -> Result<Vec<u8>, GlbError> {
+    let mut pack = Pack::default();
+    let mut document = skeleton(rotations, options);
+    document["animations"] = json!([animation(rotations, &options.name, &mut pack)]);
+    if options.body {
+        add_body(&mut document, rotations, &mut pack);
+    }
+    if pack.is_broken {
+        return Err(GlbError::NotFinite);
+    }
+    document["buffers"] = json!([{ "byteLength": pack.bytes.len() }]);
+    document["bufferViews"] = Value::Array(pack.views);
+    document["accessors"] = Value::Array(pack.accessors);
+    container(document.to_string().into_bytes(), pack.bytes)
+}
+
+/// The joints as nodes, standing in the T-pose below one root.
+fn skeleton(rotations: &Rotations, options: &GlbOptions) -> Value {
+    let rest = rotations.rest();
+    let mut nodes = vec![json!({ "name": "lamogen", "children": [node(Joint::Pelvis)] })];
+    if !options.notes.is_empty() {
+        nodes[ROOT]["extras"] = json!(options.notes);
+    }
+    for joint in Joint::ALL {
+        let place = match joint {
+            Joint::Pelvis => standing(rest)[joint.index()].as_vec3().to_array(),
+            _ => rest.offset(joint),
+        };
+        let children: Vec<usize> = Joint::ALL
+            .into_iter()
+            .filter(|child| child.parent() == Some(joint))
+            .map(node)
+            .collect();
+        let mut entry = json!({ "name": joint.name(), "translation": place });
+        if !children.is_empty() {
+            entry["children"] = json!(children);
+        }
+        nodes.push(entry);
+    }
+    let mut asset = json!({
+        "version": "2.0",
+        "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
+    });
+    if let Some(copyright) = &options.copyright {
+        asset["copyright"] = json!(copyright);
+    }
+    json!({
+        "asset": asset,
+        "scene": 0,
+        "scenes": [{ "name": options.name, "nodes": [ROOT] }],
+        "nodes": nodes,
+    })
+}
+
+/// A keyframe at every frame: the pelvis' way, and the rotations of the joints that turn at all.
+fn animation(rotations: &Rotations, name: &str, pack: &mut Pack) -> Value {
+    let rate = f64::from(rotations.frames_per_second());
+    let times: Vec<[f32; 1]> = (0..rotations.frames())
+        .map(|frame| [(frame as f64 / rate) as f32])
+        .collect();
+    let input = pack.floats(&times, Purpose::Other);
+    let (mut samplers, mut channels) = (Vec::new(), Vec::new());
+    let mut channel = |output: usize, joint: Joint, path: &str| {
+        channels.push(json!({
+            "sampler": samplers.len(),
+            "target": { "node": node(joint), "path": path },
+        }));
+        samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
+    };
+    let way = pack.floats(rotations.root(), Purpose::Other);
+    channel(way, Joint::Pelvis, "translation");
+    for joint in Joint::ALL {
+        let turns = continuous(rotations.local().iter().map(|pose| pose[joint.index()]));
+        if turns
+            .iter()
+            .any(|turn| turn != &DQuat::IDENTITY.as_quat().to_array())
+        {
+            let turns = pack.floats(&turns, Purpose::Other);
+            channel(turns, joint, "rotation");
+        }
+    }
+    json!({ "name": name, "channels": channels, "samplers": samplers })
+}
+
+/// Unit quaternions, each of the sign that is nearer to the one before: players that mix them number by
+/// number then take the short way too.
+fn continuous(turns: impl Iterator<Item = [f32; 4]>) -> Vec<[f32; 4]> {
+    let mut last = DQuat::IDENTITY;
+    turns
+        .map(|turn| {
+            let turn = DQuat::from_array(turn.map(f64::from)).normalize();
+            last = match turn.dot(last) < 0.0 {
+                true => -turn,
+                false => turn,
+            };
+            last.as_quat().to_array()
+        })
+        .collect()
+}
+
+/// The capsules as one mesh with three materials, bound to the joints.
+fn add_body(document: &mut Value, rotations: &Rotations, pack: &mut Pack) {
+    let limbs = limbs(rotations.rest());
+    let mut primitives = Vec::new();
+    for (material, side) in Side::ALL.into_iter().enumerate() {
+        let (mut positions, mut normals, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+        let mut indices = Vec::new();
+        for limb in limbs.iter().filter(|limb| limb.side == side) {
+            let mesh = limb.capsule.mesh();
+            let first = positions.len() as u16;
+            indices.extend(mesh.triangles.as_flattened().iter().map(|i| first + i));
+            joints.extend(
+                mesh.positions
+                    .iter()
+                    .map(|_| [limb.joint.index() as u8, 0, 0, 0]),
+            );
+            positions.extend(mesh.positions);
+            normals.extend(mesh.normals);
+        }
+        let weights = vec![[1.0, 0.0, 0.0, 0.0]; positions.len()];
+        primitives.push(json!({
+            "attributes": {
+                "POSITION": pack.floats(&positions, Purpose::Vertices),
+                "NORMAL": pack.floats(&normals, Purpose::Vertices),
+                "JOINTS_0": pack.bytes(&joints, Purpose::Vertices),
+                "WEIGHTS_0": pack.floats(&weights, Purpose::Vertices),
+            },
+            "indices": pack.shorts(&indices, Purpose::Indices),
+            "material": material,
+        }));
+    }
+    let inverse: [[f32; 16]; JOINTS] = standing(rotations.rest()).map(|place| {
+        let [x, y, z] = (-place).as_vec3().to_array();
+        [
+            1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0,
+        ]
+    });
+    document["materials"] = Side::ALL.iter().map(|&side| material(side)).collect();
+    document["meshes"] = json!([{ "name": "body", "primitives": primitives }]);
+    document["skins"] = json!([{
+        "name": "skeleton",
+        "skeleton": node(Joint::Pelvis),
+        "joints": Joint::ALL.map(node),
+        "inverseBindMatrices": pack.floats(&inverse, Purpose::Other),
+    }]);
+    // A skinned mesh moves with its joints alone, so it hangs from the scene and not from the root node.
+    let nodes = document["nodes"].as_array_mut().expect("the skeleton");
+    nodes.push(json!({ "name": "body", "mesh": 0, "skin": 0 }));
+    document["scenes"][0]["nodes"] = json!([ROOT, nodes.len() - 1]);
+}
+
+fn material(side: Side) -> Value {
+    // glTF's colours are linear.
+    let linear = |value: u8| match f64::from(value) / 255.0 {
+        low if low <= 0.04045 => low / 12.92,
+        high => ((high + 0.055) / 1.055).powf(2.4),
+    };
+    let [red, green, blue] = side.colour().map(linear);
+    json!({
+        "name": side.name(),
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [red, green, blue, 1.0],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 0.8,
+        },
+    })
+}
+
+/// Header, JSON padded with spaces, bytes: GLB's three parts.
+fn container(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() + 8 + bytes.len();
+    let length = |n: usize| u32::try_from(n).map_err(|_| GlbError::TooLarge { bytes: total });
+    let mut file = Vec::with_capacity(total);
+    file.extend(b"glTF");
+    file.extend(2u32.to_le_bytes());
+    file.extend(length(total)?.to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", bytes)] {
+        file.extend(length(chunk.len())?.to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::glb::example;
+    use glam::{DVec3, Mat4, Quat, Vec3};
+    use gltf::animation::Property;
+
+    fn file(options: &GlbOptions) -> gltf::Gltf {
+        let bytes = bytes(&example::rotations(), options).unwrap();
+        gltf::Gltf::from_slice(&bytes).unwrap()
+    }
+
+    #[test]
+    fn a_file_is_a_header_and_two_chunks_at_multiples_of_four() {
+        let bytes = bytes(&example::rotations(), &GlbOptions::default()).unwrap();
+        let word =
+            |place: usize| u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap()) as usize;
+        assert_eq!(
+            (&bytes[..4], word(4), word(8)),
+            (&b"glTF"[..], 2, bytes.len())
+        );
+        let (json, start) = (word(12), 20 + word(12));
+        assert_eq!(&bytes[16..20], b"JSON");
+        assert_eq!(&bytes[start + 4..start + 8], b"BIN\0");
+        assert_eq!(start + 8 + word(start), bytes.len());
+        assert_eq!((json % 4, word(start) % 4), (0, 0));
+        let document: Value = serde_json::from_slice(&bytes[20..start]).unwrap();
+        for view in document["bufferViews"].as_array().unwrap() {
+            assert_eq!(view["byteOffset"].as_u64().unwrap() % 4, 0);
+        }
+        for accessor in document["accessors"].as_array().unwrap() {
+            assert_eq!(
+                accessor["componentType"] == 5126,
+                accessor.get("min").is_some()
+            );
+        }
+    }
+
+    #[test]
+    fn nodes_are_the_joints_in_a_t_pose_on_the_ground() {
+        let rest = example::rotations().rest().clone();
+        let gltf = file(&GlbOptions::default());
+        let roots: Vec<&str> = gltf
+            .scenes()
+            .next()
+            .unwrap()
+            .nodes()
+            .map(|n| n.name().unwrap())
+            .collect();
+        assert_eq!(roots, ["lamogen", "body"]);
+        assert_eq!(gltf.nodes().len(), JOINTS + 2);
+        for parent in gltf.nodes() {
+            for child in parent.children() {
+                let joint = Joint::from_name(child.name().unwrap()).unwrap();
+                let expected = joint.parent().map_or("lamogen", Joint::name);
+                assert_eq!(parent.name(), Some(expected));
+                let (shift, turn, scale) = child.transform().decomposed();
+                assert_eq!((turn, scale), ([0.0, 0.0, 0.0, 1.0], [1.0; 3]));
+                match joint {
+                    Joint::Pelvis => assert_eq!([shift[0], shift[2]], [0.0, 0.0]),
+                    _ => assert_eq!(shift, rest.offset(joint)),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_body_is_bound_to_the_t_pose() {
+        let gltf = file(&GlbOptions::default());
+        let bytes = gltf.blob.as_ref().unwrap();
+        let data = |_: gltf::Buffer| Some(&bytes[..]);
+        let skin = gltf.skins().next().unwrap();
+        let joints: Vec<&str> = skin.joints().map(|node| node.name().unwrap()).collect();
+        assert_eq!(joints, Joint::ALL.map(Joint::name));
+        let place = standing(example::rotations().rest());
+        let inverse = skin.reader(data).read_inverse_bind_matrices().unwrap();
+        for (joint, inverse) in Joint::ALL.into_iter().zip(inverse) {
+            let bind = Mat4::from_translation(place[joint.index()].as_vec3());
+            let still = bind * Mat4::from_cols_array_2d(&inverse);
+            assert!(still.abs_diff_eq(Mat4::IDENTITY, 1e-6), "{}", joint.name());
+        }
+
+        let mut vertices = 0;
+        let mesh = gltf.meshes().next().unwrap();
+        let mut lowest = f32::INFINITY;
+        for (primitive, side) in mesh.primitives().zip(Side::ALL) {
+            assert_eq!(primitive.material().name(), Some(side.name()));
+            let reader = primitive.reader(data);
+            let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+            let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+            assert_eq!(indices.iter().max(), Some(&(positions.len() as u32 - 1)));
+            assert_eq!(indices.len() % 3, 0);
+            for weights in reader.read_weights(0).unwrap().into_f32() {
+                assert_eq!(weights, [1.0, 0.0, 0.0, 0.0]);
+            }
+            let bound = reader.read_joints(0).unwrap().into_u16();
+            for (position, [joint, ..]) in positions.iter().zip(bound) {
+                let joint = Joint::ALL[usize::from(joint)];
+                // No limb reaches further than its bone and its thickness.
+                let gap = Vec3::from(*position).distance(place[joint.index()].as_vec3());
+                assert!(gap < 0.62, "{}: {gap}", joint.name());
+                lowest = lowest.min(position[1]);
+            }
+            for normal in reader.read_normals().unwrap() {
+                assert!((Vec3::from(normal).length() - 1.0).abs() < 1e-5);
+            }
+            vertices += positions.len();
+        }
+        assert!((0.0..0.02).contains(&lowest), "{lowest}");
+        assert!(vertices < 4000, "{vertices}");
+    }
+
+    #[test]
+    fn the_animation_has_a_keyframe_a_frame_and_moves_the_joints_as_the_motion_does() {
+        let rotations = example::rotations();
+        let gltf = file(&GlbOptions {
+            name: "a jump".into(),
+            ..GlbOptions::default()
+        });
+        let bytes = gltf.blob.as_ref().unwrap();
+        let animation = gltf.animations().next().unwrap();
+        assert_eq!(animation.name(), Some("a jump"));
+        let mut turns = vec![[DQuat::IDENTITY; JOINTS]; rotations.frames()];
+        let mut way = Vec::new();
+        for channel in animation.channels() {
+            let joint = Joint::from_name(channel.target().node().name().unwrap()).unwrap();
+            let reader = channel.reader(|_| Some(&bytes[..]));
+            let times: Vec<f32> = reader.read_inputs().unwrap().collect();
+            let expected: Vec<f32> = (0..40).map(|frame| frame as f32 / 20.0).collect();
+            assert_eq!(times, expected);
+            match reader.read_outputs().unwrap() {
+                gltf::animation::util::ReadOutputs::Translations(values) => {
+                    assert_eq!(joint, Joint::Pelvis);
+                    way.extend(values);
+                }
+                gltf::animation::util::ReadOutputs::Rotations(values) => {
+                    let mut last: Option<Quat> = None;
+                    for (pose, value) in turns.iter_mut().zip(values.into_f32()) {
+                        let turn = Quat::from_array(value);
+                        assert!((turn.length() - 1.0).abs() < 1e-6);
+                        assert!(last.is_none_or(|last| last.dot(turn) >= 0.0));
+                        last = Some(turn);
+                        pose[joint.index()] = turn.as_dquat();
+                    }
+                }
+                _ => panic!("{:?}", channel.target().property()),
+            }
+        }
+        assert_eq!(way, rotations.root());
+        for (frame, pose) in rotations.joints().iter().enumerate() {
+            let mut global = [(DVec3::ZERO, DQuat::IDENTITY); JOINTS];
+            for joint in Joint::ALL {
+                let (place, turn) = match joint.parent() {
+                    None => (DVec3::from(way[frame].map(f64::from)), DQuat::IDENTITY),
+                    Some(parent) => {
+                        let (place, turn) = global[parent.index()];
+                        let offset = DVec3::from(rotations.rest().offset(joint).map(f64::from));
+                        (place + turn * offset, turn)
+                    }
+                };
+                global[joint.index()] = (place, turn * turns[frame][joint.index()]);
+                let expected = DVec3::from(pose[joint.index()].map(f64::from));
+                assert!(place.distance(expected) < 1e-5, "{frame} {}", joint.name());
+            }
+        }
+    }
+
+    #[test]
+    fn joints_that_never_turn_have_no_channel() {
+        let motion = lamogen_motion::Motion::from_joints(vec![example::motion(1).joints()[0]; 5]);
+        let rotations = Rotations::of(&motion.unwrap());
+        let bytes = bytes(&rotations, &GlbOptions::default()).unwrap();
+        let gltf = gltf::Gltf::from_slice(&bytes).unwrap();
+        let turns = |joint: Joint| {
+            let turn = rotations.local()[0][joint.index()];
+            turn != [0.0, 0.0, 0.0, 1.0]
+        };
+        for joint in Joint::ALL {
+            let mut channels = gltf.animations().next().unwrap().channels();
+            let has_channel = channels.any(|channel| {
+                let target = channel.target();
+                target.node().name() == Some(joint.name())
+                    && target.property() == Property::Rotation
+            });
+            assert_eq!(has_channel, turns(joint), "{}", joint.name());
+        }
+    }
+
+    #[test]
+    fn options_are_kept() {
+        let options = GlbOptions {
+            body: false,
+            copyright: Some("CC-BY-NC-4.0".into()),
+            notes: BTreeMap::from([("text".into(), "a person \"jumps\" ☃".into())]),
+            ..GlbOptions::default()
+        };
+        let bytes = bytes(&example::rotations(), &options).unwrap();
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        assert_eq!(document["asset"]["copyright"], "CC-BY-NC-4.0");
+        assert_eq!(
+            document["nodes"][0]["extras"]["text"],
+            "a person \"jumps\" ☃"
+        );
+        assert_eq!(document.get("meshes"), None);
+        assert_eq!(document.get("skins"), None);
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_is_named() {
+        let error = write(
+            "no/such/a.glb",
+            &example::rotations(),
+            &GlbOptions::default(),
+        );
+        assert!(error.unwrap_err().to_string().contains("no/such/a.glb"));
+    }
+}
