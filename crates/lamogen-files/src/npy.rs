@@ -50,10 +50,14 @@ enum Kind {
 
 /// What an array holds, by its shape; an axis of length 1 may stand first.
 fn kind(array: &Array) -> Option<Kind> {
-    let shape = match array.shape.as_slice() {
-        [1, rest @ ..] if rest.len() >= 2 => rest,
-        shape => shape,
-    };
+    let shape = array.shape.as_slice();
+    kind_of(shape).or_else(|| match shape {
+        [1, rest @ ..] => kind_of(rest),
+        _ => None,
+    })
+}
+
+fn kind_of(shape: &[usize]) -> Option<Kind> {
     match shape {
         [_, JOINTS, 3] => Some(Kind::Joints),
         [_, width] if *width == 3 * JOINTS => Some(Kind::Joints),
