@@ -84,12 +84,6 @@ pub enum WriteError {
     #[error("{path}: expected a unit of more than 0 metres, found {found}")]
     #[allow(missing_docs)]
     Unit { path: PathBuf, found: f64 },
-    /// A motion that came from no pose features.
-    #[error(
-        "{path}: expected a motion that has pose features, found one of joints alone; write its joints, to .npy"
-    )]
-    #[allow(missing_docs)]
-    NoFeatures { path: PathBuf },
     /// A GLB.
     #[error(transparent)]
     Glb(#[from] GlbError),

@@ -80,13 +80,12 @@ impl Default for WriteOptions {
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
 /// | `.glb` | [glTF](crate::glb) |
-/// | `.features.npy` | the pose features that the motion came from, `(frames, 263)` |
+/// | `.features.npy` | pose features, `(frames, 263)`: those the motion came from, else [encoded](lamogen_motion::encode) ones |
 /// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up, 20 frames a second |
 ///
 /// # Errors
 ///
-/// If the name has another end, an option makes no sense for it, the motion has no pose features where they
-/// are asked for, or the file cannot be written.
+/// If the name has another end, an option makes no sense for it, pose features are asked of a single frame, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     motion: &Motion,
@@ -125,7 +124,7 @@ pub fn write(
             )
         }
         Some("glb") => Ok(glb::write(path, &rotations(motion, rate), &options.glb)?),
-        Some("npy") if features(path) => npy::write_features(path, motion),
+        Some("npy") if features(path) => Ok(motion.save_features(path)?),
         Some("npy") => Ok(motion.save_joints(path)?),
         found => Err(WriteError::Ending {
             path: path.to_owned(),
@@ -209,7 +208,6 @@ mod tests {
             ("a.bvh", no_rate, "frames a second"),
             ("a.npy", fast, "20"),
             ("a.bvh", no_unit, "unit"),
-            ("a.features.npy", default(), "pose features"),
         ] {
             let path = folder.path().join(name);
             let message = write(path, &motion(), &options).unwrap_err().to_string();

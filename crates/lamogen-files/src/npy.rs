@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use lamogen_motion::npy::{self, Array};
-use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, JOINTS, Motion, MotionError, POSE_FEATURES};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
 
-use crate::error::{ReadError, WriteError};
+use crate::error::ReadError;
 use crate::import::{Imported, ReadOptions};
 use crate::units::{Unit, Up};
 
@@ -72,54 +72,8 @@ fn joints(array: &Array, unit: Unit, up: Up) -> Result<Motion, MotionError> {
     Motion::from_joints(array.values.chunks_exact(3 * JOINTS).map(pose).collect())
 }
 
-/// The motion of pose features: their joints, by the definition of
-/// [`joints`](lamogen_motion::joints).
 fn from_features(array: &Array) -> Result<Motion, MotionError> {
-    let group = |row: &[f32], group: FeatureGroup| -> Vec<f64> {
-        row[group.range()].iter().copied().map(f64::from).collect()
-    };
-    let mut heading = 0.0;
-    let (mut x, mut z) = (0.0, 0.0);
-    let mut poses = Vec::new();
-    let mut before: Option<&[f32]> = None;
-    for row in array.values.chunks_exact(POSE_FEATURES) {
-        // A row's yaw and velocity are the step to the next.
-        if let Some(before) = before {
-            heading += 2.0 * group(before, FeatureGroup::RootYaw)[0];
-            let step = group(before, FeatureGroup::RootVelocity);
-            let (step_x, step_z) = turn(step[0], step[1], heading);
-            (x, z) = (x + step_x, z + step_z);
-        }
-        let local = group(row, FeatureGroup::LocalPositions);
-        let mut pose = [[0.0f32; 3]; JOINTS];
-        pose[0] = [
-            x as f32,
-            group(row, FeatureGroup::RootHeight)[0] as f32,
-            z as f32,
-        ];
-        for (place, local) in pose[1..].iter_mut().zip(local.chunks_exact(3)) {
-            let (local_x, local_z) = turn(local[0], local[2], heading);
-            *place = [(x + local_x) as f32, local[1] as f32, (z + local_z) as f32];
-        }
-        poses.push(pose);
-        before = Some(row);
-    }
-    Motion::from_joints(poses)
-}
-
-/// Rotation about Y.
-fn turn(x: f64, z: f64, angle: f64) -> (f64, f64) {
-    let (sin, cos) = angle.sin_cos();
-    (x * cos - z * sin, x * sin + z * cos)
-}
-
-/// Writes the features that a motion came from.
-pub(crate) fn write_features(path: &Path, motion: &Motion) -> Result<(), WriteError> {
-    let features = motion.features().ok_or_else(|| WriteError::NoFeatures {
-        path: path.to_owned(),
-    })?;
-    let shape = [features.len(), POSE_FEATURES];
-    Ok(npy::write(path, features.as_flattened(), &shape)?)
+    Motion::from_pose_features(array.values.as_chunks().0.to_vec())
 }
 
 #[cfg(test)]

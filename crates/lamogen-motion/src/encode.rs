@@ -161,7 +161,7 @@ fn chain_rotations(pose: &[DVec3; JOINTS], heading: DQuat) -> [DMat3; JOINTS] {
             let direction = (pose[bone[1].index()] - pose[bone[0].index()]).normalize_or_zero();
             let local = turned.inverse() * between(rest(bone[1]), direction);
             rotations[bone[1].index()] = DMat3::from_quat(local.normalize());
-            turned = turned * local;
+            turned *= local;
         }
     }
     rotations

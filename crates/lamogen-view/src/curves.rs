@@ -5,6 +5,7 @@ use lamogen_motion::FRAMES_PER_SECOND;
 use plotters::prelude::*;
 
 use crate::printable;
+use crate::text::shortened;
 
 /// One curve in each of the four panels.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +58,8 @@ impl<'a> Curve<'a> {
 pub struct CurveError(String);
 
 const SIZE: (u32, u32) = (1100, 760);
+/// Letters of the title, in pixels.
+const TITLE: u32 = 22;
 
 /// Draws Weight, Time, Flow and Shape over time, a panel each, as an SVG document.
 ///
@@ -64,8 +67,17 @@ const SIZE: (u32, u32) = (1100, 760);
 ///
 /// If the picture cannot be drawn; numbers that are not finite are left out.
 pub fn curves(title: &str, curves: &[Curve<'_>]) -> Result<String, CurveError> {
+    panels(title, curves, SIZE)
+}
+
+/// The panels of [`curves`] in so many pixels, without a title if it is empty.
+pub(crate) fn panels(
+    title: &str,
+    curves: &[Curve<'_>],
+    size: (u32, u32),
+) -> Result<String, CurveError> {
     let mut svg = String::new();
-    draw(&mut svg, title, curves).map_err(|error| CurveError(error.to_string()))?;
+    draw(&mut svg, title, curves, size).map_err(|error| CurveError(error.to_string()))?;
     Ok(svg)
 }
 
@@ -73,21 +85,28 @@ fn draw(
     svg: &mut String,
     title: &str,
     curves: &[Curve<'_>],
+    size: (u32, u32),
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    let mut area = SVGBackend::with_string(svg, size).into_drawing_area();
     area.fill(&WHITE)?;
-    let area = area.titled(&printable(title), ("sans-serif", 22))?;
+    if !title.is_empty() {
+        let title = shortened(&printable(title), TITLE as f32, size.0 as f32);
+        area = area.titled(&title, ("sans-serif", TITLE))?;
+    }
     let panels = area.split_evenly((2, 2));
     for (component, panel) in Component::ALL.into_iter().zip(&panels) {
         let values = || curves.iter().flat_map(|c| c.series.component(component));
         let largest = values().filter(|x| x.is_finite()).fold(0.0, f32::max);
         let frames = curves.iter().map(|c| c.series.frames().len()).max();
         let seconds = frames.unwrap_or(1).saturating_sub(1).max(1) as f32 / FRAMES_PER_SECOND;
-        // Room above the curves for the legend.
-        let top = largest.max(1e-6) * 1.25;
+        // Room above the curves for the legend, about so many pixels beside those of the whole
+        // plot.
+        let legend = 18.0 * curves.len() as f32 + 20.0;
+        let plot = panel.dim_in_pixel().1 as f32 - 85.0;
+        let top = largest.max(1e-6) / (1.0 - legend / plot).max(0.5);
         let mut chart = ChartBuilder::on(panel)
             .caption(
-                format!("{component} ({})", unit(component)),
+                format!("{component} ({})", component.unit()),
                 ("sans-serif", 17),
             )
             .margin(10)
@@ -134,15 +153,6 @@ fn draw(
     Ok(())
 }
 
-pub(crate) fn unit(component: Component) -> &'static str {
-    match component {
-        Component::Weight => "m² per frame²",
-        Component::Time => "m per frame²",
-        Component::Flow => "m per frame³",
-        Component::Shape => "m³",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,6 +177,12 @@ mod tests {
             assert!(svg.contains(&format!("{component} (")), "{component}");
         }
         assert!(svg.contains("baseline") && svg.contains("a person &lt;jumps&gt;"));
+    }
+
+    #[test]
+    fn a_long_title_is_shortened() {
+        let svg = curves(&"jump ".repeat(60), &[]).unwrap();
+        assert!(svg.contains("jump jump…"), "{svg}");
     }
 
     #[test]

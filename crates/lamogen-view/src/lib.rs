@@ -1,40 +1,57 @@
-//! Pictures of motion: as SVG strips of stick figures and Laban features over time, and a page that plays motions.
+//! Pictures of motion: strips of stick figures and Laban features over time as SVG and PNG, animations as
+//! GIF, and a page that plays motions.
 
+mod animation;
+mod camera;
 mod curves;
+mod figure;
+mod follow;
+mod fonts;
+mod ground;
 mod page;
+mod palette;
+mod raster;
+mod sheet;
 mod strip;
+mod text;
 
+pub use animation::{GifError, GifOptions, gif};
 pub use curves::{Curve, CurveError, curves};
 pub use page::{Figure, Page, page};
+pub use raster::{RasterError, png};
+pub use sheet::sheet;
 pub use strip::{Row, strip};
 
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a picture whole or not at all.
+use text::printable;
+
+/// Writes a picture whole or not at all: the text of an SVG or the bytes of a PNG or GIF.
 ///
 /// # Errors
 ///
 /// If the file cannot be written; the message names it.
-pub fn save(path: impl AsRef<Path>, svg: &str) -> std::io::Result<()> {
+pub fn save(path: impl AsRef<Path>, picture: &(impl AsRef<[u8]> + ?Sized)) -> std::io::Result<()> {
     let path = path.as_ref();
-    lamogen_motion::write_atomically(path, |file| file.write_all(svg.as_bytes()))
+    lamogen_motion::write_atomically(path, |file| file.write_all(picture.as_ref()))
         .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display())))
-}
-
-/// Text without the characters that XML 1.0 has no place for.
-fn printable(text: &str) -> String {
-    let has_a_place = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
-    text.chars().filter(has_a_place).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     #[test]
-    fn control_characters_are_left_out() {
-        assert_eq!(
-            super::printable("a \u{1}\u{b}person\njumps ü 😀"),
-            "a personjumps ü 😀"
-        );
+    fn pictures_are_saved_as_they_are_and_errors_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [text, bytes] = ["a.svg", "a.png"].map(|name| folder.path().join(name));
+        save(&text, "<svg/>").unwrap();
+        save(&bytes, &vec![0, 255]).unwrap();
+        assert_eq!(std::fs::read(text).unwrap(), b"<svg/>");
+        assert_eq!(std::fs::read(bytes).unwrap(), [0, 255]);
+        let nowhere = folder.path().join("no folder/a.svg");
+        let message = save(nowhere, "<svg/>").unwrap_err().to_string();
+        assert!(message.contains("a.svg"), "{message}");
     }
 }

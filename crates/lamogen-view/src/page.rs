@@ -15,7 +15,8 @@ mod numbers;
 
 use lamogen_motion::Motion;
 
-use crate::{Curve, printable};
+use crate::Curve;
+use crate::text::printable;
 use markup::{escape, fill};
 
 /// One motion of a [`Page`].

@@ -1,69 +1,115 @@
 //! Stick figures of a motion, side by side.
 
-use std::f32::consts::FRAC_PI_6;
-
-use lamogen_motion::{CHAINS, FRAMES_PER_SECOND, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 use svg::Document;
-use svg::node::element::{Circle, Line, Polyline, Rectangle, Text};
+use svg::node::element::{Ellipse, Group, Line, Rectangle};
 
-use crate::printable;
+use crate::camera::{Camera, View};
+use crate::figure::{Extent, figure};
+use crate::text::{LINE, block, line, wrapped};
 
-/// One line of a strip.
+/// One motion of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    /// What stands before it.
+    /// What stands above it.
     pub label: &'a str,
     /// The motion it shows.
     pub motion: &'a Motion,
 }
 
-/// Pixels a metre.
+/// Pixels a metre, unless figures are huge.
 const SCALE: f32 = 110.0;
-/// Width of a figure's place, in metres.
-const PLACE: f32 = 1.25;
-/// Room above and below the figures, in metres.
-const MARGIN: f32 = 0.18;
-/// Pixels for the label above and the times below each row.
-const LABEL: f32 = 30.0;
-const TIMES: f32 = 22.0;
+/// Least and most width of a figure's place, in metres.
+const PLACE: [f32; 2] = [1.25, 2.0];
+/// Least height of a row above the ground, and most height of its figures, in metres.
+const HEIGHT: [f32; 2] = [1.7, 4.0];
+/// Room around the figures, in metres.
+const MARGIN: f32 = 0.12;
+/// How far the camera looks down, in radians.
+const TILT: f32 = 0.12;
+/// Radius of the shadow below a figure, in metres.
+const SHADOW: f32 = 0.3;
 
-/// Colours of the five chains: right leg, left leg, spine, right arm, left arm. The right side is
-/// warm, the left cold.
-const COLOURS: [&str; CHAINS.len()] = ["#c2410c", "#0369a1", "#374151", "#ea580c", "#0284c7"];
+/// Letters of labels and of times, in pixels.
+const LABEL: f32 = 17.0;
+const TIME: f32 = 12.0;
+/// Most lines of a label.
+const LABEL_LINES: usize = 2;
+/// Pixels left of the labels.
+pub(crate) const LEFT: f32 = 12.0;
 
 /// Draws `poses` moments of every motion, evenly spread from its first frame to its last, as an SVG
-/// document. Time runs to the right; each figure stands in its own place, so that a walk does not
-/// leave the picture, but heights are true. All rows share one scale. The camera looks down a little
-/// from the motion's front left.
+/// document on white. Time runs to the right; each figure stands in its own place, so that a walk
+/// does not leave the picture, but heights are true. All rows share one scale. The camera looks
+/// down a little from the motion's front left.
 ///
-/// Of rows of different lengths each is spread over its own length.
+/// Of rows of different lengths each is spread over its own length. Labels that are too long for
+/// two lines are shortened.
 pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
-    let poses = poses.max(1);
-    let pelvis = Joint::Pelvis.index();
-    let points = rows.iter().flat_map(|row| row.motion.joints());
-    let points = points.flat_map(|pose| pose.map(|point| (point, pose[pelvis])));
-    let top = points
-        .map(|(point, root)| project(point, root)[1])
-        .fold(1.6, f32::max)
-        + MARGIN;
-    let height = LABEL + (top + MARGIN) * SCALE + TIMES;
-    let width = poses as f32 * PLACE * SCALE;
-    let total = rows.len() as f32 * height;
-    let mut document = Document::new()
-        .set("viewBox", (0, 0, width.ceil() as i32, total.ceil() as i32))
-        .set("width", width.ceil())
-        .set("height", total.ceil())
+    let Drawing {
+        content,
+        width,
+        height,
+    } = draw(rows, poses, 0.0);
+    page(width, height).add(content).to_string()
+}
+
+/// A white page of that many pixels.
+pub(crate) fn page(width: f32, height: f32) -> Document {
+    let [width, height] = [width, height].map(|side| side.ceil().max(1.0));
+    Document::new()
+        .set("viewBox", (0, 0, width, height))
+        .set("width", width)
+        .set("height", height)
         .set("font-family", "sans-serif")
         .add(
             Rectangle::new()
                 .set("width", "100%")
                 .set("height", "100%")
                 .set("fill", "white"),
-        );
-    for (index, row) in rows.iter().enumerate() {
-        let above = index as f32 * height;
-        let ground = above + LABEL + top * SCALE;
-        document = document
+        )
+}
+
+/// Something drawn, and how many pixels it takes.
+pub(crate) struct Drawing {
+    pub content: Group,
+    pub width: f32,
+    pub height: f32,
+}
+
+/// What [`strip`] draws, at least so many pixels wide.
+pub(crate) fn draw(rows: &[Row<'_>], poses: usize, least_width: f32) -> Drawing {
+    let poses = poses.max(1);
+    let camera = Camera::new(TILT);
+    let shown = |row: &Row<'_>| moments(row.motion.frames(), poses);
+    let extent = rows
+        .iter()
+        .flat_map(|row| shown(row).map(|frame| (row.motion, frame)))
+        .map(|(motion, frame)| Extent::of(&motion.joints()[frame], &camera, below(motion, frame)))
+        .fold(Extent::NONE, Extent::and);
+    let [least, most] = HEIGHT;
+    let (top, bottom) = (extent.top.max(least), (-extent.bottom).max(0.0));
+    let scale = SCALE * (most / (top + bottom)).min(1.0);
+    // Places are as wide as the widest figure, and figures reach to both sides.
+    let reach = extent.right.max(-extent.left);
+    let place = (2.0 * reach + MARGIN).clamp(PLACE[0], PLACE[1]) * SCALE;
+    let place = place.max(least_width / poses as f32);
+    let above_ground = (top + MARGIN) * scale;
+    let below_ground = (bottom + MARGIN) * scale;
+
+    let width = poses as f32 * place;
+    let mut height = 0.0;
+    let mut content = Group::new();
+    for row in rows {
+        let label = wrapped(row.label, LABEL, width - 2.0 * LEFT, LABEL_LINES);
+        let ground = height + 0.6 * LABEL + label.len() as f32 * LABEL * LINE + above_ground;
+        content = content
+            .add(block(
+                &label,
+                [LEFT, height + 1.4 * LABEL],
+                LABEL,
+                "#111827",
+            ))
             .add(
                 Line::new()
                     .set("x1", 0)
@@ -71,96 +117,87 @@ pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
                     .set("y1", ground)
                     .set("y2", ground)
                     .set("stroke", "#d1d5db"),
-            )
-            .add(label(row.label, 12.0, above + 22.0, 17.0, "#111827"));
-        for pose in 0..poses {
-            let last = row.motion.frames() - 1;
-            let frame = match poses {
-                1 => last / 2,
-                poses => (pose * last + (poses - 1) / 2) / (poses - 1),
+            );
+        let times = ground + below_ground + TIME;
+        let middles = (0..poses).map(|pose| (pose as f32 + 0.5) * place);
+        for (frame, middle) in shown(row).zip(middles.clone()) {
+            let view = View {
+                camera,
+                middle: below(row.motion, frame),
+                origin: [middle, ground],
+                scale,
             };
-            let middle = (pose as f32 + 0.5) * PLACE * SCALE;
             let seconds = frame as f32 / FRAMES_PER_SECOND;
-            document = figure(document, row.motion, frame, [middle, ground]).add(label(
-                &format!("{seconds:.2} s"),
-                middle - 18.0,
-                ground + MARGIN * SCALE + 14.0,
-                12.0,
-                "#6b7280",
-            ));
+            let time = line(&format!("{seconds:.2} s"), [middle, times], TIME, "#6b7280");
+            content = content
+                .add(time.set("text-anchor", "middle"))
+                .add(blot(&view))
+                .add(figure(&row.motion.joints()[frame], &view));
         }
+        height = times + 1.2 * TIME;
     }
-    document.to_string()
-}
-
-/// One pose, its pelvis above `[x, y]` on the ground.
-fn figure(mut document: Document, motion: &Motion, frame: usize, [x, y]: [f32; 2]) -> Document {
-    let root = motion.position(frame, Joint::Pelvis);
-    let place = |joint: Joint| {
-        let [right, up] = project(motion.position(frame, joint), root);
-        [x + right * SCALE, y - up * SCALE]
-    };
-    for (chain, colour) in CHAINS.iter().zip(COLOURS) {
-        let points: Vec<String> = chain
-            .iter()
-            .map(|&joint| {
-                let [x, y] = place(joint);
-                format!("{x:.1},{y:.1}")
-            })
-            .collect();
-        document = document.add(
-            Polyline::new()
-                .set("points", points.join(" "))
-                .set("fill", "none")
-                .set("stroke", colour)
-                .set("stroke-width", 4)
-                .set("stroke-linecap", "round")
-                .set("stroke-linejoin", "round"),
-        );
+    Drawing {
+        content,
+        width,
+        height,
     }
-    let [x, y] = place(Joint::Head);
-    document.add(
-        Circle::new()
-            .set("cx", format!("{x:.1}"))
-            .set("cy", format!("{y:.1}"))
-            .set("r", 0.09 * SCALE)
-            .set("fill", COLOURS[2]),
-    )
 }
 
-/// A point in metres on the picture's plane, right and up, seen from the front left. The ground
-/// below `root` is the origin.
-fn project([x, y, z]: [f32; 3], root: [f32; 3]) -> [f32; 2] {
-    let (x, z) = (x - root[0], z - root[2]);
-    let (turn_sin, turn_cos) = FRAC_PI_6.sin_cos();
-    let (tilt_sin, tilt_cos) = 0.12f32.sin_cos();
-    let (right, towards) = (x * turn_cos + z * turn_sin, z * turn_cos - x * turn_sin);
-    [right, y * tilt_cos - towards * tilt_sin]
+/// The frames that are shown of so many.
+fn moments(frames: usize, poses: usize) -> impl Iterator<Item = usize> {
+    let last = frames - 1;
+    (0..poses).map(move |pose| match poses {
+        1 => last / 2,
+        poses => (pose * last + (poses - 1) / 2) / (poses - 1),
+    })
 }
 
-fn label(text: &str, x: f32, y: f32, size: f32, colour: &str) -> Text {
-    Text::new(printable(text))
-        .set("x", x)
-        .set("y", y)
-        .set("font-size", size)
-        .set("fill", colour)
+/// The point of the ground below the pelvis.
+fn below(motion: &Motion, frame: usize) -> [f32; 2] {
+    let [x, _, z] = motion.position(frame, Joint::Pelvis);
+    [x, z]
+}
+
+/// The shadow of a figure at noon, which shows how high above the ground it is.
+fn blot(view: &View) -> Ellipse {
+    let [x, y] = view.origin;
+    Ellipse::new()
+        .set("cx", x)
+        .set("cy", y)
+        .set("rx", SHADOW * view.scale)
+        .set("ry", SHADOW * view.camera.flatness() * view.scale)
+        .set("fill", "#e5e7eb")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::figure::PARTS;
     use lamogen_motion::JOINTS;
 
+    fn still(position: [f32; 3], frames: usize) -> Motion {
+        Motion::from_joints(vec![[position; JOINTS]; frames]).unwrap()
+    }
+
+    fn size(svg: &str) -> (f32, f32) {
+        let number = |name: &str| {
+            let (_, after) = svg.split_once(&format!(" {name}=\"")).unwrap();
+            after.split('"').next().unwrap().parse().unwrap()
+        };
+        (number("width"), number("height"))
+    }
+
     #[test]
-    fn every_pose_has_five_chains_and_a_head() {
-        let motion = Motion::from_joints(vec![[[0.1, 0.9, 0.2]; JOINTS]; 30]).unwrap();
+    fn every_pose_has_its_parts_a_head_and_a_time() {
+        let motion = still([0.1, 0.9, 0.2], 30);
         let rows = [Row {
             label: "a <b>",
             motion: &motion,
         }; 2];
         let svg = strip(&rows, 7);
-        assert_eq!(svg.matches("<polyline").count(), 2 * 7 * 5);
+        assert_eq!(svg.matches("<path").count(), 2 * 7 * PARTS);
         assert_eq!(svg.matches("<circle").count(), 2 * 7);
+        assert_eq!(svg.matches(" s\n").count(), 2 * 7, "{svg}");
         assert!(
             svg.contains("1.45 s") && svg.contains("a &lt;b&gt;"),
             "{svg}"
@@ -169,36 +206,69 @@ mod tests {
 
     #[test]
     fn one_frame_and_one_pose_are_enough() {
-        let motion = Motion::from_joints(vec![[[0.0; 3]; JOINTS]]).unwrap();
+        let motion = still([0.0; 3], 1);
         let rows = [Row {
             label: "",
             motion: &motion,
         }];
-        assert!(strip(&rows, 1).contains("<polyline"));
-        assert!(strip(&rows, 0).contains("<polyline"));
-        assert!(strip(&rows, 4).contains("<polyline"));
+        for poses in [0, 1, 4] {
+            assert!(strip(&rows, poses).contains("<path"));
+        }
+        assert!(strip(&[], 4).contains("<svg"));
     }
 
     #[test]
     fn a_motion_far_away_takes_no_more_room() {
         let size = |z: f32| {
-            let motion = Motion::from_joints(vec![[[0.1, 0.9, z]; JOINTS]; 30]).unwrap();
-            let label = "";
-            let svg = strip(
-                &[Row {
-                    label,
-                    motion: &motion,
-                }],
-                3,
-            );
-            svg.split("height=\"")
-                .nth(1)
-                .unwrap()
-                .split('"')
-                .next()
-                .unwrap()
-                .to_owned()
+            let motion = still([0.1, 0.9, z], 30);
+            let row = Row {
+                label: "",
+                motion: &motion,
+            };
+            size(&strip(&[row], 3))
         };
         assert_eq!(size(0.0), size(-10.0));
+    }
+
+    #[test]
+    fn the_highest_joint_of_a_shown_pose_lies_within_its_row() {
+        let jump = |height: f32| {
+            let mut joints = vec![[[0.0, 1.0, 0.0]; JOINTS]; 3];
+            joints[1][Joint::LeftWrist.index()][1] = height;
+            let motion = Motion::from_joints(joints).unwrap();
+            let row = Row {
+                label: "",
+                motion: &motion,
+            };
+            size(&strip(&[row], 3)).1
+        };
+        assert!(jump(3.0) > jump(1.5) + 1.2 * SCALE);
+        // A broken motion is drawn small instead of in a picture without end.
+        assert!(jump(1e6) < 6.0 * SCALE && jump(f32::MAX) < 6.0 * SCALE);
+    }
+
+    #[test]
+    fn the_same_motions_give_the_same_picture() {
+        let motion = still([0.0, 1.0, 0.0], 2);
+        let row = Row {
+            label: "a",
+            motion: &motion,
+        };
+        assert_eq!(strip(&[row; 2], 3), strip(&[row; 2], 3));
+    }
+
+    #[test]
+    fn long_labels_take_two_lines_and_no_more() {
+        let motion = still([0.0, 1.0, 0.0], 2);
+        let height = |label: &str| {
+            let row = Row {
+                label,
+                motion: &motion,
+            };
+            size(&strip(&[row], 3)).1
+        };
+        let words = |count| "jump ".repeat(count);
+        assert!(height(&words(20)) > height(&words(2)));
+        assert_eq!(height(&words(20)), height(&words(100)));
     }
 }

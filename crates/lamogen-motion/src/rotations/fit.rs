@@ -66,12 +66,9 @@ fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
                 for row in &mut a {
                     (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                 }
-                for column in 0..4 {
-                    (a[p][column], a[q][column]) = (
-                        c * a[p][column] - s * a[q][column],
-                        s * a[p][column] + c * a[q][column],
-                    );
-                }
+                let (above, below) = (a[p], a[q]);
+                a[p] = std::array::from_fn(|i| c * above[i] - s * below[i]);
+                a[q] = std::array::from_fn(|i| s * above[i] + c * below[i]);
                 for row in &mut vectors {
                     (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                 }

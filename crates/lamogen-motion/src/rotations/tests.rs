@@ -101,7 +101,8 @@ fn swinging(t: usize, joint: Joint, whole: impl Fn(f64) -> DQuat) -> DQuat {
 
 #[test]
 fn positions_come_back_at_every_heading_and_upside_down() {
-    let ways: [(&str, fn(f64) -> DQuat); 7] = [
+    type Way = (&'static str, fn(f64) -> DQuat);
+    let ways: [Way; 7] = [
         ("forwards", |_| DQuat::IDENTITY),
         ("backwards", |time| {
             DQuat::from_rotation_y(PI + 0.3 * (time * 3.0).sin())
@@ -153,9 +154,7 @@ fn only_the_pelvis_knows_where_the_body_faces() {
 
 #[test]
 fn twists_of_upper_arms_and_thighs_are_found_and_knees_and_elbows_are_hinges() {
-    let (known, motion) = moved(120, |t, joint| {
-        swinging(t, joint, |time| DQuat::from_rotation_y(time))
-    });
+    let (known, motion) = moved(120, |t, joint| swinging(t, joint, DQuat::from_rotation_y));
     let found = Rotations::of(&motion);
     for (t, (known, found)) in known.local().iter().zip(found.local()).enumerate() {
         for (upper, lower, axis) in [
@@ -332,9 +331,7 @@ fn joints_that_fall_together_and_single_frames_give_numbers() {
 
 #[test]
 fn resampling_keeps_the_frames_that_both_rates_have_and_the_bones() {
-    let (_, motion) = moved(41, |t, joint| {
-        swinging(t, joint, |time| DQuat::from_rotation_y(time))
-    });
+    let (_, motion) = moved(41, |t, joint| swinging(t, joint, DQuat::from_rotation_y));
     let found = Rotations::of(&motion);
     let fine = found.resampled(60.0);
     assert_eq!((fine.frames(), fine.frames_per_second()), (121, 60.0));

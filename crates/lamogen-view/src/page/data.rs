@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::Figure;
 use super::markup::in_script;
-use crate::curves::unit;
-use crate::{Curve, printable};
+use crate::Curve;
+use crate::text::printable;
 
 /// What one of the embedded integers means, in metres.
 const STEP: f64 = 1e-4;
@@ -31,7 +31,7 @@ pub(super) fn json(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
     let components = Component::ALL.map(|component| {
         let mut words = Tag::ALL.into_iter().filter(|tag| tag.component() == component);
         let mut word = || words.next().map(|tag| tag.to_string());
-        json!({ "name": component.to_string(), "unit": unit(component), "less": word(), "more": word() })
+        json!({ "name": component.to_string(), "unit": component.unit(), "less": word(), "more": word() })
     });
     let curves = curves.iter().map(|curve| {
         json!({

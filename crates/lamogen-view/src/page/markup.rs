@@ -1,6 +1,6 @@
 //! Text into HTML.
 
-use crate::printable;
+use crate::text::printable;
 
 /// Text as HTML shows it, in an element or in a quoted attribute.
 pub(super) fn escape(text: &str) -> String {

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::ValueEnum;
+use lamogen::Motion;
 use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
 use lamogen::files::{WriteOptions, csv};
+use lamogen::motion::Rotations;
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
 use crate::arguments::{BvhNamesName, WritingArguments};
@@ -135,7 +137,11 @@ impl Output {
         match self.format {
             Format::Glb | Format::Bvh | Format::Npy | Format::Features => {
                 let options = options(scene, writing, self.format);
-                lamogen::files::write(path, &scene.main().motion, &options)?;
+                let motion = &scene.main().motion;
+                lamogen::files::write(path, motion, &options)?;
+                if matches!(self.format, Format::Glb | Format::Bvh) {
+                    console.notice(format!("{self}: {}", rigid(motion)));
+                }
                 return Ok(());
             }
             Format::Csv => {
@@ -168,7 +174,7 @@ impl Output {
             Format::Html => page_of(scene).into_bytes(),
             _ => report::everything(scene).to_string().into_bytes(),
         };
-        save(path, content).map_err(|error| Failure::new(Code::Output, error))
+        save(path, &content).map_err(|error| Failure::new(Code::Output, error))
     }
 }
 
@@ -194,6 +200,24 @@ fn options(scene: &Scene, writing: &WritingArguments, format: Format) -> WriteOp
         options.frames_per_second = writing.fps;
     }
     options
+}
+
+/// How far a rig is from a motion whose bones change their length.
+fn rigid(motion: &Motion) -> String {
+    let pairs = Rotations::of(motion).joints();
+    let pairs = pairs.iter().flatten().zip(motion.joints().iter().flatten());
+    let (mut sum, mut largest, mut count) = (0.0, 0.0f32, 0);
+    for (a, b) in pairs {
+        let squared: f32 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        sum += f64::from(squared.sqrt());
+        largest = largest.max(squared.sqrt());
+        count += 1;
+    }
+    format!(
+        "bones keep their length, so joints are {:.1} mm from the motion's on average, {:.0} mm at most",
+        1e3 * sum / f64::from(count.max(1)),
+        1e3 * largest
+    )
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
         Some(path) => path.clone(),
         None => temporary(&options.files[0])?,
     };
-    lamogen_view::save(&path, page_of(&scene))
+    lamogen_view::save(&path, &page_of(&scene))
         .map_err(|error| Failure::new(Code::Output, error))?;
     match console.json {
         true => console.say(json!({ "file": path }).to_string())?,

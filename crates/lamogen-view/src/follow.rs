@@ -1,0 +1,97 @@
+//! Where the camera of an animation is aimed.
+
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
+
+/// How far the pelvis may go before the camera follows it, in metres.
+const LEASH: f32 = 0.3;
+/// Standard deviation of the camera's smoothing, in seconds.
+const SMOOTHING: f32 = 0.4;
+
+/// The point of the ground, `[x, z]`, that the camera is aimed at, for every frame. It stands still
+/// for a jump or a wave, and goes smoothly along with a walk.
+pub(crate) fn follow(motion: &Motion) -> Vec<[f32; 2]> {
+    smoothed(&on_a_leash(motion))
+}
+
+/// Drawn along by the pelvis whenever it is further away than the leash is long.
+fn on_a_leash(motion: &Motion) -> Vec<[f32; 2]> {
+    let pelvis = |frame: usize| {
+        let [x, _, z] = motion.position(frame, Joint::Pelvis);
+        [x, z]
+    };
+    let mut at = pelvis(0);
+    (0..motion.frames())
+        .map(|frame| {
+            let [x, z] = pelvis(frame);
+            let (dx, dz) = (x - at[0], z - at[1]);
+            let distance = dx.hypot(dz);
+            // What is not a number any more is no distance to follow.
+            if distance.is_finite() && distance > LEASH {
+                let step = (distance - LEASH) / distance;
+                at = [at[0] + dx * step, at[1] + dz * step];
+            }
+            at
+        })
+        .collect()
+}
+
+/// A Gaussian along time; beyond its ends the path stands still.
+fn smoothed(path: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    let deviation = SMOOTHING * FRAMES_PER_SECOND;
+    let reach = (3.0 * deviation) as isize;
+    let weight = |offset: isize| (-0.5 * (offset as f32 / deviation).powi(2)).exp();
+    let total: f32 = (-reach..=reach).map(weight).sum();
+    let last = path.len() as isize - 1;
+    (0..=last)
+        .map(|frame| {
+            let mut mean = [0.0; 2];
+            for offset in -reach..=reach {
+                let at = path[(frame + offset).clamp(0, last) as usize];
+                mean = std::array::from_fn(|i| mean[i] + at[i] * (weight(offset) / total));
+            }
+            mean
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lamogen_motion::JOINTS;
+
+    fn path(points: impl Iterator<Item = [f32; 2]>) -> Vec<[f32; 2]> {
+        let poses = points.map(|[x, z]| [[x, 1.0, z]; JOINTS]).collect();
+        follow(&Motion::from_joints(poses).unwrap())
+    }
+
+    #[test]
+    fn small_movements_do_not_move_the_camera() {
+        let sway = (0..60).map(|t| [0.25 * (t as f32 * 0.5).sin(), 0.0]);
+        let path = path(sway);
+        assert!(path.iter().all(|at| at[0].hypot(at[1]) < 1e-6), "{path:?}");
+    }
+
+    #[test]
+    fn a_walk_is_followed_closely_and_smoothly() {
+        let path = path((0..120).map(|t| [0.0, 0.05 * t as f32]));
+        for (frame, at) in path.iter().enumerate() {
+            assert!((at[1] - 0.05 * frame as f32).abs() < 0.7, "{frame}: {at:?}");
+        }
+        let steps: Vec<f32> = path
+            .windows(2)
+            .map(|pair| pair[1][1] - pair[0][1])
+            .collect();
+        assert!(steps.iter().all(|&step| (0.0..0.051).contains(&step)));
+        let jolts = steps.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(jolts.fold(0.0, f32::max) < 0.005);
+    }
+
+    #[test]
+    fn a_camera_far_away_stays_there() {
+        let path = path(std::iter::repeat_n([-20.0, 30.0], 10));
+        assert!(
+            path.iter()
+                .all(|at| (at[0] + 20.0).abs() < 1e-3 && (at[1] - 30.0).abs() < 1e-3)
+        );
+    }
+}
