@@ -2,8 +2,9 @@
 
 Usage: blender -b --factory-startup -noaudio --python blender.py -- WORK.json
 
-WORK.json lists {"file", "joints", "picture" or null}. `joints` names a JSON file of ours: frame rate, joint names, and
-positions in metres, Y up. Exit 1 if a joint is further away than TOLERANCE, or a body does not follow its joints.
+WORK.json lists {"file", "joints", "again" or null, "picture" or null}. `joints` names a JSON file of ours: frame rate,
+joint names, and positions in metres, Y up; `again` and `picture` what Blender shall export and render. Exit 1 if a joint
+is further away than TOLERANCE, or a body does not follow its joints.
 """
 
 import builtins
@@ -172,6 +173,8 @@ def main():
             verdict = "ok" if largest <= TOLERANCE else "TOO FAR OFF"
             lines.append(f"{1000 * largest:9.4f} mm at most  {verdict}{where}")
             failed |= largest > TOLERANCE
+            if entry["again"]:
+                bpy.ops.export_scene.gltf(filepath=entry["again"], export_format="GLB")
             if entry["picture"]:
                 render(reference, entry["picture"])
         except Exception as error:

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
+use glam::Vec3;
 use lamogen::{Generation, LaMoGen, Request, Tag};
-use lamogen_files::WriteOptions;
-use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
+use lamogen_files::{ReadOptions, WriteOptions};
+use lamogen_motion::{JOINTS, Joint, Motion, Rotations, write_atomically};
 use lamogen_view::{Curve, Figure, Page};
 use serde_json::json;
 
@@ -24,8 +25,11 @@ pub struct Take {
     pub glb: PathBuf,
     pub bare_glb: PathBuf,
     pub bvh: PathBuf,
+    /// Where Blender exports what it imported.
+    pub again_glb: PathBuf,
     /// Where the joints have to be: frame rate, names, positions in metres, Y up.
     pub joints: PathBuf,
+    truth: Vec<[[f32; 3]; JOINTS]>,
 }
 
 impl Exhibits {
@@ -59,11 +63,16 @@ impl Exhibits {
 impl Take {
     fn write(folder: &Path, name: &str, motion: &Motion) -> Result<Take> {
         let place = |ending: &str| folder.join(format!("{name}{ending}"));
+        // Rotations cannot reach joints whose bones change their length: what they reach is what the
+        // files must hold.
+        let rotations = Rotations::of(motion);
         let take = Take {
             glb: place(".glb"),
             bare_glb: place("_bare.glb"),
             bvh: place(".bvh"),
+            again_glb: place("_again.glb"),
             joints: place(".json"),
+            truth: rotations.joints(),
         };
         let options = WriteOptions::default();
         let mut bare = options.clone();
@@ -71,19 +80,36 @@ impl Take {
         lamogen_files::write(&take.glb, motion, &options)?;
         lamogen_files::write(&take.bare_glb, motion, &bare)?;
         lamogen_files::write(&take.bvh, motion, &options)?;
-
-        // Rotations cannot reach joints whose bones change their length: what they reach is what the
-        // files must hold.
-        let rotations = Rotations::of(motion);
         let truth = json!({
             "frames_per_second": rotations.frames_per_second(),
             "names": Joint::ALL.map(Joint::name),
-            "frames": rotations.joints().iter().map(|pose| json!(pose)).collect::<Vec<_>>(),
+            "frames": take.truth.iter().map(|pose| json!(pose)).collect::<Vec<_>>(),
         });
         write_atomically(&take.joints, |file| {
             Ok(serde_json::to_writer(file, &truth)?)
         })?;
         Ok(take)
+    }
+
+    /// The largest distance in metres of a joint in Blender's export from where it has to be.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read or has another length.
+    pub fn gap_again(&self) -> Result<f32> {
+        let again = lamogen_files::read(&self.again_glb, &ReadOptions::default())?.motion;
+        if again.frames() != self.truth.len() {
+            let (expected, found) = (self.truth.len(), again.frames());
+            let name = self.again_glb.display();
+            return Err(format!("{name}: expected {expected} frames, found {found}").into());
+        }
+        let pairs = again
+            .joints()
+            .iter()
+            .flatten()
+            .zip(self.truth.iter().flatten());
+        let gaps = pairs.map(|(&a, &b)| Vec3::from(a).distance(Vec3::from(b)));
+        Ok(gaps.fold(0.0, f32::max))
     }
 }
 

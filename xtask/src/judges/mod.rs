@@ -36,6 +36,9 @@ const NEEDED: [(&[&str], &str); 5] = [
     ),
 ];
 
+/// How far joints may be from where they should be, in metres.
+const TOLERANCE: f32 = 0.002;
+
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Asked about the exhibits; the folder is that of the scripts.
@@ -110,16 +113,19 @@ fn validator(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
     passes(&mut node)
 }
 
-/// Blender's importers: every joint where it should be at every frame, and pictures.
+/// Blender's importers: every joint where it should be at every frame, and pictures. Then what Blender exports,
+/// read by lamogen.
 fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
     let mut work = Vec::new();
     for take in &exhibits.takes {
         // Blender writes pictures to a folder of its own unless told the whole path.
         let picture = std::path::absolute(take.glb.with_extension("png"))?;
-        work.push(json!({ "file": take.glb, "joints": take.joints, "picture": picture }));
-        for file in [&take.bare_glb, &take.bvh] {
-            work.push(json!({ "file": file, "joints": take.joints, "picture": null }));
-        }
+        let (joints, again) = (&take.joints, &take.again_glb);
+        work.extend([
+            json!({ "file": take.glb, "joints": joints, "again": again, "picture": picture }),
+            json!({ "file": take.bare_glb, "joints": joints, "again": null, "picture": null }),
+            json!({ "file": take.bvh, "joints": joints, "again": null, "picture": null }),
+        ]);
     }
     let list = Path::new(FOLDER).join("blender.json");
     write_atomically(&list, |file| Ok(serde_json::to_writer(file, &work)?))?;
@@ -138,10 +144,21 @@ fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
         .filter_map(|line| line.strip_prefix("judge: "))
         .collect();
     println!("{}", verdicts.join("\n"));
-    match output.status.success() && verdicts.len() == work.len() {
-        true => Ok(()),
-        false => Err(format!("{}; more in {}", output.status, log.display()).into()),
+    if !output.status.success() || verdicts.len() != work.len() {
+        return Err(format!("{}; more in {}", output.status, log.display()).into());
     }
+    for take in &exhibits.takes {
+        let gap = take.gap_again()?;
+        let name = take.again_glb.display();
+        println!(
+            "{name}, exported by Blender and read again: {:.4} mm at most",
+            1000.0 * gap
+        );
+        if gap > TOLERANCE {
+            return Err(format!("{name}: expected at most {TOLERANCE} m").into());
+        }
+    }
+    Ok(())
 }
 
 /// The page, used in Chromium as people use it.

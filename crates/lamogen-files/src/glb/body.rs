@@ -21,6 +21,34 @@ pub(super) struct Limb {
     pub(super) capsule: Capsule,
 }
 
+/// The flesh of the trunk: the joint that carries it, from where to where, in metres aside of joints, and its
+/// radii in metres.
+const TRUNK: [(Joint, (Joint, f64), (Joint, f64), [f64; 2]); 10] = {
+    use Joint::*;
+    [
+        (Pelvis, (LeftHip, 0.0), (RightHip, 0.0), [0.088, 0.088]),
+        (Pelvis, (Pelvis, 0.05), (Spine1, 0.045), [0.09, 0.085]),
+        (Pelvis, (Pelvis, -0.05), (Spine1, -0.045), [0.09, 0.085]),
+        (Spine1, (Spine1, 0.045), (Spine2, 0.05), [0.085, 0.09]),
+        (Spine1, (Spine1, -0.045), (Spine2, -0.05), [0.085, 0.09]),
+        (Spine2, (Spine2, 0.05), (Spine3, 0.06), [0.09, 0.095]),
+        (Spine2, (Spine2, -0.05), (Spine3, -0.06), [0.09, 0.095]),
+        (Spine3, (Spine3, 0.06), (LeftCollar, 0.005), [0.095, 0.075]),
+        (
+            Spine3,
+            (Spine3, -0.06),
+            (RightCollar, -0.005),
+            [0.095, 0.075],
+        ),
+        (
+            Spine3,
+            (LeftCollar, 0.005),
+            (RightCollar, -0.005),
+            [0.075, 0.075],
+        ),
+    ]
+};
+
 /// Height in metres of the body that the thicknesses below are those of.
 const HEIGHT: f64 = 1.7;
 
@@ -54,7 +82,7 @@ impl Side {
     }
 }
 
-/// The body's limbs: one around each bone, one around each tip, and hips and chest.
+/// The body's limbs: one around each bone, one around each tip, and the trunk.
 ///
 /// Positions are those of [`standing`].
 pub(super) fn limbs(rest: &RestPose) -> Vec<Limb> {
@@ -118,20 +146,19 @@ fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
             },
         }
     });
-    // A spine alone is a pole: hips and chest are as wide as what hangs from them.
-    let girdles = [
-        (Joint::Pelvis, Joint::LeftHip, 0.095),
-        (Joint::Spine3, Joint::LeftCollar, 0.085),
-    ]
-    .map(|(joint, left, radius)| Limb {
-        joint,
-        side: Side::Middle,
-        capsule: Capsule {
-            ends: [left, left.mirrored()].map(|end| place[end.index()]),
-            radii: [radius * size; 2],
-        },
+    // A spine alone is a pole; hips, waist and chest are wider than deep.
+    let trunk = TRUNK.map(|(joint, from, to, radii)| {
+        let end = |(joint, aside): (Joint, f64)| place[joint.index()] + DVec3::X * aside * size;
+        Limb {
+            joint,
+            side: Side::Middle,
+            capsule: Capsule {
+                ends: [end(from), end(to)],
+                radii: radii.map(|radius| radius * size),
+            },
+        }
     });
-    bones.chain(ends).chain(girdles).collect()
+    bones.chain(ends).chain(trunk).collect()
 }
 
 /// Radii in metres where the bone that ends in a joint starts and ends.
@@ -139,14 +166,14 @@ fn thickness(joint: Joint) -> [f64; 2] {
     use Joint::*;
     match joint {
         Pelvis => [0.0, 0.0],
-        LeftHip | RightHip => [0.075, 0.085],
-        Spine1 => [0.105, 0.1],
-        Spine2 => [0.1, 0.105],
-        Spine3 => [0.105, 0.11],
+        LeftHip | RightHip => [0.06, 0.078],
+        Spine1 => [0.09, 0.085],
+        Spine2 => [0.085, 0.09],
+        Spine3 => [0.09, 0.095],
         LeftKnee | RightKnee => [0.08, 0.052],
         LeftAnkle | RightAnkle => [0.052, 0.036],
         LeftFoot | RightFoot => [0.04, 0.034],
-        Neck => [0.1, 0.055],
+        Neck => [0.09, 0.055],
         Head => [0.05, 0.048],
         LeftCollar | RightCollar => [0.06, 0.06],
         LeftShoulder | RightShoulder => [0.058, 0.055],
@@ -165,10 +192,10 @@ mod tests {
     use crate::glb::example;
 
     #[test]
-    fn the_body_stands_on_the_ground_with_all_its_bones_tips_and_girdles() {
+    fn the_body_stands_on_the_ground_with_all_its_bones_tips_and_trunk() {
         let rest = example::rotations().rest().clone();
         let limbs = limbs(&rest);
-        assert_eq!(limbs.len(), JOINTS - 1 + 5 + 2);
+        assert_eq!(limbs.len(), JOINTS - 1 + 5 + TRUNK.len());
         let lowest = limbs
             .iter()
             .flat_map(|limb| [0, 1].map(|end| limb.capsule.ends[end].y - limb.capsule.radii[end]))

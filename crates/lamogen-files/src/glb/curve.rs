@@ -82,11 +82,17 @@ impl<T: Value> Curve<T> {
         }
     }
 
-    fn key(&self, key: usize) -> T {
+    /// The value at a keyframe.
+    pub(super) fn key(&self, key: usize) -> T {
         match self.interpolation {
             Interpolation::CubicSpline => self.values[3 * key + 1],
             _ => self.values[key],
         }
+    }
+
+    /// The values at all keyframes.
+    pub(super) fn keys(&self) -> impl Iterator<Item = T> + '_ {
+        (0..self.times.len()).map(|key| self.key(key))
     }
 
     /// Whether every keyframe holds the same value, and nothing bends between them.
@@ -94,7 +100,7 @@ impl<T: Value> Curve<T> {
         let keys = self.times.len();
         keys == 1
             || (self.interpolation != Interpolation::CubicSpline
-                && (1..keys).all(|key| self.key(key) == self.key(0)))
+                && self.keys().all(|value| value == self.key(0)))
     }
 }
 

@@ -21,6 +21,8 @@ const ONE_MOMENT: f64 = 5e-4;
 const FINE: f64 = 120.0;
 /// Frames a second at least where something is not linear between keyframes.
 const BENT: f64 = 60.0;
+/// By which part a size may differ and be the same: exporters that take transforms apart round.
+const SAME_SIZE: f64 = 1e-3;
 /// How far keyframes may lie beside a common grid, in parts of its frame.
 const OFF_GRID: f64 = 0.02;
 
@@ -71,6 +73,7 @@ fn read_bytes(bytes: &[u8], path: &Path, animation: Option<&str>) -> Result<Clip
 struct Tracks {
     translation: Option<Curve<DVec3>>,
     rotation: Option<Curve<DQuat>>,
+    scale: Option<DVec3>,
 }
 
 fn clip(container: &Container, animation: &Animation) -> Result<Clip, Flaw> {
@@ -98,7 +101,7 @@ fn clip(container: &Container, animation: &Animation) -> Result<Clip, Flaw> {
     };
     let mut poses: Vec<(DVec3, DQuat, DVec3)> = Vec::with_capacity(nodes.len());
     for (index, parent) in order {
-        let (shift, turn, scale) = transform(&nodes[index])
+        let (shift, turn, own) = transform(&nodes[index])
             .ok_or_else(|| format!("nodes[{index}]: expected a finite transform, found none"))?;
         let parent = parent.map(|parent| place_in_clip[parent]);
         place_in_clip[index] = clip.nodes.len();
@@ -106,12 +109,14 @@ fn clip(container: &Container, animation: &Animation) -> Result<Clip, Flaw> {
             None => (DVec3::ZERO, DQuat::IDENTITY, DVec3::ONE),
             Some(parent) => poses[parent],
         };
-        let rest = frame * (size * shift);
-        poses.push((above + rest, frame * turn, size * scale));
         let Tracks {
             translation,
             rotation,
+            scale,
         } = std::mem::take(&mut tracks[index]);
+        let scale = scale.unwrap_or(own);
+        let rest = frame * (size * shift);
+        poses.push((above + rest, frame * turn, size * scale));
         let name = nodes[index].name.clone();
         clip.nodes.push(Node {
             name: name.unwrap_or_else(|| format!("node {index}")),
@@ -162,8 +167,13 @@ fn tracks(container: &Container, animation: &Animation) -> Result<Vec<Tracks>, F
             }
             Checked::Valid(Property::Scale) => {
                 let sizes = curve(container, sampler, DVec3::from_array).map_err(at)?;
+                let first = sizes.key(0);
+                let changes = |size: DVec3| {
+                    (size - first).abs().max_element() > SAME_SIZE * first.abs().max_element()
+                };
                 let carries = nodes[node].children.as_ref().is_some_and(|c| !c.is_empty());
-                if carries && !sizes.is_constant() {
+                tracks[node].scale = Some(first);
+                if carries && sizes.keys().any(changes) {
                     let name = nodes[node].name.as_deref().unwrap_or("without a name");
                     return Err(at(format!(
                         "expected nodes that keep their size, found that of node {node} ({name}) to change"
@@ -685,6 +695,11 @@ mod tests {
             )
         };
         assert!(read_json(&on(0)).is_ok());
+        // What exporters leave of a size that stays.
+        let sizes: &[f32] = &[0.01, 0.01, 0.01, 0.0100001, 0.01, 0.0099999];
+        let steady = [(1, "scale", "LINEAR", sizes)];
+        let clip = read_json(&foreign(two_nodes(), &[0.0, 0.5], &steady)).unwrap();
+        assert!(clip.positions(0.5)[1].distance(DVec3::Y) < 1e-3);
         let message = read_json(&on(1)).err().unwrap().to_string();
         assert!(message.contains("Armature"), "{message}");
     }
