@@ -10,8 +10,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
+use lamogen::files::{WriteOptions, write};
 use lamogen::{Component, Device, Generation, LaMoGen, Request, Summary, Tag};
-use lamogen_view::{Curve, Row, curves, save, strip};
+use lamogen_view::{Curve, Figure, Page, Row, curves, page, save, strip};
 
 /// Generates a motion from a sentence, once as the text alone gives it and once as the tags ask.
 #[derive(Parser)]
@@ -114,7 +115,8 @@ fn report(arguments: &Arguments, result: &Generation) -> String {
         result.guided.distance(&result.baseline)
     ));
     lines.push(format!(
-        "Files in {}: baseline.npy and guided.npy (joints in metres, frames × 22 × 3), strip.svg, curves.svg",
+        "Files in {}: player.html (open it in a browser), guided.glb (for Blender and engines), strip.svg, \
+         curves.svg, baseline.npy and guided.npy (joints in metres, frames × 22 × 3)",
         arguments.out.display()
     ));
     lines.join("\n") + "\n"
@@ -124,6 +126,7 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
     let out = |name: &str| arguments.out.join(name);
     result.baseline.save_joints(out("baseline.npy"))?;
     result.guided.save_joints(out("guided.npy"))?;
+    write(out("guided.glb"), &result.guided, &WriteOptions::default())?;
     let tags: Vec<String> = arguments.tags.iter().map(Tag::to_string).collect();
     let tags = tags.join(", ");
     let rows = [
@@ -144,5 +147,16 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
         Curve::guided(&result.guided_laban),
     ];
     save(out("curves.svg"), &curves(&title, &lines)?)?;
+    let figures = [
+        Figure::baseline(&result.baseline),
+        Figure::guided(&result.guided),
+    ];
+    let player = Page {
+        title: &arguments.prompt,
+        notes: &tags,
+        figures: &figures,
+        curves: &lines,
+    };
+    save(out("player.html"), &page(&player))?;
     Ok(())
 }

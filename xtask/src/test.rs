@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 
 /// Cargo calls in the order in which their failures are quickest to mend. All use the release profile
 /// and the whole workspace, so that dependencies are built once.
-const STEPS: [(&str, &[&str]); 5] = [
+const STEPS: [(&str, &[&str]); 7] = [
     ("format", &["fmt", "--all", "--check"]),
     (
         "lints",
@@ -32,6 +32,22 @@ const STEPS: [(&str, &[&str]); 5] = [
             "--steps",
             "20",
         ],
+    ),
+    (
+        "example over time",
+        &[
+            "run",
+            "--release",
+            "--example",
+            "time_varying",
+            "--",
+            "--steps",
+            "20",
+        ],
+    ),
+    (
+        "example with a file",
+        &["run", "--release", "--example", "report_bvh"],
     ),
 ];
 
@@ -65,7 +81,7 @@ pub fn run(cpu_only: bool) -> ExitCode {
     ) {
         return ExitCode::FAILURE;
     }
-    eprintln!("\nformat, lints, tests, docs, the example and the backends pass");
+    eprintln!("\nformat, lints, tests, docs, the examples and the backends pass");
     if cpu_only {
         eprintln!("the GPU backend was left out, as --cpu-only asks");
     }
