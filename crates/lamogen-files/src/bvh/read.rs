@@ -4,30 +4,12 @@
 //! any line, names with blanks and colons, joints with any channels in any order, `Frame Time` with or
 //! without blanks, rows that are missing at the end.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
+use super::cursor::{BvhError, Cursor};
 use crate::clip::{Clip, END_SITE, Node};
-
-/// Why a BVH cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum BvhError {
-    /// The file cannot be opened or read.
-    #[error("{path}: {reason}")]
-    #[allow(missing_docs)]
-    Io { path: PathBuf, reason: io::Error },
-    /// Something else than BVH stands in a line.
-    #[error("{path}, line {line}: expected {expected}, found {found}")]
-    #[allow(missing_docs)]
-    Syntax {
-        path: PathBuf,
-        line: usize,
-        expected: String,
-        found: String,
-    },
-}
 
 /// What a BVH holds.
 #[derive(Debug)]
@@ -54,11 +36,7 @@ pub(crate) fn read(path: &Path) -> Result<Bvh, BvhError> {
 /// Reads a text; `path` stands in error messages.
 pub(crate) fn parse(text: &str, path: &Path) -> Result<Bvh, BvhError> {
     let text = text.trim_start_matches('\u{feff}');
-    let mut cursor = Cursor {
-        text,
-        line: 1,
-        path,
-    };
+    let mut cursor = Cursor::new(text, path);
     cursor.keyword(&["HIERARCHY"], "HIERARCHY")?;
     cursor.keyword(&["ROOT"], "ROOT and the name of the first joint")?;
     let (mut nodes, channels) = hierarchy(&mut cursor)?;
@@ -262,134 +240,19 @@ fn rows(
     let mut row = Vec::with_capacity(width);
     let mut frames = 0;
     while !cursor.peek().is_empty() {
-        let line = cursor.line;
+        let start = cursor.clone();
         row.clear();
-        while cursor.line == line && !cursor.peek_in_line().is_empty() {
+        while !cursor.peek_in_line().is_empty() {
             row.push(cursor.number("a number")?);
         }
         if row.len() != width {
-            return Err(BvhError::Syntax {
-                path: cursor.path.to_owned(),
-                line,
-                expected: format!("a row of {width} numbers, one for each channel"),
-                found: format!("{}", row.len()),
-            });
+            let expected = format!("a row of {width} numbers, one for each channel");
+            return Err(start.error(&expected, &row.len().to_string()));
         }
         take(&row);
         frames += 1;
     }
     Ok(frames)
-}
-
-/// A place in the text.
-#[derive(Clone)]
-struct Cursor<'a> {
-    text: &'a str,
-    line: usize,
-    path: &'a Path,
-}
-
-impl<'a> Cursor<'a> {
-    /// The next word without taking it; empty at the end of the file. Braces are words of their own.
-    fn peek(&mut self) -> &'a str {
-        let rest = self.text.trim_start();
-        let skipped = &self.text[..self.text.len() - rest.len()];
-        self.line += skipped.matches('\n').count();
-        self.text = rest;
-        self.peek_in_line()
-    }
-
-    /// The next word of this line; empty at its end.
-    fn peek_in_line(&mut self) -> &'a str {
-        self.text = self
-            .text
-            .trim_start_matches(|c: char| c.is_whitespace() && c != '\n');
-        if self.text.starts_with(['{', '}']) {
-            return &self.text[..1];
-        }
-        let end = self
-            .text
-            .find(|c: char| c.is_whitespace() || c == '{' || c == '}');
-        &self.text[..end.unwrap_or(self.text.len())]
-    }
-
-    /// The next word.
-    fn token(&mut self) -> &'a str {
-        let token = self.peek();
-        self.text = &self.text[token.len()..];
-        token
-    }
-
-    /// Takes a word that must be one of some, in any case; what follows a colon in it stays.
-    fn keyword(&mut self, words: &[&str], expected: &str) -> Result<(), BvhError> {
-        let token = self.peek();
-        let word = token.split(':').next().unwrap_or(token);
-        if !words
-            .iter()
-            .any(|expected| word.eq_ignore_ascii_case(expected))
-        {
-            return Err(self.error(expected, &self.shown()));
-        }
-        self.text = &self.text[word.len()..];
-        Ok(())
-    }
-
-    /// Takes a colon if there is one.
-    fn colon(&mut self) {
-        self.peek();
-        self.text = self.text.strip_prefix(':').unwrap_or(self.text);
-    }
-
-    /// Everything up to the opening brace, which is taken, too.
-    fn name(&mut self) -> Result<String, BvhError> {
-        self.peek();
-        let at = self.clone();
-        let end = self.text.find(['{', '}', '\n']).unwrap_or(self.text.len());
-        let name = self.text[..end].trim().to_owned();
-        self.text = &self.text[end..];
-        match self.token() {
-            "{" => Ok(name),
-            _ => Err(at.error("a joint's name and {", &at.shown())),
-        }
-    }
-
-    /// The next word as a finite number.
-    fn number(&mut self, expected: &str) -> Result<f64, BvhError> {
-        self.parse(expected, |token| {
-            token.parse::<f64>().ok().filter(|value| value.is_finite())
-        })
-    }
-
-    /// The next word as whatever `parse` makes of it.
-    fn parse<T>(
-        &mut self,
-        expected: &str,
-        parse: impl Fn(&str) -> Option<T>,
-    ) -> Result<T, BvhError> {
-        self.peek();
-        let found = self.clone();
-        parse(self.token()).ok_or_else(|| found.error(expected, &found.shown()))
-    }
-
-    /// The next word as error messages show it.
-    fn shown(&self) -> String {
-        let token = self.clone().peek();
-        match token.is_empty() {
-            true => "the end of the file".into(),
-            false => format!("{:?}", token.chars().take(40).collect::<String>()),
-        }
-    }
-
-    fn error(&self, expected: &str, found: &str) -> BvhError {
-        let mut at = self.clone();
-        at.peek();
-        BvhError::Syntax {
-            path: self.path.to_owned(),
-            line: at.line,
-            expected: expected.into(),
-            found: found.into(),
-        }
-    }
 }
 
 #[cfg(test)]
