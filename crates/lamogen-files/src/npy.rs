@@ -50,16 +50,16 @@ enum Kind {
 
 /// What an array holds, by its shape; an axis of length 1 may stand first.
 fn kind(array: &Array) -> Option<Kind> {
-    let shape = match array.shape.as_slice() {
-        [1, rest @ ..] if rest.len() >= 2 => rest,
-        shape => shape,
-    };
-    match shape {
+    let of = |shape: &[usize]| match shape {
         [_, JOINTS, 3] => Some(Kind::Joints),
         [_, width] if *width == 3 * JOINTS => Some(Kind::Joints),
         [_, POSE_FEATURES] => Some(Kind::Features),
         _ => None,
-    }
+    };
+    of(&array.shape).or_else(|| match array.shape.as_slice() {
+        [1, rest @ ..] => of(rest),
+        _ => None,
+    })
 }
 
 fn joints(array: &Array, unit: Unit, up: Up) -> Result<Motion, MotionError> {

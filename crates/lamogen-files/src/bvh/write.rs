@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn the_text_is_a_plain_bvh() {
         let local = [[[0.0, 0.0, 0.0, 1.0]; JOINTS]];
-        let root = [[0.0, 0.9, -1e-9]];
+        let root = [[0.0, 0.5, -1e-9]];
         let mut body = body(&root, &local);
         let text = body.text(&BvhOptions::default());
         assert!(
@@ -311,7 +311,7 @@ mod tests {
         );
         assert_eq!(text.matches("End Site").count(), 5);
         assert_eq!(text.matches('{').count(), text.matches('}').count());
-        assert!(text.contains("MOTION\nFrames: 1\nFrame Time: 0.05\n0.000000 90.000000 0.000000 "));
+        assert!(text.contains("MOTION\nFrames: 1\nFrame Time: 0.05\n0.000000 50.000000 0.000000 "));
         let row = text.lines().last().unwrap();
         assert_eq!(row.split(' ').count(), 3 + 3 * JOINTS);
         body.frames_per_second = 30.0;

@@ -1,8 +1,6 @@
 //! What is written is what is read.
 
-mod figure;
-
-use figure::at;
+use crate::figure::at;
 use glam::{DQuat, DVec3, Vec3};
 use lamogen_files::bvh::{BvhNames, BvhOptions};
 use lamogen_files::{ReadOptions, Unit, Up, WriteOptions, read, write};
