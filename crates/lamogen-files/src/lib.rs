@@ -8,7 +8,7 @@
 //! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
 //! ```
 //!
-//! [`read()`] and [`write()`] choose the format by the end of the file's name. [`read()`] recognises the
+//! [`read`](read()) and [`write`](write()) choose the format by the end of the file's name. `read` recognises the
 //! skeleton by its joints' names, guesses unit and axes by the body, and [tells](Imported) what it
 //! took for granted; [`ReadOptions`] say it instead.
 

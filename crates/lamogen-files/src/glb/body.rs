@@ -21,29 +21,32 @@ pub(super) struct Limb {
     pub(super) capsule: Capsule,
 }
 
-/// The flesh of the trunk: the joint that carries it, from where to where, in metres aside of joints, and its
+/// The joint that carries a piece of the trunk, from where to where it reaches, in metres aside of joints, and its
 /// radii in metres.
-const TRUNK: [(Joint, (Joint, f64), (Joint, f64), [f64; 2]); 10] = {
+type Flesh = (Joint, [(Joint, f64); 2], [f64; 2]);
+const TRUNK: [Flesh; 10] = {
     use Joint::*;
     [
-        (Pelvis, (LeftHip, 0.0), (RightHip, 0.0), [0.088, 0.088]),
-        (Pelvis, (Pelvis, 0.05), (Spine1, 0.045), [0.09, 0.085]),
-        (Pelvis, (Pelvis, -0.05), (Spine1, -0.045), [0.09, 0.085]),
-        (Spine1, (Spine1, 0.045), (Spine2, 0.05), [0.085, 0.09]),
-        (Spine1, (Spine1, -0.045), (Spine2, -0.05), [0.085, 0.09]),
-        (Spine2, (Spine2, 0.05), (Spine3, 0.06), [0.09, 0.095]),
-        (Spine2, (Spine2, -0.05), (Spine3, -0.06), [0.09, 0.095]),
-        (Spine3, (Spine3, 0.06), (LeftCollar, 0.005), [0.095, 0.075]),
+        (Pelvis, [(LeftHip, 0.0), (RightHip, 0.0)], [0.088, 0.088]),
+        (Pelvis, [(Pelvis, 0.05), (Spine1, 0.045)], [0.09, 0.085]),
+        (Pelvis, [(Pelvis, -0.05), (Spine1, -0.045)], [0.09, 0.085]),
+        (Spine1, [(Spine1, 0.045), (Spine2, 0.05)], [0.085, 0.09]),
+        (Spine1, [(Spine1, -0.045), (Spine2, -0.05)], [0.085, 0.09]),
+        (Spine2, [(Spine2, 0.05), (Spine3, 0.06)], [0.09, 0.095]),
+        (Spine2, [(Spine2, -0.05), (Spine3, -0.06)], [0.09, 0.095]),
         (
             Spine3,
-            (Spine3, -0.06),
-            (RightCollar, -0.005),
+            [(Spine3, 0.06), (LeftCollar, 0.005)],
             [0.095, 0.075],
         ),
         (
             Spine3,
-            (LeftCollar, 0.005),
-            (RightCollar, -0.005),
+            [(Spine3, -0.06), (RightCollar, -0.005)],
+            [0.095, 0.075],
+        ),
+        (
+            Spine3,
+            [(LeftCollar, 0.005), (RightCollar, -0.005)],
             [0.075, 0.075],
         ),
     ]
@@ -147,13 +150,13 @@ fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
         }
     });
     // A spine alone is a pole; hips, waist and chest are wider than deep.
-    let trunk = TRUNK.map(|(joint, from, to, radii)| {
+    let trunk = TRUNK.map(|(joint, ends, radii)| {
         let end = |(joint, aside): (Joint, f64)| place[joint.index()] + DVec3::X * aside * size;
         Limb {
             joint,
             side: Side::Middle,
             capsule: Capsule {
-                ends: [end(from), end(to)],
+                ends: ends.map(end),
                 radii: radii.map(|radius| radius * size),
             },
         }
