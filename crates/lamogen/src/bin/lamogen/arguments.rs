@@ -83,7 +83,7 @@ plays the motion, .gif, .svg and .png pictures, .csv the Laban series, .json eve
 
 Examples:
   lamogen generate \"a person jumps\" --weight strong --time sudden --seconds 4 --seed 7 --out jump.glb
-  lamogen generate \"a person walks\" --weight \"0:light 2:strong\" --out walk.html --out walk.bvh
+  lamogen generate \"a person walks\" --weight \"0:light 2:strong\" --emphasis 10 --out walk.html
   lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
 
 const BATCH_HELP: &str = "\
@@ -261,6 +261,9 @@ pub struct ReadingArguments {
     /// Axis of the file that points up, y or z; usually told by the body.
     #[arg(long)]
     pub up: Option<Up>,
+    /// Animation of a .glb or .gltf, by its name; usually the first.
+    #[arg(long, value_name = "NAME")]
+    pub animation: Option<String>,
     /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
     #[arg(long, value_name = "MAPPING")]
     pub names: Option<PathBuf>,

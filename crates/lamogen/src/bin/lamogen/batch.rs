@@ -33,6 +33,10 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
         .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
         .map_err(|error| Failure::output(&options.out, error))?;
     let source = Source::open(&options.source, console)?;
+    let source = Source {
+        model: source.model.with_batch_size(options.batch_size as usize),
+        ..source
+    };
     let work = Work {
         options,
         source: &source,

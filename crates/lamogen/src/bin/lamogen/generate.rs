@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lamogen::Request;
+use lamogen::{Generation, Request};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::{Generate, PassArguments, PresetName};
@@ -31,29 +31,62 @@ pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
         })
         .collect();
     let bar = console.bar("steps");
-    let generations = source.model.generate_all_with(&requests, &mut |progress| {
-        bar.set_length(progress.total as u64);
-        bar.set_message(progress.step.pass.to_string());
-        bar.set_position(progress.done as u64);
-        ControlFlow::Continue(())
-    });
+    // Written as they come: what is done is kept.
+    let parts = requests.len().div_ceil(TOGETHER);
+    let samples = seeds.chunks(TOGETHER).zip(outputs.chunks(TOGETHER));
+    for (part, (requests, (seeds, outputs))) in requests.chunks(TOGETHER).zip(samples).enumerate() {
+        let generations = source.model.generate_all_with(requests, &mut |progress| {
+            bar.set_length((parts * progress.total) as u64);
+            bar.set_message(progress.step.pass.to_string());
+            bar.set_position((part * progress.total + progress.done) as u64);
+            ControlFlow::Continue(())
+        })?;
+        for ((generation, &seed), outputs) in generations.into_iter().zip(seeds).zip(outputs) {
+            let sample = Sample { seed, outputs };
+            bar.suspend(|| sample.write(generation, options, &source, console))?;
+        }
+    }
     bar.finish_and_clear();
-    for ((seed, generation), outputs) in seeds.into_iter().zip(generations?).zip(outputs) {
+    Ok(())
+}
+
+/// Motions that run together.
+const TOGETHER: usize = 8;
+
+/// One of the motions, and its files.
+struct Sample<'a> {
+    seed: u64,
+    outputs: &'a [Output],
+}
+
+impl Sample<'_> {
+    fn write(
+        &self,
+        generation: Generation,
+        options: &Generate,
+        source: &Source,
+        console: &Console,
+    ) -> Result<(), Failure> {
         if generation.cut_tokens > 0 {
-            let cut = generation.cut_tokens;
             console.notice(format!(
-                "The prompt is too long: its last {cut} tokens were left out."
+                "The prompt is too long: its last {} tokens were left out.",
+                generation.cut_tokens
             ));
         }
-        let facts = facts(&options.prompt, seed, &generation, &options.pass, &source);
+        let facts = facts(
+            &options.prompt,
+            self.seed,
+            &generation,
+            &options.pass,
+            source,
+        );
         let licence = source.model.licence();
         let scene = Scene::generated(&options.prompt, generation, facts, licence);
-        for output in &outputs {
+        for output in self.outputs {
             output.write(&scene, &options.writing, console)?;
         }
-        console.say(result(&scene, &outputs, console.json))?;
+        console.say(result(&scene, self.outputs, console.json))
     }
-    Ok(())
 }
 
 /// The files of every sample, checked.
@@ -89,7 +122,7 @@ fn seeds(options: &Generate) -> Result<Vec<u64>, Failure> {
 pub fn facts(
     prompt: &str,
     seed: u64,
-    generation: &lamogen::Generation,
+    generation: &Generation,
     pass: &PassArguments,
     source: &Source,
 ) -> Map<String, Value> {

@@ -44,7 +44,7 @@ pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<
         unit: reading.unit,
         up: reading.up,
         mapping,
-        ..ReadOptions::default()
+        animation: reading.animation.clone(),
     };
     let imported = read(path, &options)?;
     Ok(Opened {
@@ -114,15 +114,14 @@ fn short(name: &str) -> String {
 }
 
 fn as_json(file: &Opened, other: Option<&Opened>) -> Value {
-    let mut whole = report::everything(&file.scene);
-    if let (Some(other), Some(fields)) = (other, whole.as_object_mut()) {
-        let distance = file
-            .scene
-            .main()
-            .motion
-            .distance(&other.scene.main().motion);
-        let compared = json!({ "other": report::everything(&other.scene), "distance_m": distance });
-        fields.insert("compared".into(), compared);
+    let mut whole = report::measured(&file.scene);
+    if let Some(other) = other {
+        let [motion, other_motion] = [file, other].map(|opened| &opened.scene.main().motion);
+        let compared = json!({
+            "other": report::measured(&other.scene),
+            "distance_m": motion.distance(other_motion),
+        });
+        whole.insert("compared".into(), compared);
     }
-    whole
+    whole.into()
 }

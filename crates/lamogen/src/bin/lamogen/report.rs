@@ -15,11 +15,20 @@ const PEAKS: usize = 3;
 
 /// Everything about a scene: its facts, and every motion with measures, series and joints.
 pub fn everything(scene: &Scene) -> Value {
+    let mut whole = measured(scene);
+    let motions = whole.get_mut("motions").and_then(Value::as_array_mut);
+    for (motion, shown) in motions.into_iter().flatten().zip(&scene.motions) {
+        motion["joints"] = joints(&shown.motion);
+    }
+    whole.into()
+}
+
+/// Everything that is measured of a scene, frame by frame, without the joints themselves.
+pub fn measured(scene: &Scene) -> Map<String, Value> {
     let mut whole = facts(scene);
     let motions = scene.motions.iter().map(|shown| {
         let mut motion = measures(shown);
         motion.insert("series".into(), series(&shown.laban));
-        motion.insert("joints".into(), joints(&shown.motion));
         Value::from(motion)
     });
     whole.insert("motions".into(), motions.collect());
@@ -31,7 +40,7 @@ pub fn everything(scene: &Scene) -> Value {
             |target| json!({ "laban": summaries(target), "series": series(target) }),
         ),
     );
-    whole.into()
+    whole
 }
 
 /// A scene's facts and measures without the numbers of every frame.

@@ -181,15 +181,16 @@ impl Scene {
         }
     }
 
-    /// What a GLB's custom properties say.
+    /// What a GLB's custom properties say: the facts that are a word or a number.
     pub fn glb_notes(&self) -> BTreeMap<String, String> {
-        let facts = self.facts.iter().filter(|(_, value)| !value.is_null());
         let text = |value: &Value| match value {
-            Value::String(text) => text.clone(),
-            value => value.to_string(),
+            Value::String(text) => Some(text.clone()),
+            Value::Number(number) => Some(number.to_string()),
+            _ => None,
         };
+        let facts = self.facts.iter();
         facts
-            .map(|(name, value)| (name.clone(), text(value)))
+            .filter_map(|(name, value)| Some((name.clone(), text(value)?)))
             .collect()
     }
 }
