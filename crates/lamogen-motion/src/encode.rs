@@ -17,9 +17,15 @@ const STANDING: f64 = 0.002;
 /// Puts a motion where HumanML3D has it: the lowest joint of the whole motion on the ground, the first
 /// pelvis over the origin, the first pose facing +Z (Guo et al. 2022).
 pub fn canonical(poses: &[Pose]) -> Vec<Pose> {
-    let poses: Vec<[DVec3; JOINTS]> = poses.iter().map(points).collect();
+    let placed = place(points(poses)).into_iter();
+    placed
+        .map(|pose| pose.map(|point| point.as_vec3().to_array()))
+        .collect()
+}
+
+fn place(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
     let Some(first) = poses.first() else {
-        return Vec::new();
+        return poses;
     };
     let lowest = poses.as_flattened().iter().map(|point| point.y);
     let start = first[Joint::Pelvis.index()];
@@ -31,8 +37,10 @@ pub fn canonical(poses: &[Pose]) -> Vec<Pose> {
         .cross(DVec3::Y)
         .normalize_or_zero();
     let turn = DQuat::from_rotation_y(-facing.x.atan2(facing.z));
-    let place = |point: DVec3| (turn * (point - origin)).as_vec3().to_array();
-    poses.into_iter().map(|pose| pose.map(place)).collect()
+    for point in poses.as_flattened_mut() {
+        *point = turn * (*point - origin);
+    }
+    poses
 }
 
 /// The pose features of joint positions, a row for every step from a frame to the next: one row less than
@@ -46,16 +54,26 @@ pub fn canonical(poses: &[Pose]) -> Vec<Pose> {
 /// Rotations are those of HumanML3D: along every chain the shortest turn from the rest direction of a bone
 /// to the bone. They are no joint rotations of a rig; [`Rotations`](crate::Rotations) are.
 pub fn encode(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    let poses: Vec<[DVec3; JOINTS]> = poses.iter().map(points).collect();
-    let headings = headings(&poses);
+    rows(&points(poses))
+}
+
+/// The pose features that a network understands: those of the [`canonical`] positions, which are not rounded in
+/// between.
+pub fn encode_canonical(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
+    rows(&place(points(poses)))
+}
+
+fn rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
+    let headings = headings(poses);
     let steps = poses.windows(2).zip(headings.windows(2));
     steps
         .map(|(poses, headings)| row(&poses[0], &poses[1], headings[0], headings[1]))
         .collect()
 }
 
-fn points(pose: &Pose) -> [DVec3; JOINTS] {
-    pose.map(|point| DVec3::from(point.map(f64::from)))
+fn points(poses: &[Pose]) -> Vec<[DVec3; JOINTS]> {
+    let point = |point: [f32; 3]| DVec3::from(point.map(f64::from));
+    poses.iter().map(|pose| pose.map(point)).collect()
 }
 
 /// From the right to the left.

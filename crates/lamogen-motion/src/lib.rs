@@ -22,7 +22,7 @@ mod rotations;
 mod skeleton;
 
 pub use atomic::{replace_atomically, write_atomically};
-pub use encode::{canonical, encode};
+pub use encode::{canonical, encode, encode_canonical};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use joints::joints;
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};

@@ -5,7 +5,7 @@ use std::path::Path;
 use burn::tensor::Tensor;
 
 use crate::decode::decode;
-use crate::encode::{canonical, encode};
+use crate::encode::encode_canonical;
 use crate::features::POSE_FEATURES;
 use crate::npy::{self, NpyError};
 use crate::skeleton::{JOINTS, Joint};
@@ -147,7 +147,7 @@ impl Motion {
 
     /// Writes pose features as HumanML3D does: `.npy`, 32-bit floats, `(frames, 263)`.
     ///
-    /// They are those the motion came from, else those of its [`canonical`] positions, which are a row less
+    /// They are those the motion came from, else those of its [canonical](crate::canonical) positions, which are a row less
     /// than the motion has frames: a row describes a step.
     ///
     /// # Errors
@@ -159,7 +159,7 @@ impl Motion {
         let rows = match &self.features {
             Some(rows) => rows,
             None => {
-                encoded = encode(&canonical(&self.joints));
+                encoded = encode_canonical(&self.joints);
                 &encoded
             }
         };
