@@ -49,6 +49,14 @@ pub enum MappingError {
     )]
     #[allow(missing_docs)]
     Incomplete { missing: String },
+    /// Two joints have one name.
+    #[error("{first} and {second} are both mapped to {found:?}; expected a node for each", first = .first.name(), second = .second.name())]
+    #[allow(missing_docs)]
+    Twice {
+        first: Joint,
+        second: Joint,
+        found: String,
+    },
     /// The motion's file has no node of a name.
     #[error("{joint} is mapped to {found:?}, which the file lacks{near}; it has {known}", joint = .joint.name())]
     #[allow(missing_docs)]
@@ -109,6 +117,14 @@ impl Mapping {
     pub(crate) fn nodes(&self, clip: &Clip) -> Result<Nodes, MappingError> {
         let mut nodes: Nodes = [None; JOINTS];
         for (joint, name) in self.names.values() {
+            let earlier = self.names.values().take_while(|(other, _)| other != joint);
+            if let Some((first, _)) = { earlier }.find(|(_, other)| other == name) {
+                return Err(MappingError::Twice {
+                    first: *first,
+                    second: *joint,
+                    found: name.clone(),
+                });
+            }
             let node = clip.nodes.iter().position(|node| node.name == *name);
             nodes[joint.index()] = Some(node.ok_or_else(|| MappingError::Node {
                 joint: *joint,

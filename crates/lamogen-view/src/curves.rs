@@ -119,6 +119,7 @@ fn draw(
             .bold_line_style(RGBColor(229, 231, 235))
             .x_desc("seconds")
             .label_style(("sans-serif", 12))
+            .y_label_formatter(&|value| places(*value, top))
             .draw()?;
         for curve in curves {
             let [red, green, blue] = curve.colour;
@@ -153,6 +154,22 @@ fn draw(
     Ok(())
 }
 
+/// A number on an axis that ends at `top`, with as many places as tell its ticks apart.
+fn places(value: f32, top: f32) -> String {
+    let size = top.log10().floor();
+    match (value == 0.0, size < -4.0) {
+        (true, _) => "0".into(),
+        (_, true) => format!("{value:.1e}"),
+        _ => {
+            let text = format!("{value:.*}", (1.0 - size).max(0.0) as usize);
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,6 +200,16 @@ mod tests {
     fn a_long_title_is_shortened() {
         let svg = curves(&"jump ".repeat(60), &[]).unwrap();
         assert!(svg.contains("jump jump…"), "{svg}");
+    }
+
+    #[test]
+    fn small_numbers_are_told_apart_on_the_axis() {
+        assert_eq!(places(0.01, 0.07), "0.01");
+        assert_eq!(places(0.35, 0.4), "0.35");
+        assert_eq!(places(20.0, 60.0), "20");
+        assert_eq!(places(2e-6, 7e-6), "2.0e-6");
+        assert_eq!(places(0.0, 7e-6), "0");
+        assert_eq!(places(0.0004, 0.0007), "0.0004");
     }
 
     #[test]

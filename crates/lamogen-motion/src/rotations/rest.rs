@@ -13,7 +13,7 @@ use crate::skeleton::{JOINTS, Joint};
 /// itself says: they hang together, and only their true places let one rotation reach all of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestPose {
-    offsets: [[f32; 3]; JOINTS],
+    pub(super) offsets: [[f32; 3]; JOINTS],
 }
 
 /// A joint whose children move together: the child on the left, that on the right, and that of the spine.
@@ -172,11 +172,11 @@ fn shape(poses: &[[DVec3; JOINTS]], hub: &Hub) -> Option<[DVec3; 3]> {
 /// The frame in which X runs from the right child to the left one and Y towards the spine's.
 fn upright([left, right, upper]: [DVec3; 3]) -> Option<DMat3> {
     let x = (left - right).try_normalize()?;
-    let up = upper - (left + right) / 2.0;
-    let up = up - up.dot(x) * x;
-    if up.length() < SHORTEST {
-        return None;
-    }
-    let y = up.normalize();
+    let middle = (left + right) / 2.0;
+    // Where the three are on one line, that line is above or below the hub; or the hub is on it too, and any
+    // direction across is as good.
+    let ups = [upper - middle, upper, -middle].map(|up| up - up.dot(x) * x);
+    let up = ups.into_iter().find(|up| up.length() > SHORTEST);
+    let y = up.unwrap_or(x.any_orthogonal_vector()).normalize();
     Some(DMat3::from_cols(x, y, x.cross(y)))
 }

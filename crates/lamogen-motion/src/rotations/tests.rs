@@ -280,6 +280,22 @@ fn bodies_that_are_not_rigid_are_met_as_well_as_one_can() {
 }
 
 #[test]
+fn a_hub_whose_children_lie_on_one_line_is_rigid_too() {
+    for height in [0.2, 0.0, -0.1] {
+        let mut rest = body();
+        let line = [(LeftCollar, 0.05), (RightCollar, -0.05), (Neck, 0.0)];
+        for (joint, x) in line {
+            rest.offsets[joint.index()] = [x, height, 0.01];
+        }
+        let (known, _) = moved(60, |t, joint| swinging(t, joint, DQuat::from_rotation_x));
+        let moved = Rotations { rest, ..known };
+        let motion = Motion::from_joints(moved.joints()).unwrap();
+        let error = error(&Rotations::of(&motion), &motion);
+        assert!(error < 1e-3, "{height}: {error} m");
+    }
+}
+
+#[test]
 fn the_rest_pose_is_a_t_pose_with_the_bodys_bones() {
     let (_, motion) = moved(50, |t, joint| {
         swinging(t, joint, |time| {

@@ -89,7 +89,8 @@ Examples:
 const BATCH_HELP: &str = "\
 Every line of the file is a request as JSON, by the names of lamogen generate's options:
   {\"prompt\": \"a person jumps\", \"weight\": \"strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"id\": \"jump\"}
-Only the prompt must be there. A motion's files are named by its id, or by its line's number.
+Only the prompt must be there. A motion's files are named by its id (letters a to z, digits, - _ and .), or by its \
+line's number.
 
 A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
 again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4.";
@@ -223,16 +224,16 @@ fn scale(text: &str) -> Result<Scale, String> {
 #[derive(Args, Clone)]
 pub struct WritingArguments {
     /// Frames a second of .bvh and .glb.
-    #[arg(long, default_value_t = 20.0)]
+    #[arg(long, default_value_t = 20.0, value_parser = fps)]
     pub fps: f32,
-    /// Unit of .bvh: cm, m, mm or in.
+    /// Unit of .bvh: cm, m, mm, in, cmu, or a number of metres.
     #[arg(long, default_value = "cm")]
     pub bvh_unit: Unit,
     /// Names of the joints in .bvh.
     #[arg(long, value_enum, default_value = "humanml3d")]
     pub bvh_names: BvhNamesName,
     /// Width of .gif in pixels; usually 320 a motion.
-    #[arg(long, value_name = "PIXELS")]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(160..=4096))]
     pub gif_width: Option<u32>,
 }
 
@@ -250,6 +251,14 @@ impl BvhNamesName {
             BvhNamesName::Mixamo => "mixamo",
         }
     }
+}
+
+fn fps(text: &str) -> Result<f32, String> {
+    let rate = text
+        .parse()
+        .ok()
+        .filter(|rate| (0.001..=10_000.0).contains(rate));
+    rate.ok_or_else(|| "expected 0.001 to 10000 frames a second".into())
 }
 
 /// How motion files are read.
@@ -270,6 +279,7 @@ pub struct ReadingArguments {
 }
 
 #[derive(Args)]
+#[command(allow_negative_numbers = true)]
 pub struct Generate {
     /// What the person does, such as "a person jumps".
     pub prompt: String,
@@ -338,6 +348,7 @@ pub struct Play {
 }
 
 #[derive(Args)]
+#[command(allow_negative_numbers = true)]
 pub struct Batch {
     /// The requests, one JSON object a line.
     pub requests: PathBuf,

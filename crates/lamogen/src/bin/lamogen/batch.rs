@@ -67,7 +67,7 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
         "finished_before": finished.len(),
         "failed": failures.collect::<Vec<_>>(),
         "seconds": seconds,
-        "folder": options.out,
+        "folder": options.out.to_string_lossy(),
     });
     match console.json {
         true => console.say(summary.to_string())?,
@@ -174,9 +174,12 @@ impl Work<'_> {
         let found = read_identity(&record);
         found.is_some()
             && found == identity.ok()
-            && self
-                .formats()
-                .all(|format| self.output(item, format).path.exists())
+            && self.formats().all(|format| {
+                self.output(item, format)
+                    .path
+                    .metadata()
+                    .is_ok_and(|file| file.len() > 0)
+            })
     }
 
     /// Names the requests that make no sense, before anything is run.

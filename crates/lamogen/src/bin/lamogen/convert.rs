@@ -17,7 +17,10 @@ pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
     options.to.write(&opened.scene, &options.writing, console)?;
     let motion = &opened.scene.main().motion;
     if console.json {
-        let (from, to) = (&options.from, &options.to.path);
+        let (from, to) = (
+            options.from.to_string_lossy(),
+            options.to.path.to_string_lossy(),
+        );
         let result = json!({ "from": from, "to": to, "frames": motion.frames(), "seconds": motion.seconds() });
         return console.say(result.to_string());
     }

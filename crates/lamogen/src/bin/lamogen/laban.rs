@@ -17,8 +17,15 @@ pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
     let device = device(None)?;
     let open = |path: &Path| open(path, &options.reading, &device);
     let other = options.compare.as_deref().map(open).transpose()?;
+    let mut failures: Vec<Failure> = Vec::new();
     for (place, path) in options.files.iter().enumerate() {
-        let file = open(path)?;
+        let file = match open(path) {
+            Ok(file) => file,
+            Err(failure) => {
+                failures.push(failure);
+                continue;
+            }
+        };
         if console.json {
             console.say(as_json(&file, other.as_ref()).to_string())?;
             continue;
@@ -28,7 +35,15 @@ pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
         }
         console.say(as_text(&file, other.as_ref()))?;
     }
-    Ok(())
+    // The others were measured; what could not be is told at the end.
+    let messages: Vec<&str> = failures
+        .iter()
+        .map(|failure| failure.message.as_str())
+        .collect();
+    match failures.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::new(first.code, messages.join("\n"))),
+    }
 }
 
 /// A file, and what was assumed of it.

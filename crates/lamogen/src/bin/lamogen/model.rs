@@ -85,6 +85,16 @@ fn convert(
         let message = format!("expected a name that ends in .safetensors, found {found}");
         return Err(Failure::new(Code::Usage, message));
     }
+    let same = std::fs::canonicalize(from)
+        .ok()
+        .zip(std::fs::canonicalize(to).ok());
+    if same.is_some_and(|(from, to)| from == to) {
+        let message = format!(
+            "{}: expected another file to write than to read",
+            to.display()
+        );
+        return Err(Failure::new(Code::Usage, message));
+    }
     let checkpoint = Checkpoint::open(from).map_err(|error| Failure::new(Code::Input, error))?;
     let bar = console.bar("tensors");
     checkpoint
@@ -98,7 +108,7 @@ fn convert(
         .map_err(|error| Failure::output(to, error))?
         .len();
     match console.json {
-        true => console.say(json!({ "file": to, "bytes": bytes }).to_string()),
+        true => console.say(json!({ "file": to.to_string_lossy(), "bytes": bytes }).to_string()),
         false => console.say(format!("{}: {:.1} MB", to.display(), bytes as f64 / 1e6)),
     }
 }

@@ -72,6 +72,11 @@ impl FromStr for Output {
         // The longest ending: features.npy before npy.
         let formats = Format::value_variants().iter().copied().filter(fits);
         let format = formats.max_by_key(|format| format.ending().len());
+        // A name is more than its ending.
+        let format = format.filter(|format| {
+            let rest = &lower[..lower.len() - format.ending().len() - 1];
+            !rest.is_empty() && !rest.ends_with(['/', std::path::MAIN_SEPARATOR])
+        });
         let format = format.ok_or_else(|| {
             let known = Format::value_variants().iter();
             let known: Vec<String> = known
@@ -231,11 +236,11 @@ mod tests {
             ("b/a.BVH", Format::Bvh),
             ("a.npy", Format::Npy),
             ("a.features.npy", Format::Features),
-            (".json", Format::Json),
+            ("a.b.json", Format::Json),
         ] {
             assert_eq!(name.parse::<Output>().unwrap().format, format);
         }
-        for name in ["a.fbx", "glb", "", "a."] {
+        for name in ["a.fbx", "glb", "", "a.", ".glb", "b/.json"] {
             let message = name.parse::<Output>().unwrap_err();
             assert!(message.contains(".glb, .bvh"), "{message}");
         }

@@ -27,13 +27,18 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
         copyright: None,
     };
     let path = match &options.out {
+        Some(path) if path.extension().is_none_or(|ending| ending != "html") => {
+            let found = path.display();
+            let message = format!("--out: expected a name that ends in .html, found {found}");
+            return Err(Failure::new(Code::Usage, message));
+        }
         Some(path) => path.clone(),
         None => temporary(&options.files[0])?,
     };
     lamogen_view::save(&path, &page_of(&scene))
         .map_err(|error| Failure::new(Code::Output, error))?;
     match console.json {
-        true => console.say(json!({ "file": path }).to_string())?,
+        true => console.say(json!({ "file": path.to_string_lossy() }).to_string())?,
         false => console.say(path.display().to_string())?,
     }
     if !options.no_open
@@ -48,7 +53,12 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
 
 /// A page's place among the temporary files: always the same for a motion file, so that they do not pile up.
 fn temporary(file: &std::path::Path) -> Result<PathBuf, Failure> {
-    let folder = std::env::temp_dir().join("lamogen");
+    // Everybody has a folder of their own: one that somebody else made cannot be written to.
+    let user = ["USER", "USERNAME"]
+        .map(std::env::var)
+        .into_iter()
+        .find_map(Result::ok);
+    let folder = std::env::temp_dir().join(format!("lamogen-{}", user.unwrap_or_default()));
     std::fs::create_dir_all(&folder).map_err(|error| Failure::output(&folder, error))?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
     Ok(folder.join(format!("{stem}.html")))

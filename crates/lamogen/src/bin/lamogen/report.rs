@@ -146,14 +146,20 @@ pub fn text(shown: &Shown) -> String {
             .collect();
         writeln!(
             text,
-            "{component:<12} {:>10.4} {:>10.4}   {:13} {}",
-            maxima[at],
-            means[at],
+            "{component:<12} {:>10} {:>10}   {:13} {}",
+            value(maxima[at]),
+            value(means[at]),
             component.unit(),
             peaks.join(", ")
         )
         .expect("a string takes all");
     }
+    writeln!(
+        text,
+        "body size    {:.2} m along the bones from ankle to hip and from pelvis to head",
+        size(&drift)
+    )
+    .expect("a string takes all");
     writeln!(
         text,
         "sliding feet {:.0} % of the steps; {:.2} m left, {:.2} m right; {:.2} m/s while they stand",
@@ -172,6 +178,21 @@ pub fn text(shown: &Shown) -> String {
     )
     .expect("a string takes all");
     text
+}
+
+/// The body's size in metres; 1.48 on an adult.
+fn size(bones: &BoneDrift) -> f32 {
+    use Joint::*;
+    let along = [LeftKnee, LeftAnkle, Spine1, Spine2, Spine3, Neck, Head];
+    along.map(|joint| bones.lengths[joint.index()]).iter().sum()
+}
+
+/// A number with four places, or as many as it takes to see something.
+fn value(number: f32) -> String {
+    match number != 0.0 && number.abs() < 1e-3 {
+        true => format!("{number:.2e}"),
+        false => format!("{number:.4}"),
+    }
 }
 
 /// Two or three series beside each other: the first, what was asked for, and what came out.
@@ -202,16 +223,16 @@ pub fn comparison(
             let at = component.index();
             let asked = target.map(|target: [f32; COMPONENTS]| {
                 format!(
-                    " {:>10.4} {:>9}",
-                    target[at],
+                    " {:>10} {:>9}",
+                    value(target[at]),
                     change(before[at], target[at])
                 )
             });
             writeln!(
                 text,
-                "{component:18} {:>12.4} {:>12.4} {:>9}{}",
-                before[at],
-                after[at],
+                "{component:18} {:>12} {:>12} {:>9}{}",
+                value(before[at]),
+                value(after[at]),
                 change(before[at], after[at]),
                 asked.unwrap_or_default()
             )

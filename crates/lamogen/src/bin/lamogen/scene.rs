@@ -78,7 +78,7 @@ impl Scene {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let laban = LabanSeries::of(&imported.motion, &LabanOptions::default(), device);
         let facts = json!({
-            "file": path,
+            "file": path.to_string_lossy(),
             "scheme": imported.scheme,
             "unit": imported.unit.to_string(),
             "up": imported.up.to_string(),

@@ -86,6 +86,12 @@ pub fn items(text: &str) -> (Vec<Item>, Vec<(usize, String)>) {
 }
 
 fn item(number: usize, text: &str) -> Result<Item, String> {
+    if !text.starts_with('{') {
+        let start: String = text.chars().take(20).collect();
+        return Err(format!(
+            "expected a JSON object {{\"prompt\": …}}, found {start}"
+        ));
+    }
     let line: Line = serde_json::from_str(text).map_err(|error| {
         // The line is known; serde counts it as the first.
         error.to_string().replace("at line 1 column", "at column")
@@ -95,7 +101,7 @@ fn item(number: usize, text: &str) -> Result<Item, String> {
             let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
             if id.is_empty() || id.len() > LONGEST || id.starts_with('.') || !id.chars().all(fits) {
                 return Err(format!(
-                    "expected an id of up to {LONGEST} letters, digits, - _ and . (not first), found {id:?}"
+                    "expected an id of up to {LONGEST} letters a to z, digits, - _ and . (not first), found {id:?}"
                 ));
             }
             id.clone()
@@ -206,7 +212,9 @@ mod tests {
             ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \"A\"}", "that of line 1"),
-            ("not json", "at column"),
+            ("not json", "expected a JSON object"),
+            ("[\"a\"]", "expected a JSON object"),
+            ("{\"prompt\"", "at column"),
         ] {
             let (good, wrong) = items(&format!("{{\"prompt\": \"a\", \"id\": \"a\"}}\n{line}"));
             assert_eq!(good.len(), 1);
