@@ -76,15 +76,14 @@ fn laban(motion: &Motion) -> String {
 /// Sliding feet, drifting bones, and how well a rigid skeleton can follow.
 fn quality(motion: &Motion) -> String {
     let (feet, bones) = (FootSliding::of(motion), BoneDrift::of(motion));
-    let rigid = Motion::from_joints(Rotations::of(motion).joints());
-    let rigid = rigid.map_or(f32::NAN, |rigid| rigid.distance(motion));
+    let rigid = Rotations::of(motion).distance(motion);
     format!(
         "feet slide in {:.0} % of the steps; bones drift by {:.1} mm at most ({}); as rotations of rigid bones the \
          joints are {:.1} mm off on average",
         100.0 * feet.ratio,
         1e3 * bones.largest(),
         bones.worst.name(),
-        1e3 * rigid
+        1e3 * rigid.mean
     )
 }
 

@@ -29,5 +29,5 @@ pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
 pub use quality::{BoneDrift, FootSliding};
-pub use rotations::{RestPose, Rotations};
+pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};

@@ -27,6 +27,19 @@ pub struct Rotations {
     frames_per_second: f32,
 }
 
+/// How far rotations of rigid bones are from a motion, in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigDistance {
+    /// Between all joints on average.
+    pub mean: f32,
+    /// At worst.
+    pub largest: f32,
+    /// The joint where it is worst.
+    pub joint: Joint,
+    /// The frame at which it is.
+    pub frame: usize,
+}
+
 impl Rotations {
     /// The rotations of a motion, by which [`joints`](Self::joints) gives its positions again, as far as a
     /// rigid body can: bones get their median length, and what sits around pelvis and upper spine moves
@@ -112,6 +125,31 @@ impl Rotations {
                 positions.map(|point| point.as_vec3().to_array())
             })
             .collect()
+    }
+
+    /// How far [`joints`](Self::joints) are from those of a motion of the same frame rate, over the frames that both
+    /// have: for the motion that the rotations were made of, what a rigid body cannot follow.
+    pub fn distance(&self, motion: &Motion) -> RigDistance {
+        let mut found = RigDistance {
+            mean: 0.0,
+            largest: 0.0,
+            joint: Joint::Pelvis,
+            frame: 0,
+        };
+        let (mut sum, mut count) = (0.0, 0);
+        for (frame, (ours, theirs)) in self.joints().iter().zip(motion.joints()).enumerate() {
+            for joint in Joint::ALL {
+                let [ours, theirs] = [ours, theirs].map(|pose| vector(pose[joint.index()]));
+                let distance = ours.distance(theirs);
+                sum += distance;
+                count += 1;
+                if distance as f32 > found.largest {
+                    (found.largest, found.joint, found.frame) = (distance as f32, joint, frame);
+                }
+            }
+        }
+        found.mean = (sum / f64::from(count.max(1))) as f32;
+        found
     }
 
     /// The same movement at another frame rate: rotations along the shortest arc between two frames, the

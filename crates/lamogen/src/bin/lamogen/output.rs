@@ -16,7 +16,7 @@ use crate::arguments::{BvhNamesName, WritingArguments};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::report;
-use crate::scene::{Scene, page_of};
+use crate::scene::{Scene, page_of, seconds};
 
 /// A format of files that the command writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -209,19 +209,13 @@ fn options(scene: &Scene, writing: &WritingArguments, format: Format) -> WriteOp
 
 /// How far a rig is from a motion whose bones change their length.
 fn rigid(motion: &Motion) -> String {
-    let pairs = Rotations::of(motion).joints();
-    let pairs = pairs.iter().flatten().zip(motion.joints().iter().flatten());
-    let (mut sum, mut largest, mut count) = (0.0, 0.0f32, 0);
-    for (a, b) in pairs {
-        let squared: f32 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
-        sum += f64::from(squared.sqrt());
-        largest = largest.max(squared.sqrt());
-        count += 1;
-    }
+    let distance = Rotations::of(motion).distance(motion);
     format!(
-        "bones keep their length, so joints are {:.1} mm from the motion's on average, {:.0} mm at most",
-        1e3 * sum / f64::from(count.max(1)),
-        1e3 * largest
+        "bones keep their length, so joints are {:.1} mm from the motion's on average, {:.0} mm at most ({}, {:.2} s)",
+        1e3 * distance.mean,
+        1e3 * distance.largest,
+        distance.joint.name(),
+        seconds(distance.frame)
     )
 }
 
