@@ -38,12 +38,16 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, R
             })
         }
         Some("glb" | "gltf") => {
-            let clip = glb::read(path, options.animation.as_deref())?;
+            let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
                 up: options.up.or(Some(Up::Y)),
                 ..options.clone()
             };
-            import(&clip, &options, path)
+            let imported = import(&clip, &options, path)?;
+            Ok(Imported {
+                other_animations,
+                ..imported
+            })
         }
         Some("npy") => npy::read(path, options),
         found => Err(ReadError::Ending {

@@ -44,6 +44,9 @@ pub struct Imported {
     pub source_frames: usize,
     /// The number of frames that the file announces, where it has more or fewer.
     pub announced_frames: Option<usize>,
+    /// Names of animations in the file that were not read: a glTF may hold several, of which
+    /// [`ReadOptions::animation`] chooses.
+    pub other_animations: Vec<String>,
     /// Joints that the file lacks, or has in the same place as another. They were placed:
     ///
     /// - spine joints on the line from pelvis to neck through what the file has between them, where they
@@ -118,6 +121,7 @@ pub(crate) fn import(
         source_frames_per_second: rate,
         source_frames: clip.frames,
         announced_frames: None,
+        other_animations: Vec::new(),
         placed: body.placed(),
     })
 }

@@ -39,6 +39,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadE
         up,
         source_frames_per_second: f64::from(FRAMES_PER_SECOND),
         announced_frames: None,
+        other_animations: Vec::new(),
         placed: Vec::new(),
     })
 }

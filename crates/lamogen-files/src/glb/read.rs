@@ -26,7 +26,8 @@ const SAME_SIZE: f64 = 1e-3;
 /// How far keyframes may lie beside a common grid, in parts of its frame.
 const OFF_GRID: f64 = 0.02;
 
-/// Reads the animation of that name, or the first, of a `.glb` or `.gltf` file.
+/// Reads the animation of that name, or the first, of a `.glb` or `.gltf` file; beside it, what the others are
+/// called.
 ///
 /// All nodes are read, those without a name as `node 7`. The clip starts at the first keyframe. Its frames are the
 /// keyframes where these lie on a grid, else 120 a second; curves that are not linear get at least 60 a second.
@@ -37,7 +38,7 @@ const OFF_GRID: f64 = 0.02;
 ///
 /// If the file cannot be read, is no glTF 2, is damaged or without animation, or needs what is not read here:
 /// compressed or sparse keyframes, buffers from a network, nodes below one that changes its size.
-pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<Clip, GlbError> {
+pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<(Clip, Vec<String>), GlbError> {
     let bytes = std::fs::read(path).map_err(|reason| GlbError::Io {
         path: path.to_owned(),
         reason,
@@ -45,7 +46,11 @@ pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<Clip, GlbErro
     read_bytes(&bytes, path, animation)
 }
 
-fn read_bytes(bytes: &[u8], path: &Path, animation: Option<&str>) -> Result<Clip, GlbError> {
+fn read_bytes(
+    bytes: &[u8],
+    path: &Path,
+    animation: Option<&str>,
+) -> Result<(Clip, Vec<String>), GlbError> {
     let container = Container::of(bytes, path)?;
     let flawed = |reason| GlbError::Format {
         path: path.to_owned(),
@@ -65,7 +70,12 @@ fn read_bytes(bytes: &[u8], path: &Path, animation: Option<&str>) -> Result<Clip
                 found: animations.iter().filter_map(|a| a.name.clone()).collect(),
             })?,
     };
-    clip(&container, chosen).map_err(flawed)
+    let others = animations
+        .iter()
+        .filter(|animation| !std::ptr::eq(*animation, chosen))
+        .map(|animation| animation.name.clone().unwrap_or("without a name".into()))
+        .collect();
+    Ok((clip(&container, chosen).map_err(flawed)?, others))
 }
 
 /// What moves one node.
@@ -404,7 +414,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("motion.glb");
         write(&path, &example::rotations(), options).unwrap();
-        read(&path, None).unwrap()
+        read(&path, None).unwrap().0
     }
 
     #[test]
@@ -427,7 +437,7 @@ mod tests {
         let path = folder.path().join("long.glb");
         let rotations = lamogen_motion::Rotations::of(&example::motion(12_000));
         write(&path, &rotations, &GlbOptions::default()).unwrap();
-        let clip = read(&path, None).unwrap();
+        let (clip, _) = read(&path, None).unwrap();
         assert_eq!(clip.frames, 12_000);
         let gap = largest_gap(&clip, &rotations.joints());
         assert!(gap < 1e-4, "{gap}");
@@ -496,7 +506,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("foreign.gltf");
         std::fs::write(&path, json.to_string()).unwrap();
-        read(&path, None)
+        read(&path, None).map(|(clip, _)| clip)
     }
 
     fn two_nodes() -> Json {
@@ -580,7 +590,7 @@ mod tests {
         let error = read(&path, None).err().unwrap().to_string();
         assert!(error.contains("the numbers.bin"), "{error}");
         std::fs::write(folder.path().join("the numbers.bin"), &bytes[28 + length..]).unwrap();
-        let clip = read(&path, None).unwrap();
+        let (clip, _) = read(&path, None).unwrap();
         assert!(largest_gap(&clip, &example::rotations().joints()) < 1e-4);
         // A folder, like a device or a pipe, is no file to read from.
         json["buffers"][0]["uri"] = json!("..");
@@ -603,6 +613,29 @@ mod tests {
         assert!(
             error.contains("\"walk\"") && error.contains("\"jump\""),
             "{error}"
+        );
+    }
+
+    #[test]
+    fn animations_that_are_not_read_are_named() {
+        let way: &[f32] = &[0.0; 6];
+        let curves = [(0, "translation", "LINEAR", way)];
+        let mut json = foreign(two_nodes(), &[0.0, 0.5], &curves);
+        let mut second = json["animations"][0].clone();
+        second["name"] = "walk".into();
+        let mut third = second.clone();
+        third.as_object_mut().unwrap().remove("name");
+        json["animations"]
+            .as_array_mut()
+            .unwrap()
+            .extend([second, third]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("several.gltf");
+        std::fs::write(&path, json.to_string()).unwrap();
+        assert_eq!(read(&path, None).unwrap().1, ["walk", "without a name"]);
+        assert_eq!(
+            read(&path, Some("walk")).unwrap().1,
+            ["idle", "without a name"]
         );
     }
 
@@ -713,7 +746,7 @@ mod tests {
         };
         let whole = glb::bytes(&rotations, &options).unwrap();
         let attempt = |bytes: &[u8]| {
-            if let Ok(clip) = read_bytes(bytes, Path::new("damaged.glb"), None) {
+            if let Ok((clip, _)) = read_bytes(bytes, Path::new("damaged.glb"), None) {
                 let end = clip.frames as f64 * clip.seconds_per_frame;
                 assert_eq!(clip.positions(end).len(), clip.nodes.len());
             }

@@ -84,6 +84,10 @@ fn assumed(imported: &Imported) -> String {
         let placed: Vec<&str> = imported.placed.iter().map(|joint| joint.name()).collect();
         parts.push(format!("placed by rule: {}", placed.join(", ")));
     }
+    if !imported.other_animations.is_empty() {
+        let others = imported.other_animations.join(", ");
+        parts.push(format!("not read: the animations {others} (--animation)"));
+    }
     if let Some(announced) = imported.announced_frames {
         parts.push(format!(
             "{} frames where {announced} are announced",

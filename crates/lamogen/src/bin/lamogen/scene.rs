@@ -84,6 +84,7 @@ impl Scene {
             "up": imported.up.to_string(),
             "source_frames_per_second": imported.source_frames_per_second,
             "source_frames": imported.source_frames,
+            "other_animations": imported.other_animations,
             "placed_joints": imported.placed.iter().map(|joint| joint.name()).collect::<Vec<_>>(),
         });
         Scene {
