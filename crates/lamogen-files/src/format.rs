@@ -119,7 +119,7 @@ pub fn write(
                     found: metres,
                 });
             }
-            let text = bvh::text(&rotations(motion, rate), &options.bvh);
+            let text = bvh::text(&Rotations::of(motion).resampled(rate), &options.bvh);
             lamogen_motion::write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(
                 |reason| WriteError::Io {
                     path: path.to_owned(),
@@ -127,21 +127,16 @@ pub fn write(
                 },
             )
         }
-        Some("glb") => Ok(glb::write(path, &rotations(motion, rate), &options.glb)?),
+        Some("glb") => {
+            let rotations = Rotations::of(motion).resampled(rate);
+            Ok(glb::write(path, &rotations, &options.glb)?)
+        }
         Some("npy") if features(path) => Ok(motion.save_features(path)?),
         Some("npy") => Ok(motion.save_joints(path)?),
         found => Err(WriteError::Ending {
             path: path.to_owned(),
             found: shown(found),
         }),
-    }
-}
-
-fn rotations(motion: &Motion, frames_per_second: f32) -> Rotations {
-    let rotations = Rotations::of(motion);
-    match frames_per_second == rotations.frames_per_second() {
-        true => rotations,
-        false => rotations.resampled(frames_per_second),
     }
 }
 

@@ -4,6 +4,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::features::{FeatureGroup, POSE_FEATURES};
+use crate::precise::vector;
 use crate::skeleton::{JOINTS, Joint};
 
 /// Global joint positions in metres of pose features (not normalised): the motion starts over the origin facing
@@ -25,7 +26,7 @@ pub(crate) fn decode(features: &[[f32; POSE_FEATURES]]) -> Vec<[[f32; 3]; JOINTS
         pose[Joint::Pelvis.index()] = (ground + height * DVec3::Y).as_vec3().to_array();
         let (locals, _) = row[FeatureGroup::LocalPositions.range()].as_chunks::<3>();
         for (point, &local) in pose[1..].iter_mut().zip(locals) {
-            let local = turn(heading) * DVec3::from(local.map(f64::from));
+            let local = turn(heading) * vector(local);
             *point = (ground + local).as_vec3().to_array();
         }
         pose

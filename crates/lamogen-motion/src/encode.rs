@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::features::{FOOT_CONTACT_JOINTS, POSE_FEATURES};
+use crate::precise::points;
 use crate::skeleton::{CHAINS, JOINTS, Joint};
 
 /// Where every joint is at one frame, in metres.
@@ -17,7 +18,7 @@ const STANDING: f64 = 0.002;
 /// Puts a motion where HumanML3D has it: the lowest joint of the whole motion on the ground, the first
 /// pelvis over the origin, the first pose facing +Z (Guo et al. 2022).
 pub fn canonical(poses: &[Pose]) -> Vec<Pose> {
-    let placed = place(points(poses)).into_iter();
+    let placed = place(poses.iter().map(points).collect()).into_iter();
     placed
         .map(|pose| pose.map(|point| point.as_vec3().to_array()))
         .collect()
@@ -54,13 +55,13 @@ fn place(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
 /// Rotations are those of HumanML3D: along every chain the shortest turn from the rest direction of a bone
 /// to the bone. They are no joint rotations of a rig; [`Rotations`](crate::Rotations) are.
 pub fn encode(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    rows(&points(poses))
+    rows(&poses.iter().map(points).collect::<Vec<_>>())
 }
 
 /// The pose features that a network understands: those of the [`canonical`] positions, which are not rounded in
 /// between.
 pub fn encode_canonical(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    rows(&place(points(poses)))
+    rows(&place(poses.iter().map(points).collect()))
 }
 
 fn rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
@@ -69,11 +70,6 @@ fn rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
     steps
         .map(|(poses, headings)| row(&poses[0], &poses[1], headings[0], headings[1]))
         .collect()
-}
-
-fn points(poses: &[Pose]) -> Vec<[DVec3; JOINTS]> {
-    let point = |point: [f32; 3]| DVec3::from(point.map(f64::from));
-    poses.iter().map(|pose| pose.map(point)).collect()
 }
 
 /// From the right to the left.

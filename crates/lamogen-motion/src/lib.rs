@@ -17,6 +17,7 @@ mod motion;
 mod normalization;
 pub mod npy;
 mod padding;
+mod precise;
 mod quality;
 mod rotations;
 mod skeleton;

@@ -130,6 +130,12 @@ impl Joint {
         })
     }
 
+    /// The joints that hang from this one, in index order; none for head, hands and toes.
+    pub fn children(self) -> impl Iterator<Item = Joint> {
+        let joints = Joint::ALL.into_iter();
+        joints.filter(move |joint| joint.parent() == Some(self))
+    }
+
     /// The joint on the other side of the body; a joint of the middle mirrors to itself.
     pub const fn mirrored(self) -> Joint {
         match self {

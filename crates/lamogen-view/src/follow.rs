@@ -1,5 +1,6 @@
 //! Where the camera of an animation is aimed.
 
+use lamogen_laban::Gaussian;
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 
 /// How far the pelvis may go before the camera follows it, in metres.
@@ -38,18 +39,19 @@ fn on_a_leash(motion: &Motion) -> Vec<[f32; 2]> {
 /// A Gaussian along time; beyond its ends the path stands still.
 fn smoothed(path: &[[f32; 2]]) -> Vec<[f32; 2]> {
     let deviation = SMOOTHING * FRAMES_PER_SECOND;
-    let reach = (3.0 * deviation) as isize;
-    let weight = |offset: isize| (-0.5 * (offset as f32 / deviation).powi(2)).exp();
-    let total: f32 = (-reach..=reach).map(weight).sum();
-    let last = path.len() as isize - 1;
-    (0..=last)
+    let reach = (3.0 * deviation) as usize;
+    let window = Gaussian::new(2 * reach + 1, deviation.powi(2));
+    let kernel = window.expect("an odd size and a variance above 0").kernel();
+    let tap = |frame: usize, offset: usize| {
+        path[(frame + offset).clamp(reach, path.len() - 1 + reach) - reach]
+    };
+    (0..path.len())
         .map(|frame| {
-            let mut mean = [0.0; 2];
-            for offset in -reach..=reach {
-                let at = path[(frame + offset).clamp(0, last) as usize];
-                mean = std::array::from_fn(|i| mean[i] + at[i] * (weight(offset) / total));
-            }
-            mean
+            let weights = kernel.iter().enumerate();
+            weights.fold([0.0; 2], |mean, (offset, weight)| {
+                let at = tap(frame, offset);
+                std::array::from_fn(|axis| mean[axis] + at[axis] * weight)
+            })
         })
         .collect()
 }

@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use glam::Vec3;
 use lamogen::{Generation, LaMoGen, Request, Tag};
 use lamogen_files::{ReadOptions, WriteOptions};
-use lamogen_motion::{JOINTS, Joint, Motion, Rotations, write_atomically};
+use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
 use lamogen_view::{Curve, Figure, Page};
 use serde_json::json;
 
@@ -29,7 +28,8 @@ pub struct Take {
     pub again_glb: PathBuf,
     /// Where the joints have to be: frame rate, names, positions in metres, Y up.
     pub joints: PathBuf,
-    truth: Vec<[[f32; 3]; JOINTS]>,
+    /// What the files must hold: rotations cannot reach joints whose bones change their length.
+    rotations: Rotations,
 }
 
 impl Exhibits {
@@ -63,16 +63,13 @@ impl Exhibits {
 impl Take {
     fn write(folder: &Path, name: &str, motion: &Motion) -> Result<Take> {
         let place = |ending: &str| folder.join(format!("{name}{ending}"));
-        // Rotations cannot reach joints whose bones change their length: what they reach is what the
-        // files must hold.
-        let rotations = Rotations::of(motion);
         let take = Take {
             glb: place(".glb"),
             bare_glb: place("_bare.glb"),
             bvh: place(".bvh"),
             again_glb: place("_again.glb"),
             joints: place(".json"),
-            truth: rotations.joints(),
+            rotations: Rotations::of(motion),
         };
         let options = WriteOptions::default();
         let mut bare = options.clone();
@@ -81,9 +78,9 @@ impl Take {
         lamogen_files::write(&take.bare_glb, motion, &bare)?;
         lamogen_files::write(&take.bvh, motion, &options)?;
         let truth = json!({
-            "frames_per_second": rotations.frames_per_second(),
+            "frames_per_second": take.rotations.frames_per_second(),
             "names": Joint::ALL.map(Joint::name),
-            "frames": take.truth.iter().map(|pose| json!(pose)).collect::<Vec<_>>(),
+            "frames": take.rotations.joints().iter().map(|pose| json!(pose)).collect::<Vec<_>>(),
         });
         write_atomically(&take.joints, |file| {
             Ok(serde_json::to_writer(file, &truth)?)
@@ -98,18 +95,12 @@ impl Take {
     /// If the file cannot be read or has another length.
     pub fn gap_again(&self) -> Result<f32> {
         let again = lamogen_files::read(&self.again_glb, &ReadOptions::default())?.motion;
-        if again.frames() != self.truth.len() {
-            let (expected, found) = (self.truth.len(), again.frames());
+        if again.frames() != self.rotations.frames() {
+            let (expected, found) = (self.rotations.frames(), again.frames());
             let name = self.again_glb.display();
             return Err(format!("{name}: expected {expected} frames, found {found}").into());
         }
-        let pairs = again
-            .joints()
-            .iter()
-            .flatten()
-            .zip(self.truth.iter().flatten());
-        let gaps = pairs.map(|(&a, &b)| Vec3::from(a).distance(Vec3::from(b)));
-        Ok(gaps.fold(0.0, f32::max))
+        Ok(self.rotations.distance(&again).largest)
     }
 }
 

@@ -272,20 +272,13 @@ impl Grid {
             is_new
         });
         let still = 1.0 / f64::from(FRAMES_PER_SECOND);
-        let (Some(&start), Some(&end)) = (times.first(), times.last()) else {
+        let [start, .., end] = times[..] else {
             return Grid {
-                start: 0.0,
+                start: times.first().copied().unwrap_or(0.0),
                 step: still,
                 frames: 1,
             };
         };
-        if times.len() == 1 {
-            return Grid {
-                start,
-                step: still,
-                frames: 1,
-            };
-        }
         let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let shortest = gaps.clone().fold(f64::INFINITY, f64::min);
         // Times are rounded to 32 bits; only all gaps together tell the step well.

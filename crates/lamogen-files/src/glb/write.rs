@@ -95,11 +95,7 @@ fn skeleton(rotations: &Rotations, options: &GlbOptions) -> Value {
             Joint::Pelvis => standing(rest)[joint.index()].as_vec3().to_array(),
             _ => rest.offset(joint),
         };
-        let children: Vec<usize> = Joint::ALL
-            .into_iter()
-            .filter(|child| child.parent() == Some(joint))
-            .map(node)
-            .collect();
+        let children: Vec<usize> = joint.children().map(node).collect();
         let mut entry = json!({ "name": joint.name(), "translation": place });
         if !children.is_empty() {
             entry["children"] = json!(children);
@@ -139,7 +135,8 @@ fn animation(rotations: &Rotations, name: &str, pack: &mut Pack) -> Value {
     let way = pack.floats(rotations.root(), Purpose::Other);
     channel(way, Joint::Pelvis, "translation");
     for joint in Joint::ALL {
-        let turns = continuous(rotations.local().iter().map(|pose| pose[joint.index()]));
+        let turns = rotations.local().iter().map(|pose| pose[joint.index()]);
+        let turns: Vec<[f32; 4]> = turns.collect();
         if turns
             .iter()
             .any(|turn| turn != &DQuat::IDENTITY.as_quat().to_array())
@@ -149,22 +146,6 @@ fn animation(rotations: &Rotations, name: &str, pack: &mut Pack) -> Value {
         }
     }
     json!({ "name": name, "channels": channels, "samplers": samplers })
-}
-
-/// Unit quaternions, each of the sign that is nearer to the one before: players that mix them number by
-/// number then take the short way too.
-fn continuous(turns: impl Iterator<Item = [f32; 4]>) -> Vec<[f32; 4]> {
-    let mut last = DQuat::IDENTITY;
-    turns
-        .map(|turn| {
-            let turn = DQuat::from_array(turn.map(f64::from)).normalize();
-            last = match turn.dot(last) < 0.0 {
-                true => -turn,
-                false => turn,
-            };
-            last.as_quat().to_array()
-        })
-        .collect()
 }
 
 /// The capsules as one mesh with three materials, bound to the joints.

@@ -13,6 +13,7 @@ mod tests;
 use glam::{DQuat, DVec3};
 
 use crate::motion::{FRAMES_PER_SECOND, Motion};
+use crate::precise::vector;
 use crate::skeleton::{JOINTS, Joint};
 
 /// A motion as rotations: what rigs, engines and files such as BVH and GLB want.
@@ -98,7 +99,8 @@ impl Rotations {
         &self.root
     }
 
-    /// The local rotations at every frame, indexed by [`Joint::index`].
+    /// The local rotations at every frame, indexed by [`Joint::index`]. Of the two quaternions of a rotation it is
+    /// the one nearer to that of the frame before, so that they may be mixed number by number.
     pub fn local(&self) -> &[[[f32; 4]; JOINTS]] {
         &self.local
     }
@@ -220,10 +222,6 @@ impl Rotations {
             from.slerp(to, part).to_array().map(|x| x as f32)
         })
     }
-}
-
-fn vector(point: [f32; 3]) -> DVec3 {
-    DVec3::from(point.map(f64::from))
 }
 
 fn quaternion(values: [f32; 4]) -> DQuat {

@@ -4,6 +4,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::fit::fit;
 use crate::motion::Motion;
+use crate::precise::{points, vector};
+use crate::quality::BoneDrift;
 use crate::skeleton::{JOINTS, Joint};
 
 /// The skeleton without any rotation: a T-pose that faces +Z, Y up, left arm along +X, with the bone
@@ -57,12 +59,10 @@ impl RestPose {
     /// The T-pose of a motion's body: every bone as long as it is on the median over the frames.
     pub fn of(motion: &Motion) -> RestPose {
         let poses: Vec<[DVec3; JOINTS]> = motion.joints().iter().map(points).collect();
-        let mut offsets = [DVec3::ZERO; JOINTS];
-        for joint in Joint::ALL {
-            offsets[joint.index()] = direction(joint) * median_length(&poses, joint);
-        }
+        let lengths = BoneDrift::of(motion).lengths.map(f64::from);
+        let mut offsets = Joint::ALL.map(|joint| direction(joint) * lengths[joint.index()]);
         for hub in &HUBS {
-            if let Some(shape) = shape(&poses, hub) {
+            if let Some(shape) = shape(&poses, hub, &lengths) {
                 for (joint, offset) in hub.children().into_iter().zip(shape) {
                     offsets[joint.index()] = offset;
                 }
@@ -81,7 +81,7 @@ impl RestPose {
     /// Where the limbs end, in metres from the joints that have no child: crown of the head, fingertips,
     /// tips of the toes. No motion knows them; they are those of a grown body, scaled to this one's legs.
     pub fn tips(&self) -> [(Joint, [f32; 3]); 5] {
-        let length = |joint: Joint| DVec3::from(self.offset(joint).map(f64::from)).length();
+        let length = |joint: Joint| vector(self.offset(joint)).length();
         let leg = [Joint::LeftKnee, Joint::LeftAnkle].map(length);
         let scale = (leg.iter().sum::<f64>() / LEG) as f32;
         [
@@ -93,10 +93,6 @@ impl RestPose {
         ]
         .map(|(joint, tip)| (joint, tip.map(|x| x * scale)))
     }
-}
-
-pub(super) fn points(pose: &[[f32; 3]; JOINTS]) -> [DVec3; JOINTS] {
-    pose.map(|point| DVec3::from(point.map(f64::from)))
 }
 
 /// Where the bone that ends in a joint points in the T-pose. Those of the hubs stand in only for motions
@@ -118,24 +114,14 @@ pub(super) fn direction(joint: Joint) -> DVec3 {
     }
 }
 
-fn median_length(poses: &[[DVec3; JOINTS]], joint: Joint) -> f64 {
-    let Some(parent) = joint.parent() else {
-        return 0.0;
-    };
-    let bone = |pose: &[DVec3; JOINTS]| pose[joint.index()] - pose[parent.index()];
-    let mut lengths: Vec<f64> = poses.iter().map(|pose| bone(pose).length()).collect();
-    let middle = lengths.len() / 2;
-    *lengths.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 /// The places of a hub's children around it, upright: left to right along X, the spine in the plane of X
 /// and Y. `None` if they lie on one line at every frame.
-fn shape(poses: &[[DVec3; JOINTS]], hub: &Hub) -> Option<[DVec3; 3]> {
+fn shape(poses: &[[DVec3; JOINTS]], hub: &Hub, lengths: &[f64; JOINTS]) -> Option<[DVec3; 3]> {
     let children = hub.children();
     let seen = |pose: &[DVec3; JOINTS]| {
         children.map(|child| pose[child.index()] - pose[hub.joint.index()])
     };
-    let lengths = children.map(|child| median_length(poses, child));
+    let lengths = children.map(|child| lengths[child.index()]);
     let (mut sum, mut frames) = ([DVec3::ZERO; 3], 0);
     for pose in poses {
         let places = seen(pose);

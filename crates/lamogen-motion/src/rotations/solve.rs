@@ -3,9 +3,10 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::fit::fit;
-use super::rest::{HUBS, RestPose, SHORTEST, points};
+use super::rest::{HUBS, RestPose, SHORTEST};
 use super::twist::{Hint, smooth};
 use crate::motion::Motion;
+use crate::precise::{points, vector};
 use crate::skeleton::{JOINTS, Joint};
 
 /// A joint with one child below it, and the child of that: a limb that bends in a plane.
@@ -87,10 +88,7 @@ impl Turns<'_> {
         if let Some(hub) = HUBS.iter().find(|hub| hub.joint == joint) {
             return self.hub(joint, hub.children());
         }
-        match Joint::ALL
-            .into_iter()
-            .find(|child| child.parent() == Some(joint))
-        {
+        match joint.children().next() {
             Some(child) => self.bone(joint, child),
             // Head, hands and toes: nothing is known beyond them.
             None => self.parents(joint).collect(),
@@ -107,7 +105,7 @@ impl Turns<'_> {
     }
 
     fn offset(&self, joint: Joint) -> DVec3 {
-        DVec3::from(self.rest.offset(joint).map(f64::from))
+        vector(self.rest.offset(joint))
     }
 
     /// The best turn for three children at once.

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
-use lamogen::{Component, DeviceName, Factor, FactorError, Preset, Request, Scale, ScaleCurve};
+use lamogen::{
+    COMPONENTS, Component, DeviceName, Factor, FactorError, Preset, Request, Scale, ScaleCurve,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::output::{Format, Output};
@@ -196,15 +198,17 @@ impl FactorArguments {
             return Some(scale.into());
         }
         let factors = [&self.weight, &self.time, &self.flow, &self.shape];
-        let mut curve = None;
-        for (component, factor) in Component::ALL.into_iter().zip(factors) {
-            if let Some(factor) = factor {
-                let known: ScaleCurve = curve.unwrap_or_default();
-                curve = Some(known.with(component, factor.clone()));
-            }
-        }
-        curve
+        curve(factors.map(Clone::clone))
     }
+}
+
+/// Factors in the order of the components; no curve if there is none.
+pub fn curve(factors: [Option<Factor>; COMPONENTS]) -> Option<ScaleCurve> {
+    let given = Component::ALL.into_iter().zip(factors);
+    given.fold(None, |curve, (component, factor)| match factor {
+        Some(factor) => Some(curve.unwrap_or_default().with(component, factor)),
+        None => curve,
+    })
 }
 
 fn factor(

@@ -44,16 +44,14 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
     };
     let (finished, pending): (Vec<Item>, Vec<Item>) =
         items.into_iter().partition(|item| work.is_finished(item));
-    let requests: Vec<Request> = pending.iter().map(|item| work.request(item)).collect();
-    work.check(&pending, &requests)?;
+    work.check(&pending)?;
 
     let start = Instant::now();
     let bar = console.bar("motions");
     bar.set_length(pending.len() as u64);
     let mut failed: Vec<(String, String)> = Vec::new();
-    let size = options.batch_size as usize;
-    for (items, requests) in pending.chunks(size).zip(requests.chunks(size)) {
-        work.generate(items, requests, &bar, &mut failed)?;
+    for items in pending.chunks(options.batch_size as usize) {
+        work.generate(items, &bar, &mut failed)?;
     }
     bar.finish_and_clear();
 
@@ -101,25 +99,31 @@ fn items(options: &Batch) -> Result<Vec<Item>, Failure> {
     let path = &options.requests;
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
-    let (items, mut wrong) = line::items(&text);
-    if !wrong.is_empty() {
-        let more = wrong.len().saturating_sub(NAMED);
-        wrong.truncate(NAMED);
-        let mut lines: Vec<String> = wrong
-            .into_iter()
-            .map(|(number, reason)| format!("{}, line {number}: {reason}", path.display()))
-            .collect();
-        if more > 0 {
-            lines.push(format!("and {more} more lines"));
-        }
-        return Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"));
-    }
+    let (items, wrong) = line::items(&text);
+    refuse(path, wrong)?;
     let (part, parts) = options.shard.unwrap_or((1, 1));
     let mine = items
         .into_iter()
         .enumerate()
         .filter(|(place, _)| place % parts == part - 1);
     Ok(mine.map(|(_, item)| item).collect())
+}
+
+/// Names the lines that are no requests or make no sense. Nothing has been run.
+fn refuse(path: &Path, mut wrong: Vec<(usize, String)>) -> Result<(), Failure> {
+    if wrong.is_empty() {
+        return Ok(());
+    }
+    let more = wrong.len().saturating_sub(NAMED);
+    wrong.truncate(NAMED);
+    let mut lines: Vec<String> = wrong
+        .into_iter()
+        .map(|(number, reason)| format!("{}, line {number}: {reason}", path.display()))
+        .collect();
+    if more > 0 {
+        lines.push(format!("and {more} more lines"));
+    }
+    Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"))
 }
 
 struct Work<'a> {
@@ -182,40 +186,25 @@ impl Work<'_> {
             })
     }
 
-    /// Names the requests that make no sense, before anything is run.
-    fn check(&self, items: &[Item], requests: &[Request]) -> Result<(), Failure> {
-        let wrong: Vec<String> = items
-            .iter()
-            .zip(requests)
-            .filter_map(|(item, request)| {
-                let reason = self.source.model.check(request).err()?;
-                let path = self.options.requests.display();
-                Some(format!("{path}, line {}: {reason}", item.number))
-            })
-            .collect();
-        if wrong.is_empty() {
-            return Ok(());
-        }
-        let more = wrong.len().saturating_sub(NAMED);
-        let mut lines = wrong;
-        lines.truncate(NAMED);
-        if more > 0 {
-            lines.push(format!("and {more} more lines"));
-        }
-        Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"))
+    /// Refuses requests that make no sense, before anything is run.
+    fn check(&self, items: &[Item]) -> Result<(), Failure> {
+        let wrong = items.iter().filter_map(|item| {
+            let reason = self.source.model.check(&self.request(item)).err()?;
+            Some((item.number, reason.to_string()))
+        });
+        refuse(&self.options.requests, wrong.collect())
     }
 
     /// Makes some motions together. One that fails is left out, and the others are made without it.
     fn generate(
         &self,
         items: &[Item],
-        requests: &[Request],
         bar: &indicatif::ProgressBar,
         failed: &mut Vec<(String, String)>,
     ) -> Result<(), Failure> {
-        let mut open: Vec<(&Item, Request)> = items.iter().zip(requests.iter().cloned()).collect();
+        let mut open: Vec<&Item> = items.iter().collect();
         while !open.is_empty() {
-            let requests: Vec<Request> = open.iter().map(|(_, request)| request.clone()).collect();
+            let requests: Vec<Request> = open.iter().map(|item| self.request(item)).collect();
             let result = self
                 .source
                 .model
@@ -234,20 +223,18 @@ impl Work<'_> {
             };
             let mut closed: Vec<usize> = Vec::new();
             for (place, generation) in done {
-                self.write(open[place].0, generation)?;
+                self.write(open[place], generation)?;
                 bar.inc(1);
                 closed.push(place);
             }
             if let Some((place, reason)) = culprit {
-                failed.push((open[place].0.id.clone(), reason));
+                failed.push((open[place].id.clone(), reason));
                 bar.inc(1);
                 closed.push(place);
             }
-            let mut place = 0;
-            open.retain(|_| {
-                place += 1;
-                !closed.contains(&(place - 1))
-            });
+            let left = open.into_iter().enumerate();
+            let left = left.filter(|(place, _)| !closed.contains(place));
+            open = left.map(|(_, item)| item).collect();
         }
         Ok(())
     }

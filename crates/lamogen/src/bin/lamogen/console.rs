@@ -31,6 +31,11 @@ impl Console {
         }
     }
 
+    /// Whether notices go nowhere.
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
     /// Prints a result.
     pub fn say(&self, text: impl AsRef<str>) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();

@@ -5,7 +5,7 @@ use serde_json::json;
 use crate::arguments::Convert;
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::laban::open;
+use crate::opened::open;
 use crate::source::device;
 
 pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {

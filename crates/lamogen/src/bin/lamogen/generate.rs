@@ -14,9 +14,9 @@ use crate::scene::Scene;
 use crate::source::Source;
 
 pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
-    let outputs = outputs(options)?;
-    let source = Source::open(&options.source, console)?;
     let seeds = seeds(options)?;
+    let outputs = outputs(options, &seeds)?;
+    let source = Source::open(&options.source, console)?;
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
@@ -90,7 +90,7 @@ impl Sample<'_> {
 }
 
 /// The files of every sample, checked.
-fn outputs(options: &Generate) -> Result<Vec<Vec<Output>>, Failure> {
+fn outputs(options: &Generate, seeds: &[u64]) -> Result<Vec<Vec<Output>>, Failure> {
     for output in &options.out {
         output.check()?;
     }
@@ -108,7 +108,7 @@ fn outputs(options: &Generate) -> Result<Vec<Vec<Output>>, Failure> {
             .map(|output| output.numbered(*seed))
             .collect(),
     };
-    Ok(seeds(options)?.iter().map(of).collect())
+    Ok(seeds.iter().map(of).collect())
 }
 
 fn seeds(options: &Generate) -> Result<Vec<u64>, Failure> {

@@ -3,8 +3,8 @@
 //! ```text
 //! arguments.rs ──▶ generate.rs ─┐
 //!                  batch.rs ────┼─▶ scene.rs ──▶ output.rs: one file of any format
-//!                  convert.rs ──┤
-//!                  play.rs ─────┘
+//!    opened.rs ──▶ convert.rs ──┤
+//!    a motion file play.rs ─────┘
 //!                  laban.rs ──▶ report.rs: text and JSON
 //!                  devices.rs, model.rs, shell.rs
 //! ```
@@ -20,6 +20,7 @@ mod failure;
 mod generate;
 mod laban;
 mod model;
+mod opened;
 mod output;
 mod play;
 mod report;

@@ -16,7 +16,7 @@ use crate::arguments::{BvhNamesName, WritingArguments};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::report;
-use crate::scene::{Scene, page_of, seconds};
+use crate::scene::{Scene, seconds};
 
 /// A format of files that the command writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -144,7 +144,8 @@ impl Output {
                 let options = options(scene, writing, self.format);
                 let motion = &scene.main().motion;
                 lamogen::files::write(path, motion, &options)?;
-                if matches!(self.format, Format::Glb | Format::Bvh) {
+                // Rotations are solved once more for this.
+                if matches!(self.format, Format::Glb | Format::Bvh) && !console.is_quiet() {
                     console.notice(format!("{self}: {}", rigid(motion)));
                 }
                 return Ok(());
@@ -176,7 +177,7 @@ impl Output {
                 bar.finish_and_clear();
                 bytes.map_err(|error| drawn(&error))?
             }
-            Format::Html => page_of(scene).into_bytes(),
+            Format::Html => scene.page().into_bytes(),
             _ => report::everything(scene).to_string().into_bytes(),
         };
         save(path, &content).map_err(|error| Failure::new(Code::Output, error))

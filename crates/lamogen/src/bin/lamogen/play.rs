@@ -7,8 +7,8 @@ use serde_json::{Map, json};
 use crate::arguments::Play;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
-use crate::laban::open;
-use crate::scene::{Scene, page_of};
+use crate::opened::open;
+use crate::scene::Scene;
 use crate::source::device;
 
 pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
@@ -35,8 +35,7 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
         Some(path) => path.clone(),
         None => temporary(&options.files[0])?,
     };
-    lamogen_view::save(&path, &page_of(&scene))
-        .map_err(|error| Failure::new(Code::Output, error))?;
+    lamogen_view::save(&path, &scene.page()).map_err(|error| Failure::new(Code::Output, error))?;
     match console.json {
         true => console.say(json!({ "file": path.to_string_lossy() }).to_string())?,
         false => console.say(path.display().to_string())?,

@@ -148,7 +148,7 @@ impl Scene {
         }
     }
 
-    pub fn figures(&self) -> Vec<Figure<'_>> {
+    fn figures(&self) -> Vec<Figure<'_>> {
         let mut figures: Vec<Figure<'_>> = self
             .motions
             .iter()
@@ -182,6 +182,17 @@ impl Scene {
         }
     }
 
+    /// The page that plays it.
+    pub fn page(&self) -> String {
+        let (figures, curves) = (self.figures(), self.curves());
+        lamogen_view::page(&Page {
+            title: &self.title,
+            notes: &self.notes,
+            figures: &figures,
+            curves: &curves,
+        })
+    }
+
     /// What a GLB's custom properties say: the facts that are a word or a number.
     pub fn glb_notes(&self) -> BTreeMap<String, String> {
         let text = |value: &Value| match value {
@@ -199,15 +210,4 @@ impl Scene {
 /// Seconds of a frame.
 pub fn seconds(frame: usize) -> f32 {
     frame as f32 / FRAMES_PER_SECOND
-}
-
-/// A page of a scene.
-pub fn page_of(scene: &Scene) -> String {
-    let (figures, curves) = (scene.figures(), scene.curves());
-    lamogen_view::page(&Page {
-        title: &scene.title,
-        notes: &scene.notes,
-        figures: &figures,
-        curves: &curves,
-    })
 }

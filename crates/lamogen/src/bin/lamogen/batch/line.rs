@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
-use lamogen::{Component, Factor, Preset, Request, Scale, ScaleCurve};
+use lamogen::{COMPONENTS, Component, Factor, Preset, Request, Scale, ScaleCurve};
 use serde::{Deserialize, Serialize};
 
-use crate::arguments::{PassArguments, PresetName};
+use crate::arguments::{PassArguments, PresetName, curve};
+use crate::report::name;
 
 /// A request as it stands in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -127,18 +128,17 @@ impl Line {
             let scale = Scale::new(scale).map_err(|error| error.to_string())?;
             return Ok(Some(scale.into()));
         }
-        let mut curve: Option<ScaleCurve> = None;
+        let mut parsed = [const { None }; COMPONENTS];
         for (component, text) in Component::ALL.into_iter().zip(factors) {
-            let factor = match text {
-                None => continue,
-                Some(FactorText::Number(number)) => Factor::constant(*number),
-                Some(FactorText::Text(text)) => Factor::parse(component, text),
-            };
-            let factor = factor
-                .map_err(|error| format!("{}: {error}", component.to_string().to_lowercase()))?;
-            curve = Some(curve.unwrap_or_default().with(component, factor));
+            let factor = text.as_ref().map(|text| match text {
+                FactorText::Number(number) => Factor::constant(*number),
+                FactorText::Text(text) => Factor::parse(component, text),
+            });
+            parsed[component.index()] = factor
+                .transpose()
+                .map_err(|error| format!("{}: {error}", name(component)))?;
         }
-        Ok(curve)
+        Ok(curve(parsed))
     }
 }
 
