@@ -19,6 +19,7 @@ mod body;
 mod capsule;
 mod container;
 mod curve;
+mod grid;
 mod pack;
 mod read;
 mod write;
