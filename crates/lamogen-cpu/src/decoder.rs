@@ -6,7 +6,7 @@ use crate::chunk::Chunk;
 use crate::linear::Linear;
 use crate::norm::Norm;
 use crate::stylization::Stylization;
-use crate::tape::Tape;
+use crate::tape::{Keep, Tape};
 
 /// Weights of a decoder.
 #[derive(Clone, Debug)]
@@ -99,7 +99,7 @@ impl<S: Numbers> Decoder<S> {
     /// If the sizes of weights and input do not belong together.
     pub fn evaluate(&self, input: Input<'_>) -> Vec<f32> {
         self.check(input);
-        on_the_pool(|| self.forward(input, false).0)
+        on_the_pool(|| self.forward(input, for_threads(input), Keep::Nothing).0)
     }
 
     /// The network's output, and what [`backward`](Self::backward) needs.
@@ -109,7 +109,20 @@ impl<S: Numbers> Decoder<S> {
     /// As [`evaluate`](Self::evaluate).
     pub fn record(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
         self.check(input);
-        on_the_pool(|| self.forward(input, true))
+        on_the_pool(|| self.forward(input, for_threads(input), Keep::ForCondition))
+    }
+
+    /// The network's output, and what [`gradients`](Self::gradients) needs: about 12 numbers a frame and
+    /// channel in each block.
+    ///
+    /// # Panics
+    ///
+    /// As [`evaluate`](Self::evaluate).
+    pub fn record_for_training(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
+        self.check(input);
+        // Whole motions wherever it can be: sums over frames must not depend on the number of threads.
+        let chunks = Chunk::cut(input.lengths, 1);
+        on_the_pool(|| self.forward(input, chunks, Keep::ForWeights))
     }
 
     /// Panics where the sizes of weights and input do not belong together: a slice too long or too short
@@ -191,6 +204,11 @@ impl<S: Numbers> Decoder<S> {
         let start = (chunk.motion * input.frames + chunk.first) * features;
         start..start + chunk.frames() * features
     }
+}
+
+/// Chunks that keep all threads busy.
+fn for_threads(input: Input<'_>) -> Vec<Chunk> {
+    Chunk::cut(input.lengths, rayon::current_num_threads())
 }
 
 /// Runs a task on the thread pool as a whole: every parallel part of it would otherwise have to wake

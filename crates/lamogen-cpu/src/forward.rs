@@ -9,12 +9,17 @@ use crate::chunk::Chunk;
 use crate::decoder::{Decoder, Input, LAYERS};
 use crate::math;
 use crate::stylization::Style;
-use crate::tape::{Passage, Record, Styles, Tape};
+use crate::tape::{Keep, Passage, Record, Styles, Tape};
 
 impl<S: Numbers> Decoder<S> {
     /// The output, and a tape that can be used only if everything is kept.
-    pub(crate) fn forward(&self, input: Input<'_>, keep: bool) -> (Vec<f32>, Tape) {
-        let mut passages: Vec<Passage> = Chunk::cut(input.lengths, rayon::current_num_threads())
+    pub(crate) fn forward(
+        &self,
+        input: Input<'_>,
+        chunks: Vec<Chunk>,
+        keep: Keep,
+    ) -> (Vec<f32>, Tape) {
+        let mut passages: Vec<Passage> = chunks
             .into_iter()
             .map(|chunk| Passage::new(chunk, self.width()))
             .collect();
@@ -33,8 +38,9 @@ impl<S: Numbers> Decoder<S> {
             passages.par_iter_mut().for_each(|passage| {
                 let motion = passage.chunk.motion;
                 let text = input.text(block, motion);
-                self.finish(passage, block, &all[motion], text, &styles[motion][block]);
-                if keep {
+                let style = &styles[motion][block];
+                self.finish(passage, block, &all[motion], text, style, keep);
+                if keep != Keep::Nothing {
                     self.share_keys(passage, &all[motion]);
                 }
                 match block + 1 == self.blocks.len() {
@@ -46,6 +52,7 @@ impl<S: Numbers> Decoder<S> {
         }
         let out = self.output(&passages, input);
         let tape = Tape {
+            keep,
             passages,
             contexts,
             styles,
@@ -77,7 +84,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// The first half of a block: queries, and keys and values summed up.
-    fn attend(&self, passage: &mut Passage, block: usize, keep: bool) {
+    fn attend(&self, passage: &mut Passage, block: usize, keep: Keep) {
         let Passage {
             chunk,
             hidden,
@@ -85,7 +92,7 @@ impl<S: Numbers> Decoder<S> {
             records,
             ..
         } = passage;
-        if keep || records.is_empty() {
+        if keep != Keep::Nothing || records.is_empty() {
             records.push(Record::default());
         }
         let record = &mut records.last_mut().expect("just pushed").self_attention;
@@ -129,6 +136,7 @@ impl<S: Numbers> Decoder<S> {
         context: &Context,
         text: &[f32],
         [first, second, third]: &[Style; LAYERS],
+        keep: Keep,
     ) {
         let heads = self.heads();
         let weights = &self.blocks[block];
@@ -154,6 +162,9 @@ impl<S: Numbers> Decoder<S> {
             .output
             .forward(&mut y, second, &mut record.cross_style, hidden);
 
+        if keep == Keep::ForWeights {
+            record.feed_forward_input.clone_from(hidden);
+        }
         let layers = &weights.feed_forward;
         let ff_size = layers.expand.weight.outputs();
         record
@@ -199,7 +210,7 @@ impl<S: Numbers> Decoder<S> {
 
 /// `x · Φ(x)`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn gelu(x: &[f32], out: &mut [f32]) {
+pub(crate) fn gelu(x: &[f32], out: &mut [f32]) {
     for (out, x) in out.iter_mut().zip(x) {
         *out = x * math::normal_cdf(*x);
     }

@@ -4,7 +4,8 @@
 //! ```text
 //! Decoder (weights) ──┐
 //! Input ──────────────┴─▶ evaluate ─▶ output
-//!                     └─▶ record ───▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
+//!                     ├─▶ record ───▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
+//!                     └─▶ record_for_training ▶ output, Tape ──gradients(gradient of output)──▶ Gradients of everything
 //! ```
 //!
 //! What a frame costs is spent once and in one place:
@@ -14,8 +15,8 @@
 //! - Exponentials and error functions are polynomials that the compiler vectorises; on x86-64 the widest
 //!   vector unit of the machine is found at run time.
 //! - Frames past a motion's length are never computed.
-//! - The gradient is that with respect to the condition alone; no gradient is computed for weights, nor
-//!   for the first block's attention, on which the condition has no influence.
+//! - Guidance asks for the gradient with respect to the condition alone; none is computed then for weights, nor
+//!   for the first block's attention, on which the condition has no influence. Training asks for all.
 //!
 //! Sums run in an order that does not depend on the number of threads, so results are equal bit for
 //! bit on any number of them.
@@ -25,6 +26,7 @@ mod backward;
 mod chunk;
 mod decoder;
 mod forward;
+mod gradients;
 mod linear;
 mod math;
 mod modulation;
@@ -34,6 +36,7 @@ mod tape;
 
 pub use decoder::{Block, CrossAttention, FeedForward, SelfAttention};
 pub use decoder::{Decoder, Input};
+pub use gradients::Gradients;
 pub use linear::{Layout, Linear, Matrix};
 pub use norm::Norm;
 pub use stylization::Stylization;

@@ -132,6 +132,47 @@ impl<S: Numbers> Linear<S> {
     }
 }
 
+impl Linear<Vec<f32>> {
+    /// Zeros, one for each weight of another layer, input by input.
+    pub(crate) fn zeros_like<S: Numbers>(layer: &Linear<S>) -> Self {
+        let (inputs, outputs) = (layer.weight.inputs, layer.weight.outputs);
+        Linear::by_input(vec![0.0; inputs * outputs], vec![0.0; outputs])
+    }
+
+    /// Adds the gradients of weights and bias: those of `x · W + b`, given that of the result.
+    pub(crate) fn gather(&mut self, x: &[f32], gradient: &[f32]) {
+        let Matrix {
+            numbers,
+            inputs,
+            outputs,
+            ..
+        } = &mut self.weight;
+        product(
+            rows(x, *inputs).transpose(),
+            rows(gradient, *outputs),
+            rows_mut(numbers, *outputs),
+            Accum::Add,
+        );
+        math::add_rows(&mut self.bias, gradient);
+    }
+
+    /// A layer from weights input by input.
+    pub(crate) fn by_input(numbers: Vec<f32>, bias: Vec<f32>) -> Self {
+        let (inputs, outputs) = (numbers.len() / bias.len().max(1), bias.len());
+        Linear::new(Matrix::new(numbers, inputs, outputs, Layout::ByInput), bias)
+    }
+
+    /// Adds weights and biases to a list.
+    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+        list.extend([&mut self.weight.numbers, &mut self.bias]);
+    }
+
+    /// Weights input by input, and biases.
+    pub fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
+        (self.weight.numbers, self.bias)
+    }
+}
+
 /// Rows of `width` numbers as a matrix.
 pub(crate) fn rows(numbers: &[f32], width: usize) -> MatRef<'_, f32> {
     MatRef::from_row_major_slice(numbers, numbers.len() / width, width)

@@ -206,6 +206,25 @@ pub(crate) fn add(to: &mut [f32], numbers: &[f32]) {
     add_row(to, numbers);
 }
 
+/// Adds every row to one.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+pub(crate) fn add_rows(to: &mut [f32], rows: &[f32]) {
+    for row in rows.chunks_exact(to.len()) {
+        add_row(to, row);
+    }
+}
+
+/// Adds the products of the rows of two matrices to one row.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
+pub(crate) fn add_products(to: &mut [f32], a: &[f32], b: &[f32]) {
+    let width = to.len();
+    for (a, b) in a.chunks_exact(width).zip(b.chunks_exact(width)) {
+        for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+            *to += a * b;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -47,7 +47,34 @@ impl<S: Numbers> Norm<S> {
     }
 }
 
+impl Norm<Vec<f32>> {
+    /// Zeros, one for each weight of another normalization.
+    pub(crate) fn zeros_like<S: Numbers>(norm: &Norm<S>) -> Self {
+        Norm {
+            gamma: vec![0.0; norm.width()],
+            beta: vec![0.0; norm.width()],
+            epsilon: norm.epsilon,
+        }
+    }
+
+    /// Adds scales and shifts to a list.
+    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+        list.extend([&mut self.gamma, &mut self.beta]);
+    }
+
+    /// Adds the gradients of scale and shift, given that of the output.
+    pub(crate) fn gather(&mut self, gradient: &[f32], normalized: &Normalized) {
+        math::add_rows(&mut self.beta, gradient);
+        math::add_products(&mut self.gamma, gradient, &normalized.rows);
+    }
+}
+
 impl Normalized {
+    /// The rows with scale and shift, as [`Norm::forward`] gave them.
+    pub(crate) fn output<S: Numbers>(&self, norm: &Norm<S>, out: &mut [f32]) {
+        scale_and_shift(&self.rows, norm.gamma.as_ref(), norm.beta.as_ref(), out);
+    }
+
     /// Subtracts from each row its mean and divides it by its standard deviation.
     pub(crate) fn of(&mut self, x: &[f32], width: usize, epsilon: f32) {
         self.rows.resize(x.len(), 0.0);

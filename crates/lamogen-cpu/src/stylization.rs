@@ -22,6 +22,16 @@ pub struct Stylization<S> {
 pub(crate) struct Style {
     factor: Vec<f32>,
     offset: Vec<f32>,
+    /// `1 + scale`.
+    gain: Vec<f32>,
+}
+
+/// Where the gradients of a layer's parameters are summed up.
+pub(crate) struct Gathered<'a> {
+    /// Of scale and shift, granule after granule.
+    pub(crate) modulation: &'a mut [f32],
+    /// Of the weights, if they are asked for.
+    pub(crate) weights: Option<&'a mut Stylization<Vec<f32>>>,
 }
 
 impl Style {
@@ -29,12 +39,30 @@ impl Style {
     pub(crate) fn new<S: Numbers>(norm: &Norm<S>, modulation: &[f32]) -> Self {
         let (scale, shift) = modulation.split_at(norm.width());
         let (gamma, beta) = (norm.gamma.as_ref(), norm.beta.as_ref());
-        let factor = gamma.iter().zip(scale).map(|(g, s)| g * (1.0 + s));
-        let offset = beta.iter().zip(scale).zip(shift);
+        let gain: Vec<f32> = scale.iter().map(|s| 1.0 + s).collect();
+        let factor = gamma.iter().zip(&gain).map(|(g, gain)| g * gain);
+        let offset = beta.iter().zip(&gain).zip(shift);
         Style {
             factor: factor.collect(),
-            offset: offset.map(|((b, s), t)| b * (1.0 + s) + t).collect(),
+            offset: offset.map(|((b, gain), t)| b * gain + t).collect(),
+            gain,
         }
+    }
+}
+
+impl Stylization<Vec<f32>> {
+    /// Zeros, one for each weight of another layer.
+    pub(crate) fn zeros_like<S: Numbers>(layer: &Stylization<S>) -> Self {
+        Stylization {
+            norm: Norm::zeros_like(&layer.norm),
+            output: Linear::zeros_like(&layer.output),
+        }
+    }
+
+    /// Adds all weights to a list.
+    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+        self.norm.parts(list);
+        self.output.parts(list);
     }
 }
 
@@ -62,9 +90,16 @@ impl<S: Numbers> Stylization<S> {
         normalized: &Normalized,
         hidden: &mut [f32],
         chunk: &Chunk,
-        modulation: &mut [f32],
+        Gathered {
+            modulation,
+            mut weights,
+        }: Gathered<'_>,
     ) {
         let width = self.norm.width();
+        if let Some(gathered) = &mut weights {
+            activate(&normalized.rows, &style.factor, &style.offset, hidden);
+            gathered.output.gather(hidden, gradient);
+        }
         self.output.weight.pull(gradient, hidden);
         let (gamma, beta) = (self.norm.gamma.as_ref(), self.norm.beta.as_ref());
         let modulations = modulation.chunks_exact_mut(2 * width);
@@ -77,6 +112,10 @@ impl<S: Numbers> Stylization<S> {
                 &mut hidden[range],
                 (sums, slopes),
             );
+            if let Some(Stylization { norm, .. }) = &mut weights {
+                math::add_products(&mut norm.beta, sums, &style.gain);
+                math::add_products(&mut norm.gamma, slopes, &style.gain);
+            }
             // Σ g and Σ g x̂ become the gradients of scale and shift.
             let parameters = gamma.iter().zip(beta);
             let sums = sums.iter_mut().zip(slopes.iter_mut());

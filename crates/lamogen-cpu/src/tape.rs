@@ -6,9 +6,10 @@ use crate::decoder::LAYERS;
 use crate::norm::Normalized;
 use crate::stylization::Style;
 
-/// The record of one evaluation, from which the gradient with respect to the condition is computed.
+/// The record of one evaluation, from which gradients are computed.
 #[derive(Debug)]
 pub struct Tape {
+    pub(crate) keep: Keep,
     pub(crate) passages: Vec<Passage>,
     /// What frames attend to: `[block][motion]`.
     pub(crate) contexts: Vec<Vec<Context>>,
@@ -44,6 +45,16 @@ impl Passage {
     }
 }
 
+/// How much of an evaluation is remembered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keep {
+    Nothing,
+    /// What the gradient with respect to the condition needs.
+    ForCondition,
+    /// What the gradients of weights need as well.
+    ForWeights,
+}
+
 /// What is remembered of a block.
 #[derive(Debug, Default)]
 pub(crate) struct Record {
@@ -52,6 +63,8 @@ pub(crate) struct Record {
     pub(crate) cross_norm: Normalized,
     pub(crate) cross_query: Vec<f32>,
     pub(crate) cross_style: Normalized,
+    /// The hidden state before the feed-forward layers, for gradients of weights.
+    pub(crate) feed_forward_input: Vec<f32>,
     /// Before the activation, `[frames, ff_size]`.
     pub(crate) expanded: Vec<f32>,
     pub(crate) feed_forward_style: Normalized,

@@ -19,4 +19,4 @@ pub use checkpoint::{Checkpoint, CheckpointError, Converted, Precision};
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens};
-pub use network::{CrossAttentionContext, MotionDiffuse};
+pub use network::{CrossAttentionContext, MotionDiffuse, Trained, TrainingBatch};

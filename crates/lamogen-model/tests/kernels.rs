@@ -1,9 +1,13 @@
 //! The CPU's kernels against the same network in tensor operations.
 
+use std::collections::BTreeMap;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
     Checkpoint, ClipTextConfig, Denoiser, DenoiserInput, FrameMask, Linearized, ModelConfig,
-    MotionDiffuse, Precision, Prediction, Prompt,
+    MotionDiffuse, Precision, Prediction, Prompt, TrainingBatch,
 };
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
@@ -41,13 +45,16 @@ fn numbers<const D: usize>(shape: [usize; D], seed: f32) -> Tensor<D> {
     Tensor::from_data(TensorData::new(numbers, shape), &Device::flex())
 }
 
-fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Denoiser>::Context>) {
-    let device = Device::flex();
+fn tokens() -> Tensor<2, Int> {
     let tokens: Vec<i32> = (0..4 * 8)
         .map(|i| if i % 8 == 7 { 49 } else { i * 5 % 48 })
         .collect();
-    let tokens = Tensor::<2, Int>::from_data(TensorData::new(tokens, [4, 8]), &device);
-    let prompt = model.encode(tokens);
+    Tensor::from_data(TensorData::new(tokens, [4, 8]), &Device::flex())
+}
+
+fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Denoiser>::Context>) {
+    let device = Device::flex();
+    let prompt = model.encode(tokens());
     let input = DenoiserInput {
         x_t: numbers([4, FRAMES, 37], 0.731),
         time: model.embed_timesteps(&[321]),
@@ -179,5 +186,114 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let one = run(1);
     for threads in [2, 3, 8] {
         assert!(run(threads) == one, "{threads} threads differ from one");
+    }
+}
+
+/// A batch to train on.
+fn batch() -> TrainingBatch {
+    let (input, _) = input(&MotionDiffuse::new(&config(), &Device::flex()));
+    TrainingBatch {
+        tokens: tokens(),
+        x_t: input.x_t,
+        timesteps: vec![321, 0, 999, 5],
+        mask: input.mask,
+    }
+}
+
+/// A loss over the frames that belong to a motion.
+fn loss(output: Tensor<3>, mask: &FrameMask) -> Tensor<1> {
+    let target = numbers([4, FRAMES, 37], 0.377);
+    ((output - target).square() * mask.keep().unwrap()).sum() / 1000.0
+}
+
+/// Gradients by the paths of their parameters.
+fn by_path(model: &MotionDiffuse, gradients: GradientsParams) -> BTreeMap<String, Vec<f32>> {
+    struct Collect {
+        path: Vec<String>,
+        gradients: GradientsParams,
+        found: BTreeMap<String, Vec<f32>>,
+    }
+    impl ModuleVisitor for Collect {
+        fn enter_module(&mut self, name: &str, _: &str) {
+            self.path.push(name.to_owned());
+        }
+        fn exit_module(&mut self, _: &str, _: &str) {
+            self.path.pop();
+        }
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let path = self.path.join(".");
+            let gradient = self.gradients.get::<D>(param.id);
+            let gradient = gradient.unwrap_or_else(|| panic!("{path} has no gradient"));
+            assert_eq!(gradient.dims(), param.val().dims(), "{path}");
+            self.found.insert(path, host(gradient));
+        }
+    }
+    let mut collect = Collect {
+        path: Vec::new(),
+        gradients,
+        found: BTreeMap::new(),
+    };
+    model.visit(&mut collect);
+    collect.found
+}
+
+#[test]
+fn gradients_of_all_weights_are_those_of_autodiff() {
+    for model in [trained(), MotionDiffuse::new(&config(), &Device::flex())] {
+        let model = model.train().set_require_grad(true);
+        let batch = batch();
+        let mask = batch.mask.clone();
+        let found = model.gradients(batch.clone(), |output| loss(output, &mask));
+
+        // A tracked network runs in tensor operations.
+        let prompt = model.encode(batch.tokens.autodiff());
+        let input = DenoiserInput {
+            x_t: batch.x_t,
+            time: model.embed_timesteps(&batch.timesteps),
+            embedding: prompt.embedding,
+            mask: batch.mask,
+        };
+        let expected = loss(model.denoise(input, &prompt.context), &mask);
+        let expected_gradients = GradientsParams::from_grads(expected.clone().backward(), &model);
+
+        let (found_loss, expected) = (host(found.loss), host(expected.inner()));
+        assert!((found_loss[0] / expected[0] - 1.0).abs() < 1e-5);
+        let found = by_path(&model, found.gradients);
+        let expected = by_path(&model, expected_gradients);
+        assert!(found.len() > 100 && found.len() == expected.len());
+        let size = |x: &[f32]| x.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
+        let largest = expected.values().map(|x| size(x)).fold(0.0, f32::max);
+        for (path, expected) in &expected {
+            // A bias of keys has no gradient but rounding: a softmax does not see it.
+            let limit = 1e-4 * size(expected) + 1e-6 * largest;
+            let differences = found[path].iter().zip(expected).map(|(a, b)| (a - b).abs());
+            let distance = differences.fold(0.0, f32::max);
+            assert!(distance < limit, "{path}: {distance} above {limit}");
+        }
+    }
+}
+
+#[test]
+fn gradients_do_not_depend_on_the_number_of_threads() {
+    let model = trained().train().set_require_grad(true);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let batch = batch();
+        let mask = batch.mask.clone();
+        let gradients = pool.build().unwrap().install(|| {
+            model
+                .gradients(batch, |output| loss(output, &mask))
+                .gradients
+        });
+        by_path(&model, gradients)
+    };
+    let one = run(1);
+    for threads in [2, 5] {
+        for (path, gradient) in run(threads) {
+            assert!(
+                gradient == one[&path],
+                "{path}: {threads} threads differ from one"
+            );
+        }
     }
 }

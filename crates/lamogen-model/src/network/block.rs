@@ -4,6 +4,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
+
+#[cfg(feature = "flex")]
 use super::cpu::Numbers;
 use super::cross_attention::CrossAttention;
 use super::feed_forward::FeedForward;
@@ -58,6 +61,12 @@ impl DecoderBlock {
             cross_attention: self.cross_attention.cpu()?,
             feed_forward: self.feed_forward.cpu()?,
         })
+    }
+
+    pub(super) fn note(&self, gradient: lamogen_cpu::Block<Vec<f32>>, notes: &mut GradientsParams) {
+        self.self_attention.note(gradient.self_attention, notes);
+        self.cross_attention.note(gradient.cross_attention, notes);
+        self.feed_forward.note(gradient.feed_forward, notes);
     }
 }
 

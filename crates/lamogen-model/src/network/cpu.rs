@@ -6,10 +6,11 @@
 
 use burn::backend::Flex;
 use burn::backend::flex::{FlexTensor, Layout as Strides};
-use burn::module::Param;
+use burn::module::{Param, ParamId};
 use burn::nn::{LayerNorm, Linear};
+use burn::optim::GradientsParams;
 use burn::tensor::{DType, Tensor, TensorData};
-use lamogen_cpu::{Decoder, Input, Layout, Matrix, Tape};
+use lamogen_cpu::{Decoder, Gradients, Input, Layout, Matrix, Tape};
 
 use super::cross_attention::CrossAttentionContext;
 use crate::denoiser::DenoiserInput;
@@ -80,6 +81,37 @@ fn numbers_of(parameter: &Option<Param<Tensor<1>>>) -> Option<Numbers> {
     numbers(parameter.as_ref()?)
 }
 
+/// Notes the gradients of a linear layer under the names of its parameters.
+pub(super) fn note_linear(
+    layer: &Linear,
+    gradient: lamogen_cpu::Linear<Vec<f32>>,
+    notes: &mut GradientsParams,
+) {
+    let (weight, bias) = gradient.into_parts();
+    let shape: [usize; 2] = layer.weight.lazy_shape().dims();
+    notes.register(layer.weight.id, tensor(weight, shape));
+    note_vector(id(&layer.bias), bias, notes);
+}
+
+/// Notes the gradients of a normalization.
+pub(super) fn note_norm(
+    layer: &LayerNorm,
+    gradient: lamogen_cpu::Norm<Vec<f32>>,
+    notes: &mut GradientsParams,
+) {
+    note_vector(layer.gamma.id, gradient.gamma, notes);
+    note_vector(id(&layer.beta), gradient.beta, notes);
+}
+
+fn note_vector(id: ParamId, gradient: Vec<f32>, notes: &mut GradientsParams) {
+    let shape = [gradient.len()];
+    notes.register(id, tensor(gradient, shape));
+}
+
+fn id(parameter: &Option<Param<Tensor<1>>>) -> ParamId {
+    parameter.as_ref().expect("layers with a bias").id
+}
+
 /// An evaluation whose weights and inputs all lie in the CPU's memory.
 pub(super) struct Evaluation {
     decoder: Decoder<Numbers>,
@@ -142,6 +174,20 @@ impl Evaluation {
         tensor(out, self.condition_shape)
     }
 
+    /// The network's output, and what [`gradients`](Self::gradients) needs.
+    pub(super) fn record_for_training(&self) -> (Tensor<3>, Tape) {
+        self.with_input(|input| {
+            let (output, tape) = self.decoder.record_for_training(input);
+            (self.output(output), tape)
+        })
+    }
+
+    /// All gradients from that of the output.
+    pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> Gradients {
+        let gradient = Numbers::of(gradient).expect("a gradient on the CPU that is not tracked");
+        self.with_input(|input| self.decoder.gradients(input, tape, gradient.as_ref()))
+    }
+
     fn output(&self, numbers: Vec<f32>) -> Tensor<3> {
         tensor(numbers, self.shape)
     }
@@ -159,7 +205,7 @@ impl Evaluation {
     }
 }
 
-fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
+pub(super) fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
     Tensor::from_data(
         TensorData::new(numbers, shape),
         &burn::tensor::Device::flex(),

@@ -6,6 +6,9 @@ use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
+
+#[cfg(feature = "flex")]
 use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::self_attention::context;
@@ -82,6 +85,16 @@ impl CrossAttention {
             query: cpu::linear(&self.query)?,
             output: self.output.cpu()?,
         })
+    }
+
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::CrossAttention<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
+        cpu::note_norm(&self.norm, gradient.norm, notes);
+        cpu::note_linear(&self.query, gradient.query, notes);
+        self.output.note(gradient.output, notes);
     }
 }
 

@@ -6,6 +6,9 @@ use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
+
+#[cfg(feature = "flex")]
 use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
@@ -49,6 +52,16 @@ impl FeedForward {
             contract: cpu::linear(&self.contract)?,
             output: self.output.cpu()?,
         })
+    }
+
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::FeedForward<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
+        cpu::note_linear(&self.expand, gradient.expand, notes);
+        cpu::note_linear(&self.contract, gradient.contract, notes);
+        self.output.note(gradient.output, notes);
     }
 }
 

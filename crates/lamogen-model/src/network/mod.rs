@@ -13,9 +13,11 @@ mod stylization;
 mod text_attention;
 mod text_encoder;
 mod time_embedding;
+mod training;
 
 pub use cross_attention::CrossAttentionContext;
 pub use motion_diffuse::MotionDiffuse;
+pub use training::{Trained, TrainingBatch};
 
 use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};

@@ -2,6 +2,8 @@
 
 use burn::module::{Initializer, Module, Param};
 use burn::nn::{Linear, LinearConfig};
+#[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor};
 
 use super::block::{DecoderBlock, STYLIZATIONS};
@@ -145,7 +147,11 @@ impl Denoiser for MotionDiffuse {
 
 impl MotionDiffuse {
     /// One evaluation in tensor operations, on any device, with or without gradients.
-    fn forward(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
+    pub(super) fn forward(
+        &self,
+        input: DenoiserInput,
+        context: &CrossAttentionContext,
+    ) -> Tensor<3> {
         let [_, frames, _] = input.x_t.dims();
         let condition = input.time + input.embedding;
         let mut modulations = self.modulations.forward(condition);
@@ -168,8 +174,26 @@ impl MotionDiffuse {
         Evaluation::new(|| self.cpu(), input, context)
     }
 
+    /// Notes the decoder's gradients under the names of its parameters.
     #[cfg(feature = "flex")]
-    fn cpu(&self) -> Option<lamogen_cpu::Decoder<Numbers>> {
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::Decoder<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
+        cpu::note_linear(&self.pose_embedding, gradient.pose_embedding, notes);
+        let shape: [usize; 2] = self.frame_embedding.lazy_shape().dims();
+        let frames = cpu::tensor(gradient.frame_embedding, shape);
+        notes.register(self.frame_embedding.id, frames);
+        cpu::note_linear(&self.modulations.project, gradient.modulations, notes);
+        for (block, gradient) in self.blocks.iter().zip(gradient.blocks) {
+            block.note(gradient, notes);
+        }
+        cpu::note_linear(&self.output, gradient.output, notes);
+    }
+
+    #[cfg(feature = "flex")]
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Decoder<Numbers>> {
         let blocks = self.blocks.iter().map(DecoderBlock::cpu);
         Some(lamogen_cpu::Decoder {
             heads: self.config.num_heads,

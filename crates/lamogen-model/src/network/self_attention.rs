@@ -6,6 +6,9 @@ use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
+
+#[cfg(feature = "flex")]
 use super::cpu::{self, Numbers};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
@@ -74,6 +77,18 @@ impl SelfAttention {
             value: cpu::linear(&self.value)?,
             output: self.output.cpu()?,
         })
+    }
+
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::SelfAttention<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
+        cpu::note_norm(&self.norm, gradient.norm, notes);
+        cpu::note_linear(&self.query, gradient.query, notes);
+        cpu::note_linear(&self.key, gradient.key, notes);
+        cpu::note_linear(&self.value, gradient.value, notes);
+        self.output.note(gradient.output, notes);
     }
 }
 

@@ -6,6 +6,9 @@ use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 
 #[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
+
+#[cfg(feature = "flex")]
 use super::cpu::{self, Numbers};
 use super::layer_norm;
 use super::modulation::Modulation;
@@ -44,6 +47,15 @@ impl Stylization {
             norm: cpu::norm(&self.norm)?,
             output: cpu::linear(&self.output)?,
         })
+    }
+
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::Stylization<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
+        cpu::note_norm(&self.norm, gradient.norm, notes);
+        cpu::note_linear(&self.output, gradient.output, notes);
     }
 }
 

@@ -1,0 +1,142 @@
+//! The gradients of all weights, for training.
+//!
+//! On the CPU the decoder is left to the kernels of `lamogen-cpu`, and only text encoder, timestep embedding and the text's side of
+//! the attention are followed by autodiff:
+//!
+//! ```text
+//! tokens, timesteps ──autodiff──▶ condition, context ──kernels──▶ output ──autodiff──▶ loss
+//!      their weights ◀──autodiff── their gradients ◀──kernels── gradient of the output
+//!                            decoder's weights ◀──┘
+//! ```
+
+#[cfg(feature = "flex")]
+use burn::module::Module;
+use burn::optim::GradientsParams;
+use burn::tensor::{Int, Tensor};
+
+#[cfg(feature = "flex")]
+use super::cpu::{self, Evaluation};
+#[cfg(feature = "flex")]
+use super::cross_attention::CrossAttentionContext;
+use super::motion_diffuse::MotionDiffuse;
+use crate::denoiser::{Denoiser, DenoiserInput, FrameMask};
+
+/// What a step of training shows to the network. Nothing of it is tracked by autodiff.
+#[derive(Clone, Debug)]
+pub struct TrainingBatch {
+    /// Token ids of one caption each, `[batch, tokens]`, the end token being the largest id of each row.
+    pub tokens: Tensor<2, Int>,
+    /// Noisy motions, normalised, `[batch, frames, features]`.
+    pub x_t: Tensor<3>,
+    /// The timestep of each motion.
+    pub timesteps: Vec<usize>,
+    /// Which frames are part of each motion.
+    pub mask: FrameMask,
+}
+
+/// What a step of training finds.
+#[derive(Debug)]
+pub struct Trained {
+    /// What the loss function returned, not tracked.
+    pub loss: Tensor<1>,
+    /// The gradient of the loss with respect to each weight.
+    pub gradients: GradientsParams,
+}
+
+impl MotionDiffuse {
+    /// The gradients of a loss of the network's output with respect to all weights. `loss` gets the output,
+    /// `[batch, frames, features]`, tracked by autodiff, and returns one number; what stands in the output past a motion's length
+    /// has no meaning and must not count.
+    ///
+    /// On the CPU (`flex`) results do not depend on the number of threads.
+    ///
+    /// # Panics
+    ///
+    /// If the network is not tracked (see `burn::module::Module::train`), a token or timestep is out of range, or sizes differ.
+    pub fn gradients(
+        &self,
+        batch: TrainingBatch,
+        loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
+    ) -> Trained {
+        assert!(
+            self.device().is_autodiff(),
+            "expected a network that autodiff follows"
+        );
+        let prompt = self.encode(batch.tokens.autodiff());
+        let input = DenoiserInput {
+            x_t: batch.x_t,
+            time: self.embed_timesteps(&batch.timesteps),
+            embedding: prompt.embedding,
+            mask: batch.mask,
+        };
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.untracked(&input, &prompt.context) {
+            let (output, tape) = evaluation.record_for_training();
+            let (loss, gradient) = gradient_of(output, loss);
+            let gradients = evaluation.gradients(tape, gradient);
+            return Trained {
+                loss,
+                gradients: self.gradients_before(input, &prompt.context, gradients),
+            };
+        }
+        let loss = loss(self.forward(input, &prompt.context));
+        let gradients = loss.clone().backward();
+        Trained {
+            loss: loss.inner(),
+            gradients: GradientsParams::from_grads(gradients, self),
+        }
+    }
+}
+
+#[cfg(feature = "flex")]
+impl MotionDiffuse {
+    /// The evaluation by the CPU's kernels, where all that it needs lies in the CPU's memory.
+    fn untracked(
+        &self,
+        input: &DenoiserInput,
+        context: &CrossAttentionContext,
+    ) -> Option<Evaluation> {
+        let input = DenoiserInput {
+            x_t: input.x_t.clone().inner(),
+            time: input.time.clone().inner(),
+            embedding: input.embedding.clone().inner(),
+            mask: input.mask.clone(),
+        };
+        let context = context.0.iter().map(|text| text.clone().inner());
+        let context = CrossAttentionContext(context.collect());
+        Evaluation::new(|| self.valid().cpu(), &input, &context)
+    }
+
+    /// The gradients of all weights from those of the decoder and of its inputs.
+    fn gradients_before(
+        &self,
+        input: DenoiserInput,
+        context: &CrossAttentionContext,
+        found: lamogen_cpu::Gradients,
+    ) -> GradientsParams {
+        let condition = input.time + input.embedding;
+        let gradient = cpu::tensor(found.condition, condition.dims());
+        let mut along = (condition * gradient).sum();
+        for (text, gradient) in context.0.iter().zip(found.text) {
+            let gradient = cpu::tensor(gradient, text.dims());
+            along = along + (text.clone() * gradient).sum();
+        }
+        let mut gradients = GradientsParams::from_grads(along.backward(), self);
+        self.note(found.weights, &mut gradients);
+        gradients
+    }
+}
+
+/// A loss of an output, and its gradient.
+#[cfg(feature = "flex")]
+fn gradient_of(
+    output: Tensor<3>,
+    loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
+) -> (Tensor<1>, Tensor<3>) {
+    let leaf = output.autodiff().require_grad();
+    let loss = loss(leaf.clone());
+    let gradient = leaf.grad_remove(&mut loss.clone().backward());
+    // A loss that ignores the output has no gradient.
+    let gradient = gradient.unwrap_or_else(|| leaf.inner().zeros_like());
+    (loss.inner(), gradient)
+}
