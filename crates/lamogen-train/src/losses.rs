@@ -1,0 +1,189 @@
+//! What a network is trained to make small.
+
+use burn::tensor::Tensor;
+use lamogen_model::{FrameMask, Prediction};
+use lamogen_motion::{FOOT_CONTACT_JOINTS, FeatureGroup, JOINTS, Normalization, joints};
+use serde::{Deserialize, Serialize};
+
+/// Weights of the losses. The squared error of what the network predicts counts 1; the others are
+/// about the clean motion that the prediction speaks of, and 0 turns them off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Losses {
+    /// Squared error of the change from frame to frame, of normalised features: what a motion that jumps between poses, each
+    /// right in itself, has much of.
+    pub change: f64,
+    /// Squared error of joint positions in metres (MDM, Tevet et al. 2022, equation 3).
+    pub position: f64,
+    /// Squared error of joint velocities in metres per frame (there, equation 5).
+    pub velocity: f64,
+    /// Squared velocity in metres per frame of feet that stand on the ground (there, equation 4).
+    pub foot_contact: f64,
+}
+
+impl Losses {
+    /// Which of them is no weight.
+    pub(crate) fn problem(&self) -> Option<String> {
+        let all = [
+            ("change", self.change),
+            ("position", self.position),
+            ("velocity", self.velocity),
+            ("foot_contact", self.foot_contact),
+        ];
+        all.into_iter()
+            .find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0))
+            .map(|(name, found)| format!("training.losses.{name} must be 0 or above, found {found}"))
+    }
+}
+
+/// Noisy motions and what the network should make of them. Nothing of it is tracked.
+#[derive(Clone, Debug)]
+pub(crate) struct Truth {
+    /// Clean motions, normalised, `[batch, frames, features]`.
+    pub(crate) clean: Tensor<3>,
+    /// The noise in `noisy`.
+    pub(crate) noise: Tensor<3>,
+    /// What the network sees.
+    pub(crate) noisy: Tensor<3>,
+    /// `ᾱ` of each motion's timestep, `[batch, 1, 1]`.
+    pub(crate) alpha_cumprod: Tensor<3>,
+    pub(crate) mask: FrameMask,
+}
+
+/// The parts of a loss, each one number; those that are turned off are left out.
+pub(crate) struct Parts {
+    /// What is made small.
+    pub(crate) total: Tensor<1>,
+    /// Squared error of what the network predicts, in its own terms.
+    pub(crate) prediction: Tensor<1>,
+}
+
+impl Losses {
+    /// The losses of a network's output `[batch, frames, features]`.
+    pub(crate) fn of(
+        &self,
+        output: Tensor<3>,
+        truth: &Truth,
+        prediction: Prediction,
+        normalization: &Normalization,
+    ) -> Parts {
+        let frames: usize = truth.mask.lengths().iter().sum();
+        let keep = truth.mask.keep();
+        // Sums over frames that count, divided by how many numbers were summed up.
+        let mean = |squares: Tensor<3>, width: usize, keep: &Option<Tensor<3>>| {
+            let squares = match keep {
+                Some(keep) => squares * keep.clone(),
+                None => squares,
+            };
+            squares.sum() / (frames * width) as f64
+        };
+        let [_, count, features] = output.dims();
+        let error = output.clone() - truth.target(prediction);
+        let squared = mean(error.square(), features, &keep);
+        let mut total = squared.clone();
+        if *self == Losses::default() {
+            return Parts {
+                prediction: squared,
+                total,
+            };
+        }
+        // A change leads to a frame that counts.
+        let changes = keep.as_ref().map(|keep| keep.clone().narrow(1, 1, count - 1));
+        let change = |x: Tensor<3>| {
+            x.clone().narrow(1, 1, count - 1) - x.narrow(1, 0, count - 1)
+        };
+        let clean = truth.clean_of(output, prediction);
+        // Where little of the clean motion is left, an error of the noise is an error of the clean motion many times as large.
+        let weight = |x: Tensor<3>| match prediction {
+            Prediction::Sample => x,
+            _ => x * truth.alpha_cumprod.clone(),
+        };
+        if self.change > 0.0 {
+            let error = change(clean.clone()) - change(truth.clean.clone());
+            let squared = mean(weight(error.square()), features, &changes);
+            total = total + squared * self.change;
+        }
+        if self.position > 0.0 || self.velocity > 0.0 || self.foot_contact > 0.0 {
+            let [batch, _, _] = clean.dims();
+            let flat = |clean: Tensor<3>| {
+                let joints = joints(normalization.denormalize(clean));
+                joints.reshape([batch, count, 3 * JOINTS])
+            };
+            let (found, expected) = (flat(clean), flat(truth.clean.clone()));
+            if self.position > 0.0 {
+                let error = (found.clone() - expected.clone()).square();
+                total = total + mean(weight(error), JOINTS, &keep) * self.position;
+            }
+            let moved = change(found);
+            if self.velocity > 0.0 {
+                let error = (moved.clone() - change(expected)).square();
+                total = total + mean(weight(error), JOINTS, &changes) * self.velocity;
+            }
+            if self.foot_contact > 0.0 {
+                let range = FeatureGroup::FootContact.range();
+                let contacts = normalization.denormalize(truth.clean.clone());
+                let contacts = contacts
+                    .narrow(2, range.start, range.len())
+                    .narrow(1, 0, count - 1);
+                let feet = FOOT_CONTACT_JOINTS.map(|joint| {
+                    let foot = moved.clone().narrow(2, 3 * joint as usize, 3);
+                    foot.square().sum_dim(2)
+                });
+                let sliding = Tensor::cat(feet.to_vec(), 2) * contacts;
+                let squared = mean(weight(sliding), range.len(), &changes);
+                total = total + squared * self.foot_contact;
+            }
+        }
+        Parts {
+            prediction: squared,
+            total,
+        }
+    }
+}
+
+impl Truth {
+    /// Noise added to clean motions: `√ᾱ · clean + √(1 - ᾱ) · noise`.
+    pub(crate) fn new(
+        clean: Tensor<3>,
+        noise: Tensor<3>,
+        alpha_cumprod: Tensor<3>,
+        mask: FrameMask,
+    ) -> Self {
+        let rest = 1.0 - alpha_cumprod.clone();
+        Truth {
+            noisy: clean.clone() * alpha_cumprod.clone().sqrt() + noise.clone() * rest.sqrt(),
+            clean,
+            noise,
+            alpha_cumprod,
+            mask,
+        }
+    }
+
+    /// What the network should return.
+    fn target(&self, prediction: Prediction) -> Tensor<3> {
+        match prediction {
+            Prediction::Sample => self.clean.clone(),
+            Prediction::Epsilon => self.noise.clone(),
+            Prediction::Velocity => {
+                let (signal, rest) = self.shares();
+                self.noise.clone() * signal - self.clean.clone() * rest
+            }
+        }
+    }
+
+    /// The clean motion that an output speaks of.
+    fn clean_of(&self, output: Tensor<3>, prediction: Prediction) -> Tensor<3> {
+        let (signal, rest) = self.shares();
+        match prediction {
+            Prediction::Sample => output,
+            Prediction::Epsilon => (self.noisy.clone() - output * rest) / signal,
+            Prediction::Velocity => self.noisy.clone() * signal - output * rest,
+        }
+    }
+
+    /// `√ᾱ` and `√(1 - ᾱ)`.
+    fn shares(&self) -> (Tensor<3>, Tensor<3>) {
+        let rest = 1.0 - self.alpha_cumprod.clone();
+        (self.alpha_cumprod.clone().sqrt(), rest.sqrt())
+    }
+}
