@@ -8,13 +8,14 @@ use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::entry::Entry;
 use crate::error::DataError;
+use crate::form::Form;
 use crate::mirror::Mirror;
 use crate::options::{LoadOptions, Progress};
-use crate::packed;
 use crate::problems::Problems;
 use crate::rows::Rows;
 use crate::split::Split;
 use crate::statistics::Statistics;
+use crate::{humanml3d, packed};
 
 /// Motions with captions, their rows of pose features, and the statistics that networks are trained with.
 ///
@@ -44,7 +45,10 @@ impl Dataset {
         observer: &mut dyn FnMut(Progress),
     ) -> Result<Dataset, DataError> {
         let folder = folder.as_ref();
-        packed::open(folder, options, observer)
+        match Form::of(folder)? {
+            Form::Packed => packed::open(folder, options, observer),
+            Form::HumanMl3d => humanml3d::open(folder, options, observer),
+        }
     }
 
     /// A data set of what was read.

@@ -36,14 +36,22 @@ pub enum DataError {
     /// An array of statistics.
     #[error(transparent)]
     Npy(#[from] NpyError),
+    /// An array of another shape.
+    #[error("{path}: expected the shape {expected}, found {found:?}")]
+    #[allow(missing_docs)]
+    Shape {
+        path: PathBuf,
+        expected: String,
+        found: Vec<usize>,
+    },
     /// A value that can be no mean or standard deviation.
-    #[error("{path}: expected {expected} for feature {feature}{group}, found {found}")]
+    #[error("{path}: expected {expected} for feature {feature} ({group}), found {found}")]
     #[allow(missing_docs)]
     Statistic {
         path: PathBuf,
         expected: &'static str,
         feature: usize,
-        group: String,
+        group: &'static str,
         found: f32,
     },
     /// Statistics cannot be computed.

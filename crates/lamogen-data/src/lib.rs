@@ -13,6 +13,8 @@
 mod dataset;
 mod entry;
 mod error;
+mod form;
+mod humanml3d;
 mod mirror;
 mod options;
 mod packed;

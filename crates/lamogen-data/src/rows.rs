@@ -42,6 +42,11 @@ impl Rows {
         self.offsets.push(self.len());
     }
 
+    /// Makes room for rows, so that a large data set does not move as it grows.
+    pub fn reserve(&mut self, rows: usize) {
+        self.values.reserve(rows * POSE_FEATURES);
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.values.len() / POSE_FEATURES
