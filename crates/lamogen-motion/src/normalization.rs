@@ -82,6 +82,29 @@ impl Normalization {
         )
     }
 
+    /// As [`from_files`](Self::from_files), from numbers that are in memory, as many as there are features.
+    ///
+    /// # Errors
+    ///
+    /// If there are not as many standard deviations as means, or a value makes no sense; the error names `mean` or
+    /// `std` instead of a file.
+    pub fn from_slices(
+        mean: &[f32],
+        std: &[f32],
+        device: &Device,
+    ) -> Result<Self, NormalizationError> {
+        let array = |values: &[f32]| Array {
+            values: values.to_vec(),
+            shape: vec![values.len()],
+        };
+        Self::checked(
+            (array(mean), Path::new("mean")),
+            (array(std), Path::new("std")),
+            mean.len(),
+            device,
+        )
+    }
+
     fn checked(
         mean: (Array, &Path),
         std: (Array, &Path),
@@ -166,6 +189,21 @@ mod tests {
         let features = Tensor::<3>::ones([2, 3, POSE_FEATURES], &Device::flex());
         let back = normalization.denormalize(normalization.normalize(features.clone()));
         assert!((back - features).abs().max().into_scalar::<f32>() < 1e-5);
+    }
+
+    #[test]
+    fn numbers_in_memory_are_checked_as_files_are() {
+        let normalization = Normalization::from_slices(&[1.0], &[2.0], &Device::flex()).unwrap();
+        let features = Tensor::<3>::ones([1, 1, 1], &Device::flex()) * 5.0;
+        let normalized = normalization.normalize(features);
+        assert_eq!(normalized.into_scalar::<f32>(), 2.0);
+        for (mean, std, part) in [
+            (&[0.0; 2][..], &[1.0][..], "std"),
+            (&[0.0], &[0.0], "above 0"),
+        ] {
+            let error = Normalization::from_slices(mean, std, &Device::flex()).unwrap_err();
+            assert!(error.to_string().contains(part), "{error}");
+        }
     }
 
     #[test]

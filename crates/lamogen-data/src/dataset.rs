@@ -1,0 +1,187 @@
+//! A data set in memory.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use lamogen_motion::{Normalization, POSE_FEATURES};
+
+use crate::entry::Entry;
+use crate::error::DataError;
+use crate::form::Form;
+use crate::mirror::Mirror;
+use crate::options::{LoadOptions, Progress};
+use crate::problems::Problems;
+use crate::rows::Rows;
+use crate::split::Split;
+use crate::statistics::Statistics;
+use crate::{humanml3d, packed};
+
+/// Motions with captions, their rows of pose features, and the statistics that networks are trained with.
+///
+/// All rows are in memory, 16 bits a number: 0.5 kB a frame, about 2 GB for HumanML3D.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    pub(crate) folder: PathBuf,
+    pub(crate) entries: Vec<Entry>,
+    pub(crate) rows: Rows,
+    pub(crate) statistics: Statistics,
+    pub(crate) mirror: Mirror,
+    pub(crate) problems: Problems,
+}
+
+impl Dataset {
+    /// Opens a folder of either form: the packed one, or HumanML3D's. `observer` is told how far reading is.
+    ///
+    /// Motions that cannot be used are left out and listed in [`problems`](Self::problems).
+    ///
+    /// # Errors
+    ///
+    /// If the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
+    /// are no statistics and none can be computed.
+    pub fn open(
+        folder: impl AsRef<Path>,
+        options: &LoadOptions,
+        observer: &mut dyn FnMut(Progress),
+    ) -> Result<Dataset, DataError> {
+        let folder = folder.as_ref();
+        match Form::of(folder)? {
+            Form::Packed => packed::open(folder, options, observer),
+            Form::HumanMl3d => humanml3d::open(folder, options, observer),
+        }
+    }
+
+    /// A data set of what was read.
+    ///
+    /// # Errors
+    ///
+    /// If there is no entry, or statistics are not given and cannot be computed.
+    pub(crate) fn new(
+        folder: &Path,
+        (entries, rows): (Vec<Entry>, Rows),
+        mirror: Mirror,
+        statistics: Option<Statistics>,
+        problems: Problems,
+    ) -> Result<Dataset, DataError> {
+        if entries.is_empty() {
+            return Err(DataError::Nothing {
+                folder: folder.to_owned(),
+                problems: problems.summary(),
+            });
+        }
+        let statistics = match statistics {
+            Some(statistics) => statistics,
+            None => Statistics::of(&entries, &rows, &mirror).map_err(|problem| {
+                DataError::Statistics {
+                    folder: folder.to_owned(),
+                    problem,
+                }
+            })?,
+        };
+        Ok(Dataset {
+            folder: folder.to_owned(),
+            entries,
+            rows,
+            statistics,
+            mirror,
+            problems,
+        })
+    }
+
+    /// The folder that it was read from.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Every entry, in the order of the files.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// The entries of a split.
+    pub fn split(&self, split: Split) -> impl Iterator<Item = &Entry> {
+        let entries = self.entries.iter();
+        entries.filter(move |entry| entry.split == split)
+    }
+
+    /// Where the entries of a split are among [`entries`](Self::entries).
+    pub fn indices(&self, split: Split) -> impl Iterator<Item = usize> + '_ {
+        let entries = self.entries.iter().enumerate();
+        entries.filter_map(move |(index, entry)| (entry.split == split).then_some(index))
+    }
+
+    /// The mean of every feature over the training split, `[263]`.
+    pub fn mean(&self) -> &[f32] {
+        &self.statistics.mean
+    }
+
+    /// The standard deviation of every feature over the training split, `[263]`: above 0, and one number within
+    /// each [`FeatureGroup`](lamogen_motion::FeatureGroup) unless a file says otherwise.
+    pub fn std(&self) -> &[f32] {
+        &self.statistics.std
+    }
+
+    /// Mean and standard deviation as tensors.
+    pub fn normalization(&self, device: &Device) -> Normalization {
+        let checked = "statistics are finite and above 0 since the data set was opened";
+        Normalization::from_slices(self.mean(), self.std(), device).expect(checked)
+    }
+
+    /// Appends frames of an entry to `out`, 263 numbers each, as they are: metres, radians, 20 frames a second.
+    ///
+    /// # Panics
+    ///
+    /// If the frames are not within the entry, or it is of another data set.
+    pub fn features(&self, entry: &Entry, frames: Range<usize>, out: &mut Vec<f32>) {
+        self.append(entry, frames, out, |row| row);
+    }
+
+    /// As [`features`](Self::features), normalised: `(x - mean) / std`.
+    ///
+    /// # Panics
+    ///
+    /// As [`features`](Self::features).
+    pub fn normalized(&self, entry: &Entry, frames: Range<usize>, out: &mut Vec<f32>) {
+        let (mean, std) = (self.mean(), self.std());
+        self.append(entry, frames, out, |mut row| {
+            for ((value, mean), std) in row.iter_mut().zip(mean).zip(std) {
+                *value = (*value - mean) / std;
+            }
+            row
+        });
+    }
+
+    fn append(
+        &self,
+        entry: &Entry,
+        frames: Range<usize>,
+        out: &mut Vec<f32>,
+        of: impl Fn([f32; POSE_FEATURES]) -> [f32; POSE_FEATURES],
+    ) {
+        assert!(
+            frames.start <= frames.end && frames.end <= entry.frames,
+            "frames {frames:?} of `{}`, which has {}",
+            entry.name,
+            entry.frames
+        );
+        out.reserve(frames.len() * POSE_FEATURES);
+        for frame in frames {
+            let row = self.rows.row(entry.start + frame);
+            let row = match entry.mirror {
+                true => self.mirror.apply(&row),
+                false => row,
+            };
+            out.extend(of(row));
+        }
+    }
+
+    /// How a mirrored entry comes from its rows.
+    pub fn mirror(&self) -> &Mirror {
+        &self.mirror
+    }
+
+    /// What was left out, and why.
+    pub fn problems(&self) -> &Problems {
+        &self.problems
+    }
+}

@@ -1,0 +1,73 @@
+//! What can go wrong with a whole data set. What is wrong with single motions is in
+//! [`Problems`](crate::Problems).
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use lamogen_motion::npy::NpyError;
+
+/// Why a data set cannot be opened or written.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// A file or folder cannot be read or written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, reason: io::Error },
+    /// The folder has none of the known forms.
+    #[error(
+        "{folder}: expected motions.safetensors and captions.jsonl (the packed form), or new_joint_vecs, texts \
+         and train.txt, val.txt or test.txt (HumanML3D's); found {found}"
+    )]
+    #[allow(missing_docs)]
+    Form { folder: PathBuf, found: String },
+    /// The motions' file is no safetensors, or is cut short.
+    #[error("{path}: not a readable safetensors file: {problem}")]
+    #[allow(missing_docs)]
+    Format { path: PathBuf, problem: String },
+    /// A tensor is missing, or is none that can be used.
+    #[error("{path}: tensor `{tensor}`: expected {expected}, found {found}")]
+    #[allow(missing_docs)]
+    Tensor {
+        path: PathBuf,
+        tensor: &'static str,
+        expected: String,
+        found: String,
+    },
+    /// An array of statistics.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
+    /// An array of another shape.
+    #[error("{path}: expected the shape {expected}, found {found:?}")]
+    #[allow(missing_docs)]
+    Shape {
+        path: PathBuf,
+        expected: String,
+        found: Vec<usize>,
+    },
+    /// A value that can be no mean or standard deviation.
+    #[error("{path}: expected {expected} for feature {feature} ({group}), found {found}")]
+    #[allow(missing_docs)]
+    Statistic {
+        path: PathBuf,
+        expected: &'static str,
+        feature: usize,
+        group: &'static str,
+        found: f32,
+    },
+    /// Statistics cannot be computed.
+    #[error("{folder}: mean and standard deviation cannot be computed: {problem}")]
+    #[allow(missing_docs)]
+    Statistics { folder: PathBuf, problem: String },
+    /// No motion is left.
+    #[error("{folder}: expected at least one motion that can be used: {problems}")]
+    #[allow(missing_docs)]
+    Nothing { folder: PathBuf, problems: String },
+}
+
+impl DataError {
+    /// For `map_err` of what the file system reports.
+    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
+        let path = path.to_owned();
+        move |reason| DataError::Io { path, reason }
+    }
+}

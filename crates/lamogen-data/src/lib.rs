@@ -1,0 +1,34 @@
+//! Motion capture with captions, as training and evaluation need it.
+//!
+//! ```text
+//! HumanML3D's folder ──┐
+//! packed folder ───────┴─▶ Dataset: entries with captions, rows of pose features, statistics
+//!                             │
+//! motion files, captions ─────┴─pack──▶ packed folder
+//! ```
+//!
+//! A [`Dataset`] holds all rows in memory, 16 bits a number. What cannot be used is left out and listed in
+//! [`Dataset::problems`]. Features are those of [`lamogen_motion`]: 263 a frame, 20 frames a second, metres.
+
+mod dataset;
+mod entry;
+mod error;
+mod form;
+mod humanml3d;
+mod mirror;
+mod options;
+mod packed;
+mod problems;
+mod rows;
+mod split;
+mod statistics;
+#[cfg(test)]
+mod testing;
+
+pub use dataset::Dataset;
+pub use entry::{Caption, Entry};
+pub use error::DataError;
+pub use mirror::Mirror;
+pub use options::{LoadOptions, Progress};
+pub use problems::{Problem, ProblemKind, Problems};
+pub use split::{Split, SplitError};

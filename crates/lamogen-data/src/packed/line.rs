@@ -1,0 +1,103 @@
+//! A line of `captions.jsonl`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::entry::{Caption, Entry};
+use crate::split::Split;
+
+/// An entry as it stands in the file. Fields that are not known are ignored.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Line {
+    name: String,
+    split: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    source: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    trial: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    content: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    style: Option<String>,
+    clip: usize,
+    /// The first row of the entry, counted over the whole file.
+    start: usize,
+    frames: usize,
+    #[serde(default)]
+    mirror: bool,
+    captions: Vec<String>,
+    /// Parts of speech, one a caption.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    tokens: Option<Vec<Option<String>>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    note: Option<String>,
+}
+
+impl Line {
+    /// The entry that the line stands for; where its rows are is not checked yet.
+    ///
+    /// # Errors
+    ///
+    /// If the split is none, a caption is empty, or there are not as many tokens as captions.
+    pub fn into_entry(self) -> Result<Entry, String> {
+        let split: Split = { self.split.parse() }.map_err(|error| format!("{error}"))?;
+        let tokens = match self.tokens {
+            Some(tokens) if tokens.len() != self.captions.len() => {
+                let [captions, tokens] = [self.captions.len(), tokens.len()];
+                return Err(format!(
+                    "expected tokens for {captions} captions, found {tokens}"
+                ));
+            }
+            Some(tokens) => tokens,
+            None => vec![None; self.captions.len()],
+        };
+        if self
+            .captions
+            .iter()
+            .any(|caption| caption.trim().is_empty())
+        {
+            return Err("expected captions, found an empty one".into());
+        }
+        let captions = self.captions.into_iter().zip(tokens);
+        Ok(Entry {
+            name: self.name,
+            split,
+            frames: self.frames,
+            mirror: self.mirror,
+            content: self.content,
+            style: self.style,
+            source: self.source,
+            trial: self.trial,
+            note: self.note,
+            captions: captions
+                .map(|(text, tokens)| Caption { text, tokens })
+                .collect(),
+            clip: self.clip,
+            start: self.start,
+        })
+    }
+}
+
+impl From<&Entry> for Line {
+    fn from(entry: &Entry) -> Self {
+        let captions = entry.captions.iter();
+        let tokens = captions.clone().map(|caption| caption.tokens.clone());
+        let any = captions.clone().any(|caption| caption.tokens.is_some());
+        Line {
+            name: entry.name.clone(),
+            split: entry.split.to_string(),
+            source: entry.source.clone(),
+            trial: entry.trial.clone(),
+            content: entry.content.clone(),
+            style: entry.style.clone(),
+            clip: entry.clip,
+            start: entry.start,
+            frames: entry.frames,
+            mirror: entry.mirror,
+            captions: { captions.clone() }
+                .map(|caption| caption.text.clone())
+                .collect(),
+            tokens: any.then(|| tokens.collect()),
+            note: entry.note.clone(),
+        }
+    }
+}

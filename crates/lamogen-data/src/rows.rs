@@ -1,0 +1,91 @@
+//! Rows of pose features, 16 bits a number.
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use lamogen_motion::POSE_FEATURES;
+
+/// The rows of all clips, one after the other.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rows {
+    values: Vec<f16>,
+    /// Where each clip begins, and last where all end.
+    offsets: Vec<usize>,
+}
+
+impl Rows {
+    /// No clip yet.
+    pub fn new() -> Rows {
+        Rows {
+            values: Vec::new(),
+            offsets: vec![0],
+        }
+    }
+
+    /// Rows that are already in one piece.
+    ///
+    /// # Panics
+    ///
+    /// If the offsets do not grow from 0 to the number of rows.
+    pub fn from_parts(values: Vec<f16>, offsets: Vec<usize>) -> Rows {
+        assert!(offsets.first() == Some(&0) && offsets.is_sorted());
+        assert_eq!(
+            offsets.last().map(|n| n * POSE_FEATURES),
+            Some(values.len())
+        );
+        Rows { values, offsets }
+    }
+
+    /// Adds a clip of whole rows.
+    pub fn push(&mut self, clip: &[f16]) {
+        debug_assert!(clip.len().is_multiple_of(POSE_FEATURES));
+        self.values.extend_from_slice(clip);
+        self.offsets.push(self.len());
+    }
+
+    /// Makes room for rows, so that a large data set does not move as it grows.
+    pub fn reserve(&mut self, rows: usize) {
+        self.values.reserve(rows * POSE_FEATURES);
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.values.len() / POSE_FEATURES
+    }
+
+    /// Number of clips.
+    pub fn clips(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// The rows of a clip.
+    pub fn clip(&self, clip: usize) -> std::ops::Range<usize> {
+        self.offsets[clip]..self.offsets[clip + 1]
+    }
+
+    /// The numbers of some rows.
+    pub fn values(&self, rows: std::ops::Range<usize>) -> &[f16] {
+        &self.values[rows.start * POSE_FEATURES..rows.end * POSE_FEATURES]
+    }
+
+    /// A row in 32 bits.
+    pub fn row(&self, row: usize) -> [f32; POSE_FEATURES] {
+        let mut values = [0.0; POSE_FEATURES];
+        self.values(row..row + 1).convert_to_f32_slice(&mut values);
+        values
+    }
+}
+
+/// Numbers in 16 bits, or the first place of one that is not finite there.
+pub(crate) fn to_half(values: &[f32]) -> Result<Vec<f16>, usize> {
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(values);
+    match first_not_finite(&halves) {
+        None => Ok(halves),
+        Some(place) => Err(place),
+    }
+}
+
+/// The place of the first number that is not finite.
+pub(crate) fn first_not_finite(values: &[f16]) -> Option<usize> {
+    values.iter().position(|value| !value.is_finite())
+}
