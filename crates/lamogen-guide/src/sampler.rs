@@ -156,6 +156,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Prediction::Epsilon => {
                 (x.clone() - output * (1.0 - step.alpha_cumprod).sqrt()) / step.alpha_cumprod.sqrt()
             }
+            Prediction::V => {
+                x.clone() * step.alpha_cumprod.sqrt() - output * (1.0 - step.alpha_cumprod).sqrt()
+            }
         }
     }
 
@@ -174,6 +177,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Prediction::Epsilon => output,
             Prediction::Sample => {
                 (x - output * step.alpha_cumprod.sqrt()) / (1.0 - step.alpha_cumprod).sqrt()
+            }
+            Prediction::V => {
+                x * (1.0 - step.alpha_cumprod).sqrt() + output * step.alpha_cumprod.sqrt()
             }
         };
         clean.clone() * step.next_alpha_cumprod.sqrt()

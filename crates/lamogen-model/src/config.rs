@@ -13,6 +13,9 @@ pub enum Prediction {
     Epsilon,
     /// The clean motion.
     Sample,
+    /// `v = √ᾱ · noise - √(1 - ᾱ) · clean motion` (Salimans and Ho 2022, section 4).
+    #[serde(rename = "v_prediction")]
+    V,
 }
 
 /// Sizes of the CLIP text tower (Radford et al. 2021).

@@ -16,11 +16,6 @@ pub(crate) fn follow<M: Module>(average: M, network: &M, decay: f64) -> M {
     })
 }
 
-/// The decay of a step: the average of the first steps shall not remember where they started.
-pub(crate) fn decay(slowest: f64, step: u64) -> f64 {
-    slowest.min((1 + step) as f64 / (10 + step) as f64)
-}
-
 struct Weights(TensorContainer<ParamId>);
 
 impl ModuleVisitor for Weights {
@@ -36,7 +31,7 @@ struct Follow {
 
 impl ModuleMapper for Follow {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        let weights = self.weights.remove::<D>(&param.id);
+        let weights = self.weights.remove::<Tensor<D>>(&param.id);
         let weights = weights.expect("both are the same network");
         let decay = self.decay;
         param.map(|average| average * decay + weights * (1.0 - decay))

@@ -4,14 +4,14 @@
 //! would have seen without a stop.
 
 use std::collections::HashMap;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::TRAINING_STEPS;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::Recipe;
+use crate::config::DenoisingConfig;
 
 /// Deals out the motions of the training split.
 #[derive(Clone, Debug)]
@@ -57,7 +57,12 @@ pub(crate) struct Visit {
 
 impl Batches {
     /// Batches of the training split's motions, none shorter or longer than the model allows. `None` if there is none.
-    pub(crate) fn new(dataset: &Dataset, recipe: &Recipe, lengths: Range<usize>) -> Option<Self> {
+    pub(crate) fn new(
+        dataset: &Dataset,
+        config: &DenoisingConfig,
+        seed: u64,
+        lengths: RangeInclusive<usize>,
+    ) -> Option<Self> {
         let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
         let entries: Vec<usize> = dataset
             .indices(Split::Train)
@@ -69,7 +74,7 @@ impl Batches {
         }
         let mut sorted = entries;
         sorted.sort_by_key(|&entry| (dataset.entries()[entry].frames, entry));
-        let size = sorted.len().div_ceil(recipe.length_buckets);
+        let size = sorted.len().div_ceil(config.length_buckets);
         let buckets: Vec<Bucket> = sorted
             .chunks(size.max(1))
             .map(|entries| {
@@ -90,15 +95,15 @@ impl Batches {
                 }
             })
             .collect();
-        let weights = buckets
-            .iter()
-            .map(|bucket| *bucket.weights.last().expect("buckets are not empty"));
+        let weights = buckets.iter();
+        let weights = weights.map(|bucket| bucket.weights.last().expect("not empty"));
+        let weights = sums(weights.copied());
         (!buckets.is_empty()).then(|| Batches {
-            seed: recipe.seed,
-            crop: recipe.crop,
-            shortest: lengths.start,
-            frames_per_batch: recipe.frames_per_batch,
-            weights: sums(weights),
+            seed,
+            crop: config.crop,
+            shortest: *lengths.start(),
+            frames_per_batch: config.frames_per_batch,
+            weights,
             buckets,
         })
     }
@@ -150,5 +155,6 @@ fn sums(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
 fn pick(sums: &[f64], generator: &mut impl Rng) -> usize {
     let all = sums.last().expect("something to pick from");
     let drawn = generator.random::<f64>() * all;
-    sums.partition_point(|sum| *sum <= drawn).min(sums.len() - 1)
+    sums.partition_point(|sum| *sum <= drawn)
+        .min(sums.len() - 1)
 }

@@ -6,8 +6,9 @@ use lamogen_model::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::losses::Losses;
+use crate::optimization::Optimization;
 
-/// A network and the recipe to train it by.
+/// A denoiser and how it is trained.
 ///
 /// ```
 /// use lamogen_train::TrainingConfig;
@@ -20,17 +21,18 @@ use crate::losses::Losses;
 pub struct TrainingConfig {
     /// Sizes of the network, and what it predicts.
     pub model: ModelConfig,
-    /// How it is trained.
+    /// What it sees, and what it makes small.
     #[serde(default)]
-    pub training: Recipe,
+    pub denoising: DenoisingConfig,
+    /// How its weights move.
+    #[serde(default)]
+    pub optimization: Optimization,
 }
 
-/// How a network is trained. What a file leaves out has the default.
+/// What a denoiser sees, and what it makes small. What a file leaves out has the default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Recipe {
-    /// Of the weights at the start, and of all that is drawn.
-    pub seed: u64,
+pub struct DenoisingConfig {
     /// Frames of a batch with padding: as many motions are drawn as fit.
     pub frames_per_batch: usize,
     /// Motions are sorted by length and dealt into so many buckets; a batch comes from one of them, so that little of it is
@@ -38,38 +40,16 @@ pub struct Recipe {
     pub length_buckets: usize,
     /// The share of a motion's frames that may be cut away, at its ends, at each visit; never below the model's shortest motion.
     pub crop: f64,
-    /// Of AdamW, after the warm-up.
-    pub learning_rate: f64,
-    /// Steps over which the learning rate rises from 0.
-    pub warm_up_steps: u64,
-    /// The share of the learning rate that is left at the end of the cosine.
-    pub last_learning_rate: f64,
-    /// Of AdamW.
-    pub betas: [f32; 2],
-    /// Of AdamW; on matrices, not on biases, scales and embeddings.
-    pub weight_decay: f32,
-    /// Longer gradients, over all weights together, are cut to this length.
-    pub gradient_norm: f64,
-    /// How slowly the exponential moving average of the weights moves; at the start it moves faster.
-    pub average_decay: f64,
-    /// The share of captions that are replaced by an empty one, so that the network also learns motion without words.
+    /// Weights of losses beside that of the prediction.
     pub losses: Losses,
 }
 
-impl Default for Recipe {
+impl Default for DenoisingConfig {
     fn default() -> Self {
-        Recipe {
-            seed: 0,
+        DenoisingConfig {
             frames_per_batch: 6400,
             length_buckets: 8,
             crop: 0.0,
-            learning_rate: 6e-4,
-            warm_up_steps: 200,
-            last_learning_rate: 0.01,
-            betas: [0.9, 0.999],
-            weight_decay: 0.01,
-            gradient_norm: 1.0,
-            average_decay: 0.999,
             losses: Losses::default(),
         }
     }
@@ -142,42 +122,31 @@ impl TrainingConfig {
 
     /// Why this cannot be trained, if it cannot.
     pub fn problem(&self) -> Option<String> {
-        let recipe = &self.training;
-        let above_zero = [
-            ("frames_per_batch", recipe.frames_per_batch as f64),
-            ("length_buckets", recipe.length_buckets as f64),
-            ("learning_rate", recipe.learning_rate),
-            ("gradient_norm", recipe.gradient_norm),
-        ];
-        let shares = [
-            ("crop", recipe.crop),
-            ("last_learning_rate", recipe.last_learning_rate),
-            ("average_decay", recipe.average_decay),
-            ("betas", f64::from(recipe.betas[0])),
-            ("betas", f64::from(recipe.betas[1])),
-        ];
-        let above_zero = above_zero
-            .into_iter()
-            .find(|(_, value)| !(value.is_finite() && *value > 0.0))
-            .map(|(name, found)| format!("training.{name} must be above 0, found {found}"));
-        let shares = shares
-            .into_iter()
-            .find(|(_, value)| !(0.0..1.0).contains(value))
-            .map(|(name, found)| {
-                format!("training.{name} must be from 0 to below 1, found {found}")
-            });
-        let decay = (!(recipe.weight_decay.is_finite() && recipe.weight_decay >= 0.0)).then(|| {
-            format!(
-                "training.weight_decay must be 0 or above, found {}",
-                recipe.weight_decay
-            )
-        });
         let model = self.model.problem();
         model
             .map(|problem| format!("model.{problem}"))
-            .or(above_zero)
-            .or(shares)
-            .or(decay)
-            .or_else(|| recipe.losses.problem())
+            .or_else(|| self.denoising.problem())
+            .or_else(|| self.optimization.problem())
+    }
+}
+
+impl DenoisingConfig {
+    /// Which value makes no sense.
+    fn problem(&self) -> Option<String> {
+        for (name, found) in [
+            ("frames_per_batch", self.frames_per_batch),
+            ("length_buckets", self.length_buckets),
+        ] {
+            if found == 0 {
+                return Some(format!("denoising.{name} must be 1 or above, found 0"));
+            }
+        }
+        if !(0.0..1.0).contains(&self.crop) {
+            let found = self.crop;
+            return Some(format!(
+                "denoising.crop must be from 0 to below 1, found {found}"
+            ));
+        }
+        self.losses.problem()
     }
 }

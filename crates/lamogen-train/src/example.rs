@@ -8,13 +8,7 @@ use rayon::prelude::*;
 
 use crate::batches::Visit;
 use crate::losses::Truth;
-
-/// Token ids of every caption of every entry.
-#[derive(Clone, Debug)]
-pub(crate) struct CaptionTokens {
-    /// `[entry][caption][token]`.
-    pub(crate) ids: Vec<Vec<Vec<i32>>>,
-}
+use crate::tokens::CaptionTokens;
 
 /// A batch of motions with noise, and what is known of them.
 pub(crate) struct Example {
@@ -57,7 +51,7 @@ impl Example {
             .collect();
         let ids: Vec<i32> = visits
             .iter()
-            .flat_map(|visit| &tokens.ids[visit.entry][visit.caption])
+            .flat_map(|visit| tokens.of(visit.entry, visit.caption))
             .copied()
             .collect();
         let tensor = |numbers: Vec<f32>, shape: [usize; 3]| {

@@ -32,7 +32,9 @@ impl Losses {
         ];
         all.into_iter()
             .find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0))
-            .map(|(name, found)| format!("training.losses.{name} must be 0 or above, found {found}"))
+            .map(|(name, found)| {
+                format!("denoising.losses.{name} must be 0 or above, found {found}")
+            })
     }
 }
 
@@ -88,10 +90,10 @@ impl Losses {
             };
         }
         // A change leads to a frame that counts.
-        let changes = keep.as_ref().map(|keep| keep.clone().narrow(1, 1, count - 1));
-        let change = |x: Tensor<3>| {
-            x.clone().narrow(1, 1, count - 1) - x.narrow(1, 0, count - 1)
-        };
+        let changes = keep
+            .as_ref()
+            .map(|keep| keep.clone().narrow(1, 1, count - 1));
+        let change = |x: Tensor<3>| x.clone().narrow(1, 1, count - 1) - x.narrow(1, 0, count - 1);
         let clean = truth.clean_of(output, prediction);
         // Where little of the clean motion is left, an error of the noise is an error of the clean motion many times as large.
         let weight = |x: Tensor<3>| match prediction {
@@ -149,7 +151,7 @@ impl Truth {
         alpha_cumprod: Tensor<3>,
         mask: FrameMask,
     ) -> Self {
-        let rest = 1.0 - alpha_cumprod.clone();
+        let rest: Tensor<3> = 1.0 - alpha_cumprod.clone();
         Truth {
             noisy: clean.clone() * alpha_cumprod.clone().sqrt() + noise.clone() * rest.sqrt(),
             clean,
@@ -164,7 +166,7 @@ impl Truth {
         match prediction {
             Prediction::Sample => self.clean.clone(),
             Prediction::Epsilon => self.noise.clone(),
-            Prediction::Velocity => {
+            Prediction::V => {
                 let (signal, rest) = self.shares();
                 self.noise.clone() * signal - self.clean.clone() * rest
             }
@@ -172,18 +174,18 @@ impl Truth {
     }
 
     /// The clean motion that an output speaks of.
-    fn clean_of(&self, output: Tensor<3>, prediction: Prediction) -> Tensor<3> {
+    pub(crate) fn clean_of(&self, output: Tensor<3>, prediction: Prediction) -> Tensor<3> {
         let (signal, rest) = self.shares();
         match prediction {
             Prediction::Sample => output,
             Prediction::Epsilon => (self.noisy.clone() - output * rest) / signal,
-            Prediction::Velocity => self.noisy.clone() * signal - output * rest,
+            Prediction::V => self.noisy.clone() * signal - output * rest,
         }
     }
 
     /// `√ᾱ` and `√(1 - ᾱ)`.
     fn shares(&self) -> (Tensor<3>, Tensor<3>) {
-        let rest = 1.0 - self.alpha_cumprod.clone();
+        let rest: Tensor<3> = 1.0 - self.alpha_cumprod.clone();
         (self.alpha_cumprod.clone().sqrt(), rest.sqrt())
     }
 }

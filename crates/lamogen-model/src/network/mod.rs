@@ -6,6 +6,7 @@ mod clip;
 mod cpu;
 mod cross_attention;
 mod feed_forward;
+mod initial;
 mod modulation;
 mod motion_diffuse;
 mod self_attention;

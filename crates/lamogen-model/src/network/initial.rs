@@ -1,0 +1,118 @@
+//! Weights to start training from.
+
+use burn::module::{Module, ModuleMapper, Param};
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+use rand_distr::{Distribution, Normal, Uniform};
+
+use super::motion_diffuse::MotionDiffuse;
+use crate::config::ModelConfig;
+
+impl MotionDiffuse {
+    /// A network to be trained. Its weights are drawn on the host, so that a seed means the same network on every device.
+    ///
+    /// Linear layers start as PyTorch's do, without biases. Those that a residual stream is added to from start at zero, and the last one
+    /// (as in MotionDiffuse's code): at first every block is the identity. Frames are told apart by sines and cosines, whose
+    /// periods go from 4 frames to twice the longest motion: neighbours are alike from the first step on.
+    ///
+    /// # Panics
+    ///
+    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    pub fn initial(config: &ModelConfig, seed: u64, device: &Device) -> Self {
+        MotionDiffuse::new(config, device).map(&mut Initial {
+            path: Vec::new(),
+            generator: ChaCha12Rng::seed_from_u64(seed),
+        })
+    }
+}
+
+struct Initial {
+    path: Vec<String>,
+    generator: ChaCha12Rng,
+}
+
+impl ModuleMapper for Initial {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let path = self.path.clone();
+        let path: Vec<&str> = path.iter().map(String::as_str).collect();
+        let shape: [usize; D] = param.lazy_shape().dims();
+        let count = shape.iter().product();
+        let numbers = match path[..] {
+            [.., "frame_embedding"] => waves(shape[0], shape[1]),
+            [.., "positional_embedding"] => self.normal(0.01, count),
+            [.., "token_embedding", "weight"] => self.normal(0.02, count),
+            // Of stylization layers, and of the whole network.
+            [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
+            [.., "gamma"] => vec![1.0; count],
+            ["blocks", _, "self_attention", "query" | "key", "weight"]
+                if std::env::var("FOURIER").is_ok() =>
+            {
+                let gain: f32 = std::env::var("FOURIER").unwrap().parse().unwrap();
+                let mut w = self.uniform(0.3 * (shape[0] as f32).powf(-0.5), count);
+                let d = shape[1] / 8;
+                let half = shape[0] / 2;
+                let heads: [&[f64]; 6] = [&[48.0], &[96.0], &[11.0, 14.0], &[17.0, 20.0], &[23.5, 28.0], &[36.0, 60.0]];
+                for (h, periods) in heads.iter().enumerate() {
+                    let phases = d / periods.len();
+                    let a = if phases == d { 4.0 * gain } else { 2.0 * gain };
+                    for c in 0..d {
+                        let period: f64 = periods[c / phases];
+                        let phase = std::f32::consts::TAU * (c % phases) as f32 / phases as f32;
+                        let place = (period / 4.0).ln() / (392.0f64 / 4.0).ln() * (half - 1) as f64;
+                        let wave = place.round() as usize;
+                        w[wave * shape[1] + h * d + c] += a * phase.sin();
+                        w[(half + wave) * shape[1] + h * d + c] += a * phase.cos();
+                    }
+                }
+                w
+            }
+            [.., "weight"] => self.uniform((shape[0] as f32).powf(-0.5), count),
+            _ => vec![0.0; count],
+        };
+        param.map(|tensor| Tensor::from_data(TensorData::new(numbers, shape), &tensor.device()))
+    }
+}
+
+impl Initial {
+    fn normal(&mut self, deviation: f32, count: usize) -> Vec<f32> {
+        let normal = Normal::new(0.0, deviation).expect("a finite deviation");
+        normal
+            .sample_iter(&mut self.generator)
+            .take(count)
+            .collect()
+    }
+
+    fn uniform(&mut self, largest: f32, count: usize) -> Vec<f32> {
+        let uniform = Uniform::new_inclusive(-largest, largest).expect("a finite range");
+        uniform
+            .sample_iter(&mut self.generator)
+            .take(count)
+            .collect()
+    }
+}
+
+/// Sines of the frame's number, then cosines; the periods are a geometric series.
+fn waves(frames: usize, width: usize) -> Vec<f32> {
+    const SHORTEST: f64 = 4.0;
+    let half = width / 2;
+    let longest = (2 * frames) as f64;
+    let angle = |frame: usize, wave: usize| {
+        let place = wave as f64 / (half - 1).max(1) as f64;
+        let period = SHORTEST * (longest / SHORTEST).max(1.0).powf(place);
+        std::f64::consts::TAU * frame as f64 / period
+    };
+    let row = |frame: usize| {
+        let sines = (0..half).map(move |wave| angle(frame, wave).sin() as f32);
+        sines.chain((0..half).map(move |wave| angle(frame, wave).cos() as f32))
+    };
+    (0..frames).flat_map(row).collect()
+}

@@ -1,0 +1,161 @@
+//! What a run needs to go on as if it had never stopped.
+//!
+//! ```text
+//! RUN/checkpoints/step-00001000/  network.bpk, average.bpk, optimizer.bpk, state.json
+//! ```
+//!
+//! What is drawn at a step depends on the step's number alone, so that no generator and no place in the data have to be kept.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use burn::module::Module;
+use burn::store::{ModuleRecord, RecordError};
+use serde::{Deserialize, Serialize};
+
+use crate::error::TrainError;
+use crate::task::Task;
+use crate::trainer::{State, Trainer, tracked};
+
+/// Checkpoints that are kept: the newest, and the one before in case the newest is damaged with the disk.
+const KEPT: usize = 2;
+
+/// What stands in a checkpoint beside weights.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Progress {
+    /// Steps that were made.
+    pub(crate) step: u64,
+    /// Steps that the run will have, once that is known.
+    pub(crate) steps: Option<u64>,
+    /// The lowest validation loss so far.
+    pub(crate) best: Option<f64>,
+}
+
+/// The folder of a run's checkpoints.
+pub(crate) struct Checkpoints {
+    folder: PathBuf,
+}
+
+impl Checkpoints {
+    pub(crate) fn of(run: &Path) -> Self {
+        Checkpoints {
+            folder: run.join("checkpoints"),
+        }
+    }
+
+    /// The newest complete checkpoint.
+    pub(crate) fn newest(&self) -> Result<Option<PathBuf>, TrainError> {
+        Ok(self.all()?.pop())
+    }
+
+    /// Complete checkpoints, the oldest first.
+    fn all(&self) -> Result<Vec<PathBuf>, TrainError> {
+        let entries = match fs::read_dir(&self.folder) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            entries => entries.map_err(|reason| TrainError::io(&self.folder, reason))?,
+        };
+        let mut found = Vec::new();
+        for entry in entries {
+            let path = entry
+                .map_err(|reason| TrainError::io(&self.folder, reason))?
+                .path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            // Unfinished ones have another name.
+            if name.starts_with("step-") {
+                found.push(path);
+            }
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// Writes a checkpoint under a temporary name, renames it, and removes old ones.
+    pub(crate) fn write<T: Task>(
+        &self,
+        trainer: &Trainer<'_, T>,
+        progress: &Progress,
+    ) -> Result<(), TrainError> {
+        let name = format!("step-{:08}", progress.step);
+        let path = self.folder.join(&name);
+        if path.exists() {
+            return Ok(());
+        }
+        let temporary = self.folder.join(format!(".{name}"));
+        let io = |reason| TrainError::io(&temporary, reason);
+        match fs::remove_dir_all(&temporary) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(io(error)),
+            _ => fs::create_dir_all(&temporary).map_err(io)?,
+        }
+        let State {
+            network,
+            average,
+            optimizer,
+            ..
+        } = &trainer.state;
+        let burn = |reason| TrainError::record(&temporary, reason);
+        network
+            .valid()
+            .save_file(temporary.join("network.bpk"))
+            .map_err(burn)?;
+        average
+            .clone()
+            .save_file(temporary.join("average.bpk"))
+            .map_err(burn)?;
+        optimizer
+            .save(temporary.join("optimizer.bpk"))
+            .map_err(burn)?;
+        let json = serde_json::to_vec_pretty(progress).expect("numbers are JSON");
+        fs::write(temporary.join("state.json"), json).map_err(io)?;
+        for file in fs::read_dir(&temporary).map_err(io)? {
+            let file = fs::File::open(file.map_err(io)?.path()).map_err(io)?;
+            file.sync_all().map_err(io)?;
+        }
+        fs::rename(&temporary, &path).map_err(io)?;
+        let all = self.all()?;
+        for old in &all[..all.len().saturating_sub(KEPT)] {
+            fs::remove_dir_all(old).map_err(|reason| TrainError::io(old, reason))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads what a checkpoint says of its run.
+pub(crate) fn progress(checkpoint: &Path) -> Result<Progress, TrainError> {
+    let path = checkpoint.join("state.json");
+    let bytes = fs::read(&path).map_err(|reason| TrainError::io(&path, reason))?;
+    serde_json::from_slice(&bytes).map_err(|reason| TrainError::Checkpoint {
+        problem: reason.to_string(),
+        path,
+    })
+}
+
+impl<T: Task> Trainer<'_, T> {
+    /// Goes back to a checkpoint.
+    pub(crate) fn restore(&mut self, checkpoint: &Path, step: u64) -> Result<(), TrainError> {
+        let record = |name: &str| {
+            let path = checkpoint.join(name);
+            let record = ModuleRecord::load(&path);
+            record.map_err(|reason| TrainError::record(&path, reason))
+        };
+        let problem = |reason: RecordError| TrainError::record(checkpoint, reason);
+        let average = self.state.average.clone();
+        let average = average
+            .try_load_record(record("average.bpk")?)
+            .map_err(problem)?;
+        let network = average.clone().try_load_record(record("network.bpk")?);
+        let network = network.map_err(problem)?;
+        // The optimiser knows parameters by their numbers, which come with the network.
+        let optimizer = self.task.optimization().optimizer(&network);
+        let path = checkpoint.join("optimizer.bpk");
+        let optimizer = optimizer.load(&path);
+        let optimizer = optimizer.map_err(|reason| TrainError::record(&path, reason))?;
+        self.state = State {
+            step,
+            network: tracked(network),
+            average,
+            optimizer,
+        };
+        Ok(())
+    }
+}

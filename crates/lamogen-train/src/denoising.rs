@@ -1,0 +1,123 @@
+//! Training a denoiser.
+
+use std::path::Path;
+
+use burn::tensor::Device;
+use lamogen_data::{Dataset, Split};
+use lamogen_guide::Schedule;
+use lamogen_model::{MotionDiffuse, Precision, Trained};
+use lamogen_motion::Normalization;
+
+use crate::batches::Batches;
+use crate::config::TrainingConfig;
+use crate::error::TrainError;
+use crate::example::Example;
+use crate::optimization::Optimization;
+use crate::task::{Lesson, Task};
+use crate::tokens::CaptionTokens;
+use crate::validation::Validation;
+
+/// A text-to-motion denoiser that learns from a data set's training split.
+///
+/// ```text
+/// seed, step ──Batches──▶ visits ──Example──▶ noisy motions ──MotionDiffuse::gradients──▶ loss, gradients
+/// ```
+pub struct Denoising<'a> {
+    dataset: &'a Dataset,
+    tokens: &'a CaptionTokens,
+    config: &'a TrainingConfig,
+    batches: Batches,
+    schedule: Schedule,
+    normalization: Normalization,
+    validation: Option<Validation<'a>>,
+    device: Device,
+}
+
+impl<'a> Denoising<'a> {
+    /// A task on a device.
+    ///
+    /// # Errors
+    ///
+    /// If the training split has no motion that the network is made for.
+    pub fn new(
+        dataset: &'a Dataset,
+        tokens: &'a CaptionTokens,
+        config: &'a TrainingConfig,
+        device: &Device,
+    ) -> Result<Self, TrainError> {
+        let lengths = config.model.shortest()..=config.model.num_frames;
+        let seed = config.optimization.seed;
+        let batches = Batches::new(dataset, &config.denoising, seed, lengths.clone());
+        Ok(Denoising {
+            batches: batches.ok_or_else(|| TrainError::NoMotions {
+                split: Split::Train,
+                shortest: *lengths.start(),
+                longest: *lengths.end(),
+            })?,
+            validation: Validation::new(dataset, tokens, Split::Validation, lengths, device),
+            schedule: Schedule::linear(),
+            normalization: dataset.normalization(device),
+            device: device.clone(),
+            dataset,
+            tokens,
+            config,
+        })
+    }
+
+    /// How many motions are trained on, mirrored ones included.
+    pub fn motions(&self) -> usize {
+        self.batches.motions()
+    }
+}
+
+impl Task for Denoising<'_> {
+    type Network = MotionDiffuse;
+
+    fn optimization(&self) -> &Optimization {
+        &self.config.optimization
+    }
+
+    fn start(&self, device: &Device) -> MotionDiffuse {
+        MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device)
+    }
+
+    fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {
+        let visits = self.batches.draw(step);
+        let Example { batch, truth } = Example::new(
+            self.dataset,
+            self.tokens,
+            &self.schedule,
+            &visits,
+            &self.device,
+        );
+        let mut loss = None;
+        let Trained {
+            loss: total_loss,
+            gradients,
+        } = network.gradients(batch, |output| {
+            let losses = &self.config.denoising.losses;
+            let prediction = self.config.model.prediction;
+            let parts = losses.of(output, &truth, prediction, &self.normalization);
+            loss = Some(parts.prediction.inner());
+            parts.total
+        });
+        Lesson {
+            loss: loss.expect("gradients ask for the loss"),
+            total_loss,
+            gradients,
+            motions: visits.len(),
+            frames: visits.iter().map(|visit| visit.frames.len()).sum(),
+        }
+    }
+
+    fn validate(&self, network: &MotionDiffuse) -> Option<f64> {
+        let validation = self.validation.as_ref()?;
+        Some(validation.loss(network))
+    }
+
+    fn save(&self, network: &MotionDiffuse, folder: &Path) -> Result<(), TrainError> {
+        let path = folder.join("model.safetensors");
+        network.save(path, Precision::F32, Default::default())?;
+        Ok(())
+    }
+}

@@ -1,0 +1,74 @@
+//! What can go wrong in training.
+
+use std::path::{Path, PathBuf};
+
+use burn::store::RecordError;
+use lamogen_data::Split;
+use lamogen_model::CheckpointError;
+
+/// What went wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// Nothing to train or measure on.
+    #[error(
+        "the data set has no motion of {shortest} to {longest} frames in its {split} split; the network is made for these lengths"
+    )]
+    #[allow(missing_docs)]
+    NoMotions {
+        split: Split,
+        shortest: usize,
+        longest: usize,
+    },
+    /// A step went wrong.
+    #[error(
+        "step {step}: expected finite numbers, found the loss {loss} and a gradient of length {gradient_norm}; \
+         a smaller learning rate or gradient_norm may help"
+    )]
+    #[allow(missing_docs)]
+    NotFinite {
+        step: u64,
+        loss: f64,
+        gradient_norm: f64,
+    },
+    /// A file of the run cannot be read or written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io {
+        path: PathBuf,
+        reason: std::io::Error,
+    },
+    /// A checkpoint of the run is damaged, or of another network.
+    #[error("{path}: not a checkpoint of this run: {problem}")]
+    #[allow(missing_docs)]
+    Checkpoint { path: PathBuf, problem: String },
+    /// The folder holds another run.
+    #[error(
+        "{path}: the run in this folder has {what} {found}, expected {expected}; choose another folder, or go on with what it was started with"
+    )]
+    #[allow(missing_docs)]
+    OtherRun {
+        path: PathBuf,
+        what: &'static str,
+        expected: String,
+        found: String,
+    },
+    /// The model cannot be written.
+    #[error(transparent)]
+    Model(#[from] CheckpointError),
+}
+
+impl TrainError {
+    pub(crate) fn io(path: &Path, reason: std::io::Error) -> Self {
+        TrainError::Io {
+            path: path.to_owned(),
+            reason,
+        }
+    }
+
+    pub(crate) fn record(path: &Path, reason: RecordError) -> Self {
+        TrainError::Checkpoint {
+            path: path.to_owned(),
+            problem: reason.to_string(),
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Training on motion capture with captions: text-to-motion denoisers, and the networks that judge them.
+//!
+//! ```text
+//! Dataset, CaptionTokens, TrainingConfig ──▶ Denoising ─┐
+//!                                         Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
+//! ```
+//!
+//! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
+
+mod average;
+mod batches;
+mod checkpoint;
+mod config;
+mod denoising;
+mod error;
+mod example;
+mod gradients;
+mod log;
+mod losses;
+mod optimization;
+mod run;
+mod task;
+mod tokens;
+mod trainer;
+mod validation;
+
+pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
+pub use denoising::Denoising;
+pub use error::TrainError;
+pub use log::LogLine;
+pub use losses::Losses;
+pub use optimization::Optimization;
+pub use run::{Ended, Length, Plan, RunObserver, RunProgress, run};
+pub use task::{Lesson, Task};
+pub use tokens::CaptionTokens;
+pub use trainer::{StepReport, Trainer};
+pub use validation::Validation;

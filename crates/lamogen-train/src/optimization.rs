@@ -1,0 +1,156 @@
+//! How weights move: AdamW, its learning rate over a run, and what is kept of the weights.
+
+use burn::module::{Module, ModuleVisitor, Param, ParamGroup, ParamId};
+use burn::optim::{AdamWConfig, ModuleOptimizer};
+use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
+
+/// How weights move. What a file leaves out has the default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Optimization {
+    /// Of the weights at the start, and of all that is drawn.
+    pub seed: u64,
+    /// Of AdamW (Loshchilov and Hutter 2019), after the warm-up.
+    pub learning_rate: f64,
+    /// Steps over which the learning rate rises from 0.
+    pub warm_up_steps: u64,
+    /// The share of the learning rate that is left at the end of the cosine.
+    pub last_learning_rate: f64,
+    /// Of AdamW.
+    pub betas: [f32; 2],
+    /// Of AdamW; on matrices, not on biases, scales and embeddings.
+    pub weight_decay: f32,
+    /// Longer gradients, over all weights together, are cut to this length.
+    pub gradient_norm: f64,
+    /// How slowly the exponential moving average of the weights moves, which is what is kept; at the start it moves faster.
+    pub average_decay: f64,
+}
+
+impl Default for Optimization {
+    fn default() -> Self {
+        Optimization {
+            seed: 0,
+            learning_rate: 6e-4,
+            warm_up_steps: 200,
+            last_learning_rate: 0.01,
+            betas: [0.9, 0.999],
+            weight_decay: 0.01,
+            gradient_norm: 1.0,
+            average_decay: 0.999,
+        }
+    }
+}
+
+impl Optimization {
+    /// Which value makes no sense.
+    pub(crate) fn problem(&self) -> Option<String> {
+        for (name, found) in [
+            ("learning_rate", self.learning_rate),
+            ("gradient_norm", self.gradient_norm),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Some(format!(
+                    "optimization.{name} must be above 0, found {found}"
+                ));
+            }
+        }
+        for (name, found) in [
+            ("last_learning_rate", self.last_learning_rate),
+            ("betas", f64::from(self.betas[0])),
+            ("betas", f64::from(self.betas[1])),
+            ("average_decay", self.average_decay),
+        ] {
+            if !(0.0..1.0).contains(&found) {
+                return Some(format!(
+                    "optimization.{name} must be from 0 to below 1, found {found}"
+                ));
+            }
+        }
+        let decay = self.weight_decay;
+        (!(decay.is_finite() && decay >= 0.0))
+            .then(|| format!("optimization.weight_decay must be 0 or above, found {decay}"))
+    }
+
+    /// The learning rate of a step: a linear warm-up, then half a cosine down to the last share of it; without the cosine
+    /// while it is not known how many steps there will be.
+    pub(crate) fn learning_rate(&self, step: u64, steps: Option<u64>) -> f64 {
+        let warm_up = (step + 1) as f64 / self.warm_up_steps.max(1) as f64;
+        let done = steps.map_or(0.0, |steps| step as f64 / steps.max(1) as f64);
+        let cosine = 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos());
+        let last = self.last_learning_rate;
+        self.learning_rate * warm_up.min(1.0) * (last + (1.0 - last) * cosine)
+    }
+
+    /// How slowly the average moves at a step: that of the first steps shall not remember where they started.
+    pub(crate) fn decay(&self, step: u64) -> f64 {
+        self.average_decay
+            .min((1 + step) as f64 / (10 + step) as f64)
+    }
+
+    /// AdamW for the weights of a network.
+    pub(crate) fn optimizer<M: Module>(&self, network: &M) -> ModuleOptimizer {
+        let [first, second] = self.betas;
+        let adam = AdamWConfig::new()
+            .with_beta_1(first)
+            .with_beta_2(second)
+            // burn's own default is 1e-5.
+            .with_epsilon(1e-8)
+            .with_weight_decay(self.weight_decay);
+        let mut others = NotMatrices::default();
+        network.visit(&mut others);
+        let others = ParamGroup::from_ids(others.found);
+        adam.init()
+            .with_group(others, adam.with_weight_decay(0.0).build(), None)
+    }
+}
+
+/// Parameters that are no matrices of layers.
+#[derive(Default)]
+struct NotMatrices {
+    path: Vec<String>,
+    found: Vec<ParamId>,
+}
+
+impl ModuleVisitor for NotMatrices {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        /// Tables of vectors.
+        const TABLES: [&str; 3] = ["token_embedding", "positional_embedding", "frame_embedding"];
+        let table = self.path.iter().any(|name| TABLES.contains(&&**name));
+        if D < 2 || table {
+            self.found.push(param.id);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_learning_rate_rises_then_falls_to_its_last_share() {
+        let optimization = Optimization {
+            learning_rate: 2.0,
+            warm_up_steps: 10,
+            last_learning_rate: 0.1,
+            ..Optimization::default()
+        };
+        let rates: Vec<f64> = (0..=100)
+            .map(|step| optimization.learning_rate(step, Some(100)))
+            .collect();
+        assert!((rates[0] - 0.2).abs() < 1e-3);
+        assert!(rates[..9].is_sorted());
+        assert!(rates[10..].iter().rev().is_sorted());
+        assert!((rates[100] - 0.2).abs() < 1e-9);
+        assert!((rates[50] - 2.0 * (0.1 + 0.45)).abs() < 1e-9);
+        assert_eq!(optimization.learning_rate(10_000, None), 2.0);
+    }
+}

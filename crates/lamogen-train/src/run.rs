@@ -1,0 +1,285 @@
+//! A whole training, in a folder of its own.
+//!
+//! ```text
+//! RUN/run.json          what is trained, on what; a run in the folder goes on only with the same
+//!     losses.jsonl      a line a step, and the validation losses
+//!     checkpoints/      what it needs to go on
+//!     model/            the network with the averaged weights, at the last measurement
+//!     best/             the one with the lowest validation loss
+//! ```
+
+use std::fs;
+use std::io::{ErrorKind, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use burn::tensor::Device;
+use lamogen_motion::write_atomically;
+use serde_json::Value;
+
+use crate::checkpoint::{self, Checkpoints, Progress};
+use crate::error::TrainError;
+use crate::log::{Log, LogLine};
+use crate::task::Task;
+use crate::trainer::{StepReport, Trainer};
+
+/// How long a run is, and how often it stops to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// How long it is.
+    pub length: Length,
+    /// Steps between two measurements on the validation split; the last step is always measured.
+    pub validate_every: u64,
+    /// Time between two checkpoints.
+    pub checkpoint_every: Duration,
+}
+
+/// How long a run is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Length {
+    /// So many steps.
+    Steps(u64),
+    /// As many steps as fit into this time, going by the first ones. How many that are depends on the machine; from then on
+    /// the run is one of so many steps.
+    Time(Duration),
+}
+
+/// Steps by which the speed is told, and those before them, which do not count: the first ones are slow.
+const TIMED: u64 = 40;
+const UNTIMED: u64 = 10;
+
+/// What a run says of itself.
+pub trait RunObserver<T: Task> {
+    /// After every step. A break stops the run, with a checkpoint.
+    fn step(&mut self, report: &StepReport, progress: &RunProgress) -> ControlFlow<()>;
+
+    /// After every measurement, with the averaged network.
+    fn validated(&mut self, _loss: Option<f64>, _progress: &RunProgress, _network: &T::Network) {}
+}
+
+/// Where a run is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunProgress {
+    /// Steps that were made, in earlier sittings too.
+    pub step: u64,
+    /// Steps in all, once known.
+    pub steps: Option<u64>,
+    /// Steps that were made before this sitting.
+    pub resumed_at: u64,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ended {
+    /// Where it is.
+    pub progress: RunProgress,
+    /// Whether all steps were made; if not, the same call goes on.
+    pub finished: bool,
+    /// The lowest validation loss.
+    pub best: Option<f64>,
+    /// The last validation loss, where it was measured in this sitting.
+    pub last: Option<f64>,
+}
+
+/// Trains in a folder, or goes on with what was begun there. Stopped at any moment, even by a lost machine, and called again,
+/// it ends with the same weights as without the stop: bit for bit on the CPU (`flex`), for a plan of steps.
+///
+/// `identity` says what the run is: which task, config and data. A folder with another run is refused.
+///
+/// # Errors
+///
+/// If a file cannot be read or written, the folder holds another run, or a loss is not finite.
+pub fn run<T: Task>(
+    task: &T,
+    folder: &Path,
+    identity: &Value,
+    plan: &Plan,
+    device: &Device,
+    observer: &mut dyn RunObserver<T>,
+) -> Result<Ended, TrainError> {
+    Run::open(task, folder, identity, plan, device)?.go_on(observer)
+}
+
+struct Run<'a, T: Task> {
+    folder: PathBuf,
+    plan: Plan,
+    trainer: Trainer<'a, T>,
+    checkpoints: Checkpoints,
+    log: Log,
+    progress: Progress,
+    resumed_at: u64,
+    last: Option<f64>,
+}
+
+impl<'a, T: Task> Run<'a, T> {
+    fn open(
+        task: &'a T,
+        folder: &Path,
+        identity: &Value,
+        plan: &Plan,
+        device: &Device,
+    ) -> Result<Self, TrainError> {
+        fs::create_dir_all(folder).map_err(|reason| TrainError::io(folder, reason))?;
+        check_identity(folder, identity)?;
+        let checkpoints = Checkpoints::of(folder);
+        let mut trainer = Trainer::new(task, device);
+        let mut progress = Progress {
+            step: 0,
+            steps: None,
+            best: None,
+        };
+        if let Some(newest) = checkpoints.newest()? {
+            progress = checkpoint::progress(&newest)?;
+            trainer.restore(&newest, progress.step)?;
+        }
+        if let Length::Steps(steps) = plan.length {
+            match progress.steps {
+                Some(planned) if planned != steps => {
+                    return Err(TrainError::OtherRun {
+                        path: folder.to_owned(),
+                        what: "a plan of",
+                        expected: format!("{steps} steps"),
+                        found: format!("{planned} steps"),
+                    });
+                }
+                _ => progress.steps = Some(steps),
+            }
+        }
+        Ok(Run {
+            log: Log::open(folder, progress.step)?,
+            folder: folder.to_owned(),
+            plan: *plan,
+            resumed_at: progress.step,
+            trainer,
+            checkpoints,
+            progress,
+            last: None,
+        })
+    }
+
+    fn go_on(mut self, observer: &mut dyn RunObserver<T>) -> Result<Ended, TrainError> {
+        let mut saved = Instant::now();
+        let mut timed: Option<(u64, Instant)> = None;
+        while self
+            .progress
+            .steps
+            .is_none_or(|steps| self.progress.step < steps)
+        {
+            let report = self.trainer.advance(self.progress.steps)?;
+            self.progress.step = report.step;
+            self.log.write(&LogLine::Step(report))?;
+            if let (None, Length::Time(time)) = (self.progress.steps, self.plan.length) {
+                let made = report.step - self.resumed_at;
+                match timed {
+                    None if made == UNTIMED => timed = Some((report.step, Instant::now())),
+                    Some((first, start)) if report.step - first == TIMED => {
+                        let step = start.elapsed().div_f64(TIMED as f64).as_secs_f64();
+                        let rest = time.saturating_sub(step_time(step, made)).as_secs_f64();
+                        self.progress.steps = Some(report.step + (rest / step) as u64);
+                    }
+                    _ => {}
+                }
+            }
+            let finished = self.progress.steps == Some(report.step);
+            if finished || report.step.is_multiple_of(self.plan.validate_every) {
+                self.validate(observer)?;
+            }
+            let stop = observer.step(&report, &self.position()).is_break();
+            if finished || stop || saved.elapsed() >= self.plan.checkpoint_every {
+                self.checkpoints.write(&self.trainer, &self.progress)?;
+                saved = Instant::now();
+            }
+            if stop {
+                break;
+            }
+        }
+        Ok(Ended {
+            progress: self.position(),
+            finished: self.progress.steps == Some(self.progress.step),
+            best: self.progress.best,
+            last: self.last,
+        })
+    }
+
+    fn validate(&mut self, observer: &mut dyn RunObserver<T>) -> Result<(), TrainError> {
+        let network = self.trainer.average();
+        let loss = self.trainer.task.validate(network);
+        if let Some(validation_loss) = loss {
+            self.log.write(&LogLine::Validation {
+                step: self.progress.step,
+                validation_loss,
+            })?;
+            if self.progress.best.is_none_or(|best| validation_loss < best) {
+                self.progress.best = Some(validation_loss);
+                self.save("best")?;
+            }
+        }
+        self.save("model")?;
+        self.last = loss;
+        observer.validated(loss, &self.position(), self.trainer.average());
+        Ok(())
+    }
+
+    fn save(&self, name: &str) -> Result<(), TrainError> {
+        let folder = self.folder.join(name);
+        fs::create_dir_all(&folder).map_err(|reason| TrainError::io(&folder, reason))?;
+        self.trainer.task.save(self.trainer.average(), &folder)
+    }
+
+    fn position(&self) -> RunProgress {
+        RunProgress {
+            step: self.progress.step,
+            steps: self.progress.steps,
+            resumed_at: self.resumed_at,
+        }
+    }
+}
+
+/// The time that so many steps take.
+fn step_time(step: f64, count: u64) -> Duration {
+    Duration::from_secs_f64(step * count as f64)
+}
+
+/// Notes what a run is, or compares it with what was noted.
+fn check_identity(folder: &Path, identity: &Value) -> Result<(), TrainError> {
+    let path = folder.join("run.json");
+    let bytes = match fs::read(&path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            let text = serde_json::to_string_pretty(identity).expect("values are JSON");
+            return write_atomically(&path, |file| file.write_all(text.as_bytes()))
+                .map_err(|reason| TrainError::io(&path, reason));
+        }
+        bytes => bytes.map_err(|reason| TrainError::io(&path, reason))?,
+    };
+    let noted: Value = serde_json::from_slice(&bytes).map_err(|reason| TrainError::Checkpoint {
+        path: path.clone(),
+        problem: reason.to_string(),
+    })?;
+    match first_difference("", identity, &noted) {
+        None => Ok(()),
+        Some((place, expected, found)) => Err(TrainError::OtherRun {
+            path,
+            what: "",
+            expected: format!("{place} = {expected}"),
+            found: format!("{place} = {found}"),
+        }),
+    }
+}
+
+/// Where two values differ, and how.
+fn first_difference(place: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
+    if let (Value::Object(a), Value::Object(b)) = (a, b) {
+        let keys = a.keys().chain(b.keys());
+        return keys.into_iter().find_map(|key| {
+            let place = match place {
+                "" => key.clone(),
+                place => format!("{place}.{key}"),
+            };
+            let missing = &Value::Null;
+            let (a, b) = (a.get(key).unwrap_or(missing), b.get(key).unwrap_or(missing));
+            first_difference(&place, a, b)
+        });
+    }
+    (a != b).then(|| (place.to_owned(), a.clone(), b.clone()))
+}
