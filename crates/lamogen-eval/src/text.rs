@@ -7,6 +7,8 @@ use lamogen_model::Tokens;
 ///
 /// What stands past a text's own length plays no part.
 #[derive(Clone, Debug)]
+// One value a batch, which nobody keeps by the thousand.
+#[allow(clippy::large_enum_variant)]
 pub enum TextBatch {
     /// For networks that read words; see [`Vocabulary::batch`](crate::Vocabulary::batch).
     Words {
