@@ -15,7 +15,7 @@ mod config;
 mod denoiser;
 mod network;
 
-pub use checkpoint::{Checkpoint, CheckpointError, Converted, Precision};
+pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precision};
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens};

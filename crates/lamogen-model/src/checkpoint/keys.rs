@@ -5,11 +5,33 @@
 //! stored `[output, input]`, and becomes burn's `[input, output]` by a transposed view.
 
 use burn::module::Param;
+use burn::nn::conv::Conv1d;
 use burn::nn::{Embedding, LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// A layer that knows the keys of its parameters.
-pub(crate) trait Keyed {
+/// A layer, or a whole network, that knows the keys of its parameters.
+///
+/// A network that lists them can be filled from a [`Checkpoint`](crate::Checkpoint) and written to one.
+///
+/// ```
+/// use burn::module::Module;
+/// use burn::nn::Linear;
+/// use lamogen_model::{Keyed, Keys};
+///
+/// #[derive(Module, Debug)]
+/// struct Head {
+///     expand: Linear,
+///     contract: Linear,
+/// }
+///
+/// impl Keyed for Head {
+///     fn keys(&mut self, keys: &mut Keys) {
+///         keys.linear("0", &mut self.expand);
+///         keys.linear("2", &mut self.contract);
+///     }
+/// }
+/// ```
+pub trait Keyed {
     /// Names every parameter, under keys relative to the layer.
     fn keys(&mut self, keys: &mut Keys);
 }
@@ -26,14 +48,17 @@ pub(crate) trait Exchange {
 }
 
 /// Walks the parameters of a network beside the tensors of a file.
-pub(crate) struct Keys<'a> {
+///
+/// A parameter's key is its name after those of the layers around it, with dots between. Layouts are
+/// PyTorch's.
+pub struct Keys<'a> {
     prefix: String,
     device: Device,
     exchange: &'a mut dyn Exchange,
 }
 
 impl<'a> Keys<'a> {
-    pub(crate) fn new(device: Device, exchange: &'a mut dyn Exchange) -> Self {
+    pub(super) fn new(device: Device, exchange: &'a mut dyn Exchange) -> Self {
         Keys {
             prefix: String::new(),
             device,
@@ -42,7 +67,7 @@ impl<'a> Keys<'a> {
     }
 
     /// A layer whose keys begin with `name.`.
-    pub(crate) fn nested(&mut self, name: &str, layer: &mut impl Keyed) {
+    pub fn nested(&mut self, name: &str, layer: &mut impl Keyed) {
         let outer = self.prefix.len();
         self.prefix.push_str(name);
         self.prefix.push('.');
@@ -51,23 +76,24 @@ impl<'a> Keys<'a> {
     }
 
     /// A layer whose keys stand among its owner's.
-    pub(crate) fn flat(&mut self, layer: &mut impl Keyed) {
+    pub fn flat(&mut self, layer: &mut impl Keyed) {
         layer.keys(self);
     }
 
     /// Layers whose keys begin with `name.0.`, `name.1.`, …
-    pub(crate) fn each(&mut self, name: &str, layers: &mut [impl Keyed]) {
+    pub fn each(&mut self, name: &str, layers: &mut [impl Keyed]) {
         for (index, layer) in layers.iter_mut().enumerate() {
             self.nested(&format!("{name}.{index}"), layer);
         }
     }
 
-    pub(crate) fn linear(&mut self, name: &str, linear: &mut Linear) {
+    /// `name.weight`, `[output, input]`, and `name.bias`.
+    pub fn linear(&mut self, name: &str, linear: &mut Linear) {
         self.linear_named(&format!("{name}.weight"), &format!("{name}.bias"), linear);
     }
 
     /// A linear layer whose keys do not end in `.weight` and `.bias`.
-    pub(crate) fn linear_named(&mut self, weight: &str, bias: &str, linear: &mut Linear) {
+    pub fn linear_named(&mut self, weight: &str, bias: &str, linear: &mut Linear) {
         let [input, output] = linear.weight.lazy_shape().dims();
         let current = || linear.weight.val().transpose().into_data();
         if let Some(data) = self.exchange(weight, &[output, input], &current) {
@@ -107,18 +133,27 @@ impl<'a> Keys<'a> {
         }
     }
 
-    pub(crate) fn norm(&mut self, name: &str, norm: &mut LayerNorm) {
+    /// `name.weight` and `name.bias` of a layer normalization.
+    pub fn norm(&mut self, name: &str, norm: &mut LayerNorm) {
         self.vector(&format!("{name}.weight"), &mut norm.gamma);
         if let Some(beta) = &mut norm.beta {
             self.vector(&format!("{name}.bias"), beta);
         }
     }
 
-    pub(crate) fn embedding(&mut self, name: &str, embedding: &mut Embedding) {
+    /// `name.weight`, `[ids, width]`.
+    pub fn embedding(&mut self, name: &str, embedding: &mut Embedding) {
         self.matrix(&format!("{name}.weight"), &mut embedding.weight);
     }
 
-    /// A parameter stored as it is.
+    /// `name.weight`, `[output, input, kernel]`, and `name.bias`.
+    pub fn conv1d(&mut self, name: &str, conv: &mut Conv1d) {
+        self.parameter(&format!("{name}.weight"), &mut conv.weight);
+        if let Some(bias) = &mut conv.bias {
+            self.vector(&format!("{name}.bias"), bias);
+        }
+    }
+
     pub(crate) fn matrix(&mut self, key: &str, parameter: &mut Param<Tensor<2>>) {
         self.parameter(key, parameter);
     }
@@ -127,7 +162,8 @@ impl<'a> Keys<'a> {
         self.parameter(key, parameter);
     }
 
-    fn parameter<const D: usize>(&mut self, key: &str, parameter: &mut Param<Tensor<D>>) {
+    /// A parameter stored as it is.
+    pub fn parameter<const D: usize>(&mut self, key: &str, parameter: &mut Param<Tensor<D>>) {
         let shape = parameter.lazy_shape();
         let current = || parameter.val().into_data();
         if let Some(data) = self.exchange(key, &shape.to_vec(), &current) {
@@ -146,7 +182,10 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// The parameter with another value; it stays the same parameter to an optimiser.
+/// The parameter with another value; it stays the same parameter to an optimiser, and one that can be
+/// trained.
 fn replaced<const D: usize>(parameter: &Param<Tensor<D>>, value: Tensor<D>) -> Param<Tensor<D>> {
-    Param::initialized(parameter.id, value)
+    let mut replaced = Param::from_tensor(value);
+    replaced.id = parameter.id;
+    replaced
 }

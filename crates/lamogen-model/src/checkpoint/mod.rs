@@ -7,7 +7,7 @@ mod sizes;
 mod write;
 
 pub use convert::Converted;
-pub(crate) use keys::{Keyed, Keys};
+pub use keys::{Keyed, Keys};
 pub use read::Checkpoint;
 pub use write::Precision;
 

@@ -63,8 +63,46 @@ impl Checkpoint {
             Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
                 Self::open_safetensors(path)
             }
-            _ => Self::open_pytorch(path),
+            _ => Self::open_pytorch(path, Some(ENCODER)),
         }
+    }
+
+    /// Opens a checkpoint of several networks, each under a key of its own: `text.linear.weight` is the
+    /// tensor `linear.weight` of the part `text`. What `torch.save` wrote beside the named parts, such
+    /// as optimisers' states, is left alone.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), or if a part is not there or has no tensors.
+    pub fn open_parts(
+        path: impl AsRef<Path>,
+        parts: &[&str],
+    ) -> Result<Checkpoint, CheckpointError> {
+        let path = path.as_ref();
+        let within = |key: &str, part: &str| {
+            key.strip_prefix(part)
+                .is_some_and(|rest| rest.starts_with('.'))
+        };
+        let mut checkpoint = match path.extension() {
+            Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
+                Self::open_safetensors(path)?
+            }
+            _ => Self::open_pytorch(path, None)?,
+        };
+        let keys = checkpoint.keys();
+        if let Some(part) = parts
+            .iter()
+            .find(|part| !keys.iter().any(|key| within(key, part)))
+        {
+            return Err(format_error(
+                path,
+                format!("expected weights under the key `{part}`, which is not there"),
+            ));
+        }
+        if let Container::Pytorch(tensors) = &mut checkpoint.container {
+            tensors.retain(|key, _| parts.iter().any(|part| within(key, part)));
+        }
+        Ok(checkpoint)
     }
 
     /// A safetensors file that is part of the program; `name` stands in error messages.
@@ -124,6 +162,16 @@ impl Checkpoint {
         device: &Device,
     ) -> Result<MotionDiffuse, CheckpointError> {
         let mut network = MotionDiffuse::new(config, device);
+        self.fill(&mut network, device)?;
+        Ok(network)
+    }
+
+    /// Gives a network of any kind the weights of this checkpoint, on `device`.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load). The network may then have some of the weights.
+    pub fn fill(&self, network: &mut impl Keyed, device: &Device) -> Result<(), CheckpointError> {
         let mut reader = Reader {
             checkpoint: self,
             asked: HashSet::new(),
@@ -131,7 +179,7 @@ impl Checkpoint {
         };
         network.keys(&mut Keys::new(device.clone(), &mut reader));
         match reader.problem.or_else(|| self.unknown(&reader.asked)) {
-            None => Ok(network),
+            None => Ok(()),
             Some(problem) => Err(problem),
         }
     }
@@ -147,15 +195,21 @@ impl Checkpoint {
         })
     }
 
-    fn open_pytorch(path: &Path) -> Result<Checkpoint, CheckpointError> {
+    /// The tensors under a key of the file's dictionary, or all of them.
+    fn open_pytorch(path: &Path, key: Option<&str>) -> Result<Checkpoint, CheckpointError> {
         // The reader reports a missing file like any other trouble; tell them apart first.
         File::open(path).map_err(|reason| io_error(path, reason))?;
-        let reader = PytorchReader::with_top_level_key(path, ENCODER);
+        let reader = match key {
+            Some(key) => PytorchReader::with_top_level_key(path, key),
+            None => PytorchReader::new(path),
+        };
         let reader = reader.map_err(|error| match error {
-            PytorchError::KeyNotFound(_) => format_error(
-                path,
-                format!("expected the weights under the key `{ENCODER}`, which is not there"),
-            ),
+            PytorchError::KeyNotFound(_) => {
+                let key = key.unwrap_or_default();
+                let problem =
+                    format!("expected the weights under the key `{key}`, which is not there");
+                format_error(path, problem)
+            }
             error => format_error(path, error.to_string()),
         })?;
         Ok(Checkpoint {

@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use burn::module::Module;
 use burn::tensor::{DType, TensorData};
 use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
-use super::CheckpointError;
 use super::keys::{Exchange, Keyed, Keys};
-use crate::denoiser::Denoiser;
+use super::{Checkpoint, CheckpointError};
 use crate::network::MotionDiffuse;
 
 /// Bits of a stored number.
@@ -50,14 +50,32 @@ impl MotionDiffuse {
         precision: Precision,
         metadata: HashMap<String, String>,
     ) -> Result<(), CheckpointError> {
+        Checkpoint::write(self, path, precision, metadata)
+    }
+}
+
+impl Checkpoint {
+    /// Writes the weights of a network of any kind as safetensors, under its keys. `metadata` is free text
+    /// that travels with them, such as `license`. The file appears whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written, or a weight is beyond the range of 16 bits where these are asked
+    /// for.
+    pub fn write(
+        network: &(impl Keyed + Module),
+        path: impl AsRef<Path>,
+        precision: Precision,
+        metadata: HashMap<String, String>,
+    ) -> Result<(), CheckpointError> {
         let path = path.as_ref();
         let mut writer = Writer {
             precision,
             tensors: Vec::new(),
             problem: None,
         };
-        self.clone()
-            .keys(&mut Keys::new(self.device(), &mut writer));
+        let device = network.devices().into_iter().next().unwrap_or_default();
+        network.clone().keys(&mut Keys::new(device, &mut writer));
         if let Some(key) = writer.problem {
             return Err(CheckpointError::Range {
                 path: path.to_owned(),

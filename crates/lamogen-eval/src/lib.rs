@@ -1,0 +1,33 @@
+//! How well motions fit their texts, and how real they look, in the field's numbers.
+//!
+//! ```text
+//! text ──WordVectors or Tokenizer──▶ TextBatch ──embed_text──┐
+//!                                                            ├─▶ Embeddings ──▶ Matching, fid, diversity, multimodality
+//! pose features, lengths ────────────────────embed_motion────┘
+//! ```
+//!
+//! [`Evaluator`] is the text-motion matching network of Guo et al. 2022 ("Generating Diverse and Natural
+//! 3D Human Motions from Text", CVPR 2022), which puts texts and motions into one space: a text lies near the
+//! motions that it describes. Its public weights load as they are, and smaller networks of the same kind can be
+//! trained with [`contrastive_loss`]. The metrics are distances in that space; what each means stands in
+//! `docs/evaluation.md`.
+
+mod config;
+mod error;
+mod evaluator;
+mod loss;
+mod metrics;
+mod network;
+mod text;
+mod vocabulary;
+
+pub use config::{EvaluatorConfig, TextForm};
+pub use error::EvaluatorError;
+pub use evaluator::Evaluator;
+pub use loss::{contrastive_loss, random_shift};
+pub use metrics::{
+    Batches, Embeddings, Gaussian, Matching, MetricError, diversity, fid, multimodality,
+};
+pub use network::Dropout;
+pub use text::TextBatch;
+pub use vocabulary::{PartOfSpeech, Sentence, Vocabulary, VocabularyError};

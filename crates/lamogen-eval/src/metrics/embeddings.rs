@@ -1,0 +1,116 @@
+//! Points of the evaluator's space, on the host.
+
+use burn::tensor::Tensor;
+
+use super::MetricError;
+
+/// Embeddings of one width, finite all of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Embeddings {
+    values: Vec<f32>,
+    width: usize,
+}
+
+impl Embeddings {
+    /// From rows of `width` numbers, one after the other.
+    ///
+    /// # Errors
+    ///
+    /// If the numbers do not fill rows, or one is not finite.
+    pub fn new(values: Vec<f32>, width: usize) -> Result<Self, MetricError> {
+        if width == 0 || !values.len().is_multiple_of(width) {
+            return Err(MetricError::Width {
+                expected: width,
+                found: values.len(),
+            });
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(place) => Err(MetricError::NotFinite { row: place / width }),
+            None => Ok(Embeddings { values, width }),
+        }
+    }
+
+    /// From `[count, width]`, on any device.
+    ///
+    /// # Errors
+    ///
+    /// If a number is not finite.
+    pub fn from_tensor(tensor: Tensor<2>) -> Result<Self, MetricError> {
+        let [_, width] = tensor.dims();
+        Self::new(tensor.into_data().iter::<f32>().collect(), width)
+    }
+
+    /// Appends the embeddings of another batch.
+    ///
+    /// # Errors
+    ///
+    /// If they are of another width.
+    pub fn extend(&mut self, other: &Embeddings) -> Result<(), MetricError> {
+        self.check_width(other)?;
+        self.values.extend_from_slice(&other.values);
+        Ok(())
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.values.len() / self.width
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// Numbers of each.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// One of them.
+    ///
+    /// # Panics
+    ///
+    /// If there are not that many.
+    pub fn row(&self, index: usize) -> &[f32] {
+        &self.values[index * self.width..][..self.width]
+    }
+
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f32]> {
+        self.values.chunks_exact(self.width)
+    }
+
+    pub(super) fn check_width(&self, other: &Embeddings) -> Result<(), MetricError> {
+        match self.width == other.width {
+            true => Ok(()),
+            false => Err(MetricError::Mismatch {
+                what: "embeddings of a width",
+                expected: self.width,
+                found: other.width,
+            }),
+        }
+    }
+}
+
+/// The Euclidean distance.
+pub(super) fn distance(a: &[f32], b: &[f32]) -> f64 {
+    let squares = a.iter().zip(b).map(|(&a, &b)| {
+        let difference = f64::from(a) - f64::from(b);
+        difference * difference
+    });
+    squares.sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_are_not_finite_are_named_by_their_row() {
+        let error = Embeddings::new(vec![0.0, 1.0, 2.0, f32::NAN], 2).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "embedding 1 holds numbers that are not finite"
+        );
+        assert!(Embeddings::new(vec![0.0; 5], 2).is_err());
+    }
+}

@@ -1,0 +1,109 @@
+//! How different motions are from each other.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+
+use super::embeddings::distance;
+use super::{Embeddings, MetricError};
+
+/// Diversity: the mean distance between `pairs` pairs of motions, whatever their texts. Both sides are drawn without
+/// putting back; the public evaluation draws 300. Best is what real motions have.
+///
+/// # Errors
+///
+/// If there are not more motions than pairs, or no pair is asked for.
+pub fn diversity(motions: &Embeddings, pairs: usize, seed: u64) -> Result<f64, MetricError> {
+    spread("diversity", std::slice::from_ref(motions), pairs, seed)
+}
+
+/// MultiModality: the mean distance between `pairs` pairs of motions of one text, over all texts. The same places are
+/// drawn for every text, both sides without putting back; the public evaluation has 30 motions of each of 100
+/// texts, and draws 10.
+///
+/// # Errors
+///
+/// If there is no text, texts have different numbers of motions or widths, there are not more motions than pairs, or
+/// no pair is asked for.
+pub fn multimodality(texts: &[Embeddings], pairs: usize, seed: u64) -> Result<f64, MetricError> {
+    spread("MultiModality", texts, pairs, seed)
+}
+
+fn spread(
+    metric: &'static str,
+    sets: &[Embeddings],
+    pairs: usize,
+    seed: u64,
+) -> Result<f64, MetricError> {
+    let too_few = |what, needed, found| MetricError::TooFew {
+        metric,
+        what,
+        needed,
+        found,
+    };
+    let first = sets.first().ok_or(too_few("text", 1, 0))?;
+    if pairs == 0 {
+        return Err(too_few("pair", 1, 0));
+    }
+    if first.len() <= pairs {
+        return Err(too_few("motions", pairs + 1, first.len()));
+    }
+    for set in sets {
+        first.check_width(set)?;
+        if set.len() != first.len() {
+            return Err(MetricError::Mismatch {
+                what: "as many motions for each text, a number",
+                expected: first.len(),
+                found: set.len(),
+            });
+        }
+    }
+    let mut stream = ChaCha12Rng::seed_from_u64(seed);
+    let mut draw = || rand::seq::index::sample(&mut stream, first.len(), pairs).into_vec();
+    let (left, right) = (draw(), draw());
+    let distances = sets.iter().flat_map(|set| {
+        let pairs = left.iter().zip(&right);
+        pairs.map(|(&a, &b)| distance(set.row(a), set.row(b)))
+    });
+    Ok(distances.sum::<f64>() / (sets.len() * pairs) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(places: impl Iterator<Item = f32>) -> Embeddings {
+        Embeddings::new(places.collect(), 1).unwrap()
+    }
+
+    #[test]
+    fn diversity_is_the_mean_distance_of_draws() {
+        // On a line of 0 to 1 two points are a third apart on average.
+        let motions = line((0..4000).map(|n| n as f32 / 4000.0));
+        let found = diversity(&motions, 3000, 4).unwrap();
+        assert!((found - 1.0 / 3.0).abs() < 0.02, "{found}");
+        assert_eq!(found, diversity(&motions, 3000, 4).unwrap());
+        assert_ne!(found, diversity(&motions, 3000, 5).unwrap());
+    }
+
+    #[test]
+    fn multimodality_sees_differences_within_a_text_only() {
+        let texts = [0.0, 100.0].map(|place| line((0..30).map(move |_| place)));
+        assert_eq!(multimodality(&texts, 10, 0).unwrap(), 0.0);
+        let wide = [1.0, 3.0].map(|scale| line((0..30).map(move |n| scale * n as f32)));
+        let narrow = multimodality(&wide[..1], 10, 0).unwrap();
+        let both = multimodality(&wide, 10, 0).unwrap();
+        assert!(
+            narrow > 0.0 && (both - 2.0 * narrow).abs() < 1e-9,
+            "{narrow} {both}"
+        );
+    }
+
+    #[test]
+    fn too_few_motions_are_refused() {
+        let error = diversity(&line((0..300).map(|n| n as f32)), 300, 0).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "diversity needs at least 301 motions, found 300"
+        );
+    }
+}

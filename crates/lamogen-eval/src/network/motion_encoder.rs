@@ -1,0 +1,47 @@
+//! Movements as a point in the common space.
+
+use burn::module::Module;
+use burn::nn::Linear;
+use burn::tensor::{Device, Tensor};
+use lamogen_model::{Keyed, Keys};
+
+use super::gru::BiGru;
+use super::linear;
+use super::projection::Projection;
+use crate::EvaluatorConfig;
+
+/// A recurrent network over movements.
+#[derive(Module, Debug)]
+pub(crate) struct MotionEncoder {
+    input: Linear,
+    recurrent: BiGru,
+    output: Projection,
+}
+
+impl MotionEncoder {
+    pub(crate) fn new(config: &EvaluatorConfig, device: &Device) -> Self {
+        let hidden = config.dim_motion_hidden;
+        MotionEncoder {
+            input: linear(config.dim_movement_latent, hidden, device),
+            recurrent: BiGru::new(hidden, hidden, device),
+            output: Projection::new(hidden, config.dim_coemb_hidden, device),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `movements`: `[batch, movements, dim_movement_latent]`
+    /// - output: `[batch, dim_coemb_hidden]`
+    pub(crate) fn forward(&self, movements: Tensor<3>, lengths: &[usize]) -> Tensor<2> {
+        let states = self.recurrent.last(self.input.forward(movements), lengths);
+        self.output.forward(states)
+    }
+}
+
+impl Keyed for MotionEncoder {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.linear("input_emb", &mut self.input);
+        keys.flat(&mut self.recurrent);
+        keys.nested("output_net", &mut self.output);
+    }
+}

@@ -1,0 +1,45 @@
+//! From a recurrent network's states into the common space.
+
+use burn::module::Module;
+use burn::nn::{LayerNorm, LayerNormConfig, Linear};
+use burn::tensor::{Device, Tensor};
+use lamogen_model::{Keyed, Keys};
+
+use super::{leaky_relu, linear};
+
+/// Two linear layers around a layer normalization.
+#[derive(Module, Debug)]
+pub(super) struct Projection {
+    input: Linear,
+    norm: LayerNorm,
+    output: Linear,
+}
+
+impl Projection {
+    /// From the states of both directions, each `hidden` wide.
+    pub(super) fn new(hidden: usize, output: usize, device: &Device) -> Self {
+        Projection {
+            input: linear(2 * hidden, hidden, device),
+            // As in PyTorch.
+            norm: LayerNormConfig::new(hidden).with_epsilon(1e-5).init(device),
+            output: linear(hidden, output, device),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - `states`: `[batch, 2 * hidden]`
+    /// - output: `[batch, output]`
+    pub(super) fn forward(&self, states: Tensor<2>) -> Tensor<2> {
+        let x = self.norm.forward(self.input.forward(states));
+        self.output.forward(leaky_relu(x))
+    }
+}
+
+impl Keyed for Projection {
+    fn keys(&mut self, keys: &mut Keys) {
+        keys.linear("0", &mut self.input);
+        keys.norm("1", &mut self.norm);
+        keys.linear("3", &mut self.output);
+    }
+}
