@@ -37,7 +37,7 @@ impl Dataset {
     ///
     /// # Errors
     ///
-    /// If the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
+    /// If the options allow no length, the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
     /// are no statistics and none can be computed.
     pub fn open(
         folder: impl AsRef<Path>,
@@ -45,6 +45,7 @@ impl Dataset {
         observer: &mut dyn FnMut(Progress),
     ) -> Result<Dataset, DataError> {
         let folder = folder.as_ref();
+        options.check()?;
         match Form::of(folder)? {
             Form::Packed => packed::open(folder, options, observer),
             Form::HumanMl3d => humanml3d::open(folder, options, observer),
@@ -86,6 +87,16 @@ impl Dataset {
             mirror,
             problems,
         })
+    }
+
+    /// Writes it in the packed form: `motions.safetensors` and `captions.jsonl`. The folder appears whole or not at
+    /// all. Rows that no entry uses are left out.
+    ///
+    /// # Errors
+    ///
+    /// If there is anything in the folder but, with `force`, a packed data set; or it cannot be written.
+    pub fn save(&self, folder: impl AsRef<Path>, force: bool) -> Result<(), DataError> {
+        packed::write(self, folder.as_ref(), force)
     }
 
     /// The folder that it was read from.

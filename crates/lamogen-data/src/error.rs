@@ -58,6 +58,37 @@ pub enum DataError {
     #[error("{folder}: mean and standard deviation cannot be computed: {problem}")]
     #[allow(missing_docs)]
     Statistics { folder: PathBuf, problem: String },
+    /// The options allow no length.
+    #[error(
+        "expected a shortest length from 1 frame to the longest, found {min_frames} and {max_frames}"
+    )]
+    #[allow(missing_docs)]
+    Limits {
+        min_frames: usize,
+        max_frames: usize,
+    },
+    /// A line about motion files makes no sense.
+    #[error("{path}, line {line}: {problem}")]
+    #[allow(missing_docs)]
+    Captions {
+        path: PathBuf,
+        line: usize,
+        problem: String,
+    },
+    /// Motion files without any captions.
+    #[error("{folder}: expected a data set, or a file of captions for motion files; found neither")]
+    #[allow(missing_docs)]
+    Uncaptioned { folder: PathBuf },
+    /// A file of captions for a data set that has its own.
+    #[error(
+        "{folder}: a data set with captions of its own; expected no file of captions beside it"
+    )]
+    #[allow(missing_docs)]
+    Superfluous { folder: PathBuf },
+    /// The folder to write is not free.
+    #[error("{folder}: expected an empty folder or none, found {found}")]
+    #[allow(missing_docs)]
+    Occupied { folder: PathBuf, found: String },
     /// No motion is left.
     #[error("{folder}: expected at least one motion that can be used: {problems}")]
     #[allow(missing_docs)]
