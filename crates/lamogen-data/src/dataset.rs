@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_motion::{FeatureGroup, Normalization, POSE_FEATURES};
 
 use crate::entry::Entry;
 use crate::error::DataError;
@@ -126,10 +126,16 @@ impl Dataset {
         &self.statistics.mean
     }
 
-    /// The standard deviation of every feature over the training split, `[263]`: above 0, and one number within
-    /// each [`FeatureGroup`](lamogen_motion::FeatureGroup) unless a file says otherwise.
+    /// The standard deviation of every feature over the training split, `[263]`, above 0. Where it was computed it is one
+    /// number within each [`FeatureGroup`], the mean of its features' own, and 1 for a group that never changes.
     pub fn std(&self) -> &[f32] {
         &self.statistics.std
+    }
+
+    /// Groups of features whose deviation is 1 because they never change in the frames for training. Usually none.
+    pub fn unchanging(&self) -> impl Iterator<Item = FeatureGroup> + '_ {
+        let groups = FeatureGroup::ALL.into_iter();
+        groups.filter(|group| self.std()[group.range()].iter().all(|std| *std == 1.0))
     }
 
     /// Mean and standard deviation as tensors.

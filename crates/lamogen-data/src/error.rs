@@ -9,10 +9,14 @@ use lamogen_motion::npy::NpyError;
 /// Why a data set cannot be opened or written.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// A file or folder cannot be read or written.
+    /// A file or folder cannot be read.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
-    Io { path: PathBuf, reason: io::Error },
+    Read { path: PathBuf, reason: io::Error },
+    /// A file or folder cannot be written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Write { path: PathBuf, reason: io::Error },
     /// The folder has none of the known forms.
     #[error(
         "{folder}: expected motions.safetensors and captions.jsonl (the packed form), or new_joint_vecs, texts \
@@ -96,9 +100,15 @@ pub enum DataError {
 }
 
 impl DataError {
-    /// For `map_err` of what the file system reports.
-    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
+    /// For `map_err` of what the file system reports of reading.
+    pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
         let path = path.to_owned();
-        move |reason| DataError::Io { path, reason }
+        move |reason| DataError::Read { path, reason }
+    }
+
+    /// The same of writing.
+    pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
+        let path = path.to_owned();
+        move |reason| DataError::Write { path, reason }
     }
 }

@@ -50,7 +50,7 @@ struct Line {
 ///
 /// If it cannot be read, or a line makes no sense or contradicts another.
 pub(super) fn read(path: &Path) -> Result<Vec<Take>, DataError> {
-    let text = std::fs::read_to_string(path).map_err(DataError::io(path))?;
+    let text = std::fs::read_to_string(path).map_err(DataError::read(path))?;
     parse(&text).map_err(|(line, problem)| DataError::Captions {
         path: path.to_owned(),
         line,

@@ -251,11 +251,11 @@ fn motion_files(folder: &Path) -> Result<BTreeSet<String>, DataError> {
     let mut folders = vec![PathBuf::new()];
     while let Some(inner) = folders.pop() {
         let path = folder.join(&inner);
-        for entry in std::fs::read_dir(&path).map_err(DataError::io(&path))? {
-            let entry = entry.map_err(DataError::io(&path))?;
+        for entry in std::fs::read_dir(&path).map_err(DataError::read(&path))? {
+            let entry = entry.map_err(DataError::read(&path))?;
             let inner = inner.join(entry.file_name());
             // Links to folders are not followed: they may lead in circles.
-            if entry.file_type().map_err(DataError::io(&path))?.is_dir() {
+            if entry.file_type().map_err(DataError::read(&path))?.is_dir() {
                 folders.push(inner);
                 continue;
             }

@@ -28,14 +28,14 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
     check_free(out, force)?;
     // Where it is a link, the folder behind it is meant.
     let out = match out.exists() {
-        true => out.canonicalize().map_err(DataError::io(out))?,
+        true => out.canonicalize().map_err(DataError::write(out))?,
         false => out.to_owned(),
     };
     let parent = match out.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
         _ => PathBuf::from("."),
     };
-    std::fs::create_dir_all(&parent).map_err(DataError::io(&parent))?;
+    std::fs::create_dir_all(&parent).map_err(DataError::write(&parent))?;
     let temporary = || {
         let mut builder = tempfile::Builder::new();
         builder.prefix(".lamogen-");
@@ -45,27 +45,29 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o755));
         }
-        builder.tempdir_in(&parent).map_err(DataError::io(&parent))
+        builder
+            .tempdir_in(&parent)
+            .map_err(DataError::write(&parent))
     };
     let new = temporary()?;
     let used = Used::of(dataset);
     let path = new.path().join(MOTIONS);
-    motions(dataset, &used, &path).map_err(DataError::io(&out.join(MOTIONS)))?;
+    motions(dataset, &used, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
     let path = new.path().join(CAPTIONS);
-    captions(dataset, &used, &path).map_err(DataError::io(&out.join(CAPTIONS)))?;
+    captions(dataset, &used, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
 
     let old = temporary()?;
     let kept = old.path().join("old");
     let replaced = out.exists();
     if replaced {
-        std::fs::rename(&out, &kept).map_err(DataError::io(&out))?;
+        std::fs::rename(&out, &kept).map_err(DataError::write(&out))?;
     }
     std::fs::rename(new.path(), &out).map_err(|reason| {
         if replaced {
             // Nothing more can be done if even this fails; `kept` would then be what is left.
             let _ = std::fs::rename(&kept, &out);
         }
-        DataError::io(&out)(reason)
+        DataError::write(&out)(reason)
     })?;
     // It is no temporary folder any more.
     let _ = new.keep();
@@ -80,12 +82,12 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
 pub(crate) fn check_free(out: &Path, force: bool) -> Result<(), DataError> {
     let entries = match std::fs::read_dir(out) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        entries => entries.map_err(DataError::io(out))?,
+        entries => entries.map_err(DataError::write(out))?,
     };
     let mut packed = 0;
     let mut others = Vec::new();
     for entry in entries {
-        let name = entry.map_err(DataError::io(out))?.file_name();
+        let name = entry.map_err(DataError::write(out))?.file_name();
         match name == MOTIONS || name == CAPTIONS {
             true => packed += 1,
             false => others.push(name.to_string_lossy().into_owned()),
