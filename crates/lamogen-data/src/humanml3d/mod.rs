@@ -92,7 +92,7 @@ fn names(folder: &Path, problems: &mut Problems) -> Result<Vec<(String, Split)>,
         let path = folder.join(list(split));
         let text = match std::fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            text => text.map_err(DataError::io(&path))?,
+            text => text.map_err(DataError::read(&path))?,
         };
         let listed = text.trim_start_matches('\u{feff}').lines().map(str::trim);
         for name in listed.filter(|name| !name.is_empty()) {

@@ -58,6 +58,9 @@ pub enum Task {
     /// Generate many motions from a file of requests; goes on where it was stopped.
     #[command(after_help = BATCH_HELP)]
     Batch(Batch),
+    /// Pack motion capture with captions for training: HumanML3D's folder, or motion files.
+    #[command(after_help = PACK_HELP)]
+    Pack(Pack),
     /// List where this program can compute on this machine.
     Devices,
     /// Look at a model's files, or convert them.
@@ -96,6 +99,16 @@ line's number.
 
 A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
 again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4.";
+
+const PACK_HELP: &str = "\
+A source is a folder of HumanML3D's form (new_joint_vecs, texts, train.txt, val.txt, test.txt), a packed folder, or any \
+folder of motion files with --captions: a line is a file, a tab and a caption, or JSON:
+  {\"file\": \"walk.bvh\", \"captions\": [\"a person walks\"], \"split\": \"train\", \"start\": 1.5, \"end\": 6}
+split (train, val, test), content, style, source, start and end (seconds) may be left out; captions of several lines about \
+the same part of a file are put together.
+
+Motion files are resampled to 20 frames a second and put on HumanML3D's body. Mirror images of the motions for training \
+share the rows of their originals; left and right are exchanged in what is said of them.";
 
 /// Which model, and where it runs.
 #[derive(Args, Clone)]
@@ -347,6 +360,39 @@ pub struct Play {
     /// Write the page, but do not open it.
     #[arg(long)]
     pub no_open: bool,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
+}
+
+#[derive(Args)]
+pub struct Pack {
+    /// The folder to read.
+    pub source: PathBuf,
+    /// Folder to write.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// What is said of motion files, a line each.
+    #[arg(long, value_name = "FILE")]
+    pub captions: Option<PathBuf>,
+    /// Give motions for training mirror images, where they have none (the default).
+    #[arg(long, overrides_with = "no_mirror")]
+    pub mirror: bool,
+    /// Make no mirror images.
+    #[arg(long, overrides_with = "mirror")]
+    pub no_mirror: bool,
+    /// Leave out motions of fewer frames, at 20 a second.
+    #[arg(long, value_name = "FRAMES", default_value_t = 40)]
+    pub min_frames: usize,
+    /// Cut motion files of more frames into equal windows, usually of up to 196; leave out longer motions of a data
+    /// set, usually those of 200 and more.
+    #[arg(long, value_name = "FRAMES")]
+    pub max_frames: Option<usize>,
+    /// By what motion files without a split are dealt out: 80 % training, 5 % validation, 15 % test.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Replace a packed folder that is already there.
+    #[arg(long)]
+    pub force: bool,
     #[command(flatten)]
     pub reading: ReadingArguments,
 }
