@@ -28,6 +28,7 @@ mod report;
 mod scene;
 mod shell;
 mod source;
+mod train;
 
 use std::process::ExitCode;
 
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Task::Play(options) => play::run(options, &console),
         Task::Batch(options) => batch::run(options, &console),
         Task::Pack(options) => pack::run(options, &console),
+        Task::Train(options) => train::run(options, &console),
         Task::Devices => devices::run(&console),
         Task::Model(options) => model::run(options, &console),
         Task::Completions { shell } => shell::completions(*shell, &console),
