@@ -124,6 +124,12 @@ fn a_folder_that_is_not_free_is_left_alone() {
     write(&out, "notes.txt", "mine");
     assert!(pack(true).unwrap_err().contains("notes.txt"));
     assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+    #[cfg(unix)]
+    for name in ["motions.safetensors", "captions.jsonl"] {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = |name: &str| out.join(name).metadata().unwrap().permissions().mode() & 0o644;
+        assert_eq!(mode(name), mode("notes.txt"), "{name}");
+    }
     // No temporary folder is left.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }

@@ -60,7 +60,8 @@ const WINDOW: usize = 196;
 ///
 /// Motion files are whatever [`lamogen_files::read`] reads, in subfolders too. They are resampled to 20 frames a second,
 /// [put on HumanML3D's body](lamogen_motion::Rotations::on), cut, and encoded as
-/// [canonical](lamogen_motion::encode_canonical) features; arrays of pose features are taken as they are. Without a
+/// [canonical](lamogen_motion::encode_canonical) features; arrays of pose features are taken as they are. A pose before the
+/// movement, as conversions of CMU's recordings have it, is left out unless the captions say where to start. Without a
 /// split in the captions, files are dealt out by a hash of their names: 80 % training, 5 % validation, 15 % test.
 ///
 /// Mirror images share the rows of their originals, are named with an M in front, and have left and right exchanged in
