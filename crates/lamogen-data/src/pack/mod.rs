@@ -117,8 +117,11 @@ fn mirrored(entries: &[Entry]) -> Vec<Entry> {
     let names: HashSet<&str> = entries.iter().map(|entry| &*entry.name).collect();
     let image = |name: &str| format!("M{name}");
     let alone = |entry: &&Entry| {
-        let original = entry.name.strip_prefix('M');
-        let is_image = original.is_some_and(|original| names.contains(original));
+        // The original of an image may have been left out; the image's recording then still tells.
+        let trial = entry.trial.as_deref();
+        let is_image = entry.name.strip_prefix('M').is_some_and(|original| {
+            names.contains(original) || trial.is_some_and(|trial| original.ends_with(trial))
+        });
         let has_image = names.contains(&*image(&entry.name));
         entry.split == Split::Train && !entry.mirror && !is_image && !has_image
     };
