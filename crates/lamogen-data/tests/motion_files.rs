@@ -229,3 +229,39 @@ fn captions_are_asked_for_and_checked() {
     assert!(message.contains("no motion is for training"), "{message}");
     assert!(!out.exists());
 }
+
+#[test]
+fn a_pose_before_the_movement_is_left_out_unless_a_start_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let motion = walk(81);
+    let mut poses = motion.joints().to_vec();
+    // Half a metre away.
+    for joint in Joint::ALL {
+        let [x, y, z] = poses[0][joint.index()];
+        poses[0][joint.index()] = [x + 0.5, y, z];
+    }
+    save(
+        folder,
+        "calibrated.npy",
+        &Motion::from_joints(poses).unwrap(),
+    );
+    save(folder, "walk.npy", &motion);
+    let line = |file: &str, more: &str| {
+        format!("{{\"file\": \"{file}\", \"captions\": [\"x\"], \"split\": \"train\"{more}}}\n")
+    };
+    let lines = [
+        line("calibrated.npy", ""),
+        line("calibrated.npy", ", \"start\": 0"),
+        line("walk.npy", ""),
+    ];
+    let data = read(folder, &lines.concat()).unwrap();
+    let frames: Vec<usize> = { data.entries().iter().take(3) }
+        .map(|entry| entry.frames)
+        .collect();
+    assert_eq!(frames, [79, 80, 80]);
+    let notes: Vec<bool> = { data.entries().iter().take(3) }
+        .map(|entry| entry.note.is_some())
+        .collect();
+    assert_eq!(notes, [true, false, false]);
+}

@@ -17,17 +17,28 @@ fn humanml3d(folder: &Path) {
         folder,
         "000002",
         &rows(2, 60),
-        "a man sits#a/DET man/NOUN#0.0#0.0\n",
+        "a man sits#a/DET man/NOUN#0.0#0.0\nhe rises##1.0#3.0",
     );
-    clip(folder, "M000002", &rows(3, 60), "a man sits##0.0#0.0\n");
-    clip(folder, "000003", &rows(4, 30), "too short##0.0#0.0\n");
+    clip(
+        folder,
+        "M000002",
+        &rows(3, 60),
+        "a man sits##0.0#0.0\nhe rises##1.0#3.0",
+    );
+    // Too short, but not its image.
+    clip(folder, "000003", &rows(4, 30), "he runs##0.0#0.0\n");
+    clip(folder, "M000003", &rows(6, 50), "he runs##0.0#0.0\n");
     clip(
         folder,
         "000004",
         &rows(5, 70),
         "he turns clockwise##0.0#0.0\n",
     );
-    write(folder, "train.txt", "000001\n000002\nM000002\n000003");
+    write(
+        folder,
+        "train.txt",
+        "000001\n000002\nM000002\n000003\nM000003",
+    );
     write(folder, "val.txt", "000004");
 }
 
@@ -54,9 +65,16 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
     assert!(read.problems().is_empty(), "{:?}", read.problems());
     assert_eq!(written.problems().len(), 1);
     let names: Vec<&str> = read.entries().iter().map(|entry| &*entry.name).collect();
-    // 000002 has a mirror image of its own, 000004 is not for training.
-    let expected = "000001 A_000001 000002 M000002 000004 M000001 MA_000001";
+    // 000002 and its part have mirror images of their own, M000003 is one, 000004 is not for training.
+    let expected =
+        "000001 A_000001 000002 A_000002 M000002 MA_000002 M000003 000004 M000001 MA_000001";
     assert_eq!(names.join(" "), expected);
+    // An image is of the same recording as its original.
+    for image in ["M000002", "MA_000002", "M000001"] {
+        let entry = read.entries().iter().find(|entry| entry.name == image);
+        let trial = entry.unwrap().trial.as_deref();
+        assert_eq!(trial, Some(&image[image.len() - 6..]), "{image}");
+    }
     for (written, read_entry) in written.entries().iter().zip(read.entries()) {
         assert_eq!(written.captions, read_entry.captions);
         assert_eq!(
@@ -64,7 +82,7 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
             (read_entry.split, &read_entry.trial)
         );
     }
-    let (original, image) = (&read.entries()[0], &read.entries()[5]);
+    let (original, image) = (&read.entries()[0], &read.entries()[8]);
     assert_eq!(image.captions[0].text, "he walks right.");
     let tokens = image.captions[0].tokens.as_deref();
     assert_eq!(tokens, Some("he/PRON walk/VERB right/ADV"));
@@ -75,8 +93,8 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
         assert_eq!(read.mirror().apply(row), *mirrored);
     }
     assert_eq!(
-        features(&written, &written.entries()[6]),
-        features(&read, &read.entries()[6])
+        features(&written, &written.entries()[9]),
+        features(&read, &read.entries()[9])
     );
 
     // What is packed can be packed again, without rows that nothing uses.
@@ -101,7 +119,7 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
         ..PackOptions::default()
     };
     packed(&source, &again, &plain);
-    assert_eq!(open(&again).entries().len(), 5);
+    assert_eq!(open(&again).entries().len(), 8);
 }
 
 #[test]
@@ -124,6 +142,12 @@ fn a_folder_that_is_not_free_is_left_alone() {
     write(&out, "notes.txt", "mine");
     assert!(pack(true).unwrap_err().contains("notes.txt"));
     assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+    #[cfg(unix)]
+    for name in ["motions.safetensors", "captions.jsonl"] {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = |name: &str| out.join(name).metadata().unwrap().permissions().mode() & 0o644;
+        assert_eq!(mode(name), mode("notes.txt"), "{name}");
+    }
     // No temporary folder is left.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }

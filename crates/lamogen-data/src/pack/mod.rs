@@ -60,7 +60,8 @@ const WINDOW: usize = 196;
 ///
 /// Motion files are whatever [`lamogen_files::read`] reads, in subfolders too. They are resampled to 20 frames a second,
 /// [put on HumanML3D's body](lamogen_motion::Rotations::on), cut, and encoded as
-/// [canonical](lamogen_motion::encode_canonical) features; arrays of pose features are taken as they are. Without a
+/// [canonical](lamogen_motion::encode_canonical) features; arrays of pose features are taken as they are. A pose before the
+/// movement, as conversions of CMU's recordings have it, is left out unless the captions say where to start. Without a
 /// split in the captions, files are dealt out by a hash of their names: 80 % training, 5 % validation, 15 % test.
 ///
 /// Mirror images share the rows of their originals, are named with an M in front, and have left and right exchanged in
@@ -116,8 +117,11 @@ fn mirrored(entries: &[Entry]) -> Vec<Entry> {
     let names: HashSet<&str> = entries.iter().map(|entry| &*entry.name).collect();
     let image = |name: &str| format!("M{name}");
     let alone = |entry: &&Entry| {
-        let original = entry.name.strip_prefix('M');
-        let is_image = original.is_some_and(|original| names.contains(original));
+        // The original of an image may have been left out; the image's recording then still tells.
+        let trial = entry.trial.as_deref();
+        let is_image = entry.name.strip_prefix('M').is_some_and(|original| {
+            names.contains(original) || trial.is_some_and(|trial| original.ends_with(trial))
+        });
         let has_image = names.contains(&*image(&entry.name));
         entry.split == Split::Train && !entry.mirror && !is_image && !has_image
     };

@@ -25,6 +25,13 @@ use crate::split::Split;
 /// Files that are read in parallel before the observer is told.
 const TOGETHER: usize = 16;
 
+/// A pose before the movement is left by a step in which joints move so far on average, in metres, and so many
+/// times as far as in any of the steps after it. Measured on 45 of CMU's recordings: 0.1 to 0.35 m, and 3.3 times
+/// or more.
+const JUMP: f32 = 0.08;
+const JUMP_RATIO: f32 = 2.5;
+const AFTER_JUMP: usize = 5;
+
 /// Reads motion files and what is said of them: see [`pack`](super::pack()).
 pub(super) fn read(
     folder: &Path,
@@ -137,6 +144,29 @@ impl Body {
         Ok(Body::Joints(rotations.on(&RestPose::humanml3d()).joints()))
     }
 
+    /// Whether it begins with a pose that is none of the movement, such as the T-pose that conversions of CMU's
+    /// recordings have before their first frame: then the whole body jumps once, and goes on slowly.
+    fn begins_with_calibration(&self) -> bool {
+        let Body::Joints(poses) = self else {
+            return false;
+        };
+        let steps = poses.windows(2).map(|pair| {
+            let distances = pair[0].iter().zip(&pair[1]).map(|(from, to)| {
+                let squares = from.iter().zip(to).map(|(from, to)| (to - from).powi(2));
+                squares.sum::<f32>().sqrt()
+            });
+            distances.sum::<f32>() / JOINTS as f32
+        });
+        let steps: Vec<f32> = steps.take(1 + AFTER_JUMP).collect();
+        match steps.split_first() {
+            Some((first, after)) if after.len() == AFTER_JUMP => {
+                let fastest = after.iter().fold(0.0f32, |a, b| a.max(*b));
+                *first > JUMP && *first > JUMP_RATIO * fastest
+            }
+            _ => false,
+        }
+    }
+
     /// Number of rows.
     fn len(&self) -> usize {
         match self {
@@ -172,7 +202,8 @@ fn add(
     let end = take
         .end
         .map_or(body.len(), |end| frame(end).min(body.len()));
-    let start = take.start.map_or(0, frame).min(end);
+    let calibrated = take.start.is_none() && body.begins_with_calibration();
+    let start = take.start.map_or(usize::from(calibrated), frame).min(end);
     let frames = end - start;
     let windows = frames.div_ceil(limits.max_frames).max(1);
     for window in 0..windows {
@@ -201,7 +232,7 @@ fn add(
             style: take.said.style.clone(),
             source: take.said.source.clone(),
             trial: Some(take.file.clone()),
-            note: (windows > 1).then(|| format!("window {} of {windows}", window + 1)),
+            note: note(calibrated, windows, window),
             captions: { take.said.captions.iter() }
                 .map(|text| Caption {
                     text: text.clone(),
@@ -213,6 +244,14 @@ fn add(
         });
         rows.push(&values);
     }
+}
+
+/// What was done to a window.
+fn note(calibrated: bool, windows: usize, window: usize) -> Option<String> {
+    let left_out = calibrated.then(|| "the first pose of the file is left out".to_owned());
+    let cut = (windows > 1).then(|| format!("window {} of {windows}", window + 1));
+    let notes: Vec<String> = left_out.into_iter().chain(cut).collect();
+    (!notes.is_empty()).then(|| notes.join("; "))
 }
 
 /// A name for every take: its file without the ending, and its part. Files that differ only in the ending keep it.

@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use lamogen_motion::POSE_FEATURES;
+use lamogen_motion::{POSE_FEATURES, replace_atomically};
 use safetensors::Dtype;
 use safetensors::tensor::View;
 
@@ -174,7 +174,11 @@ fn motions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
         ("features", "HumanML3D, 20 frames a second"),
     ];
     let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
-    safetensors::serialize_to_file(tensors, Some(metadata.into()), path).map_err(io::Error::other)
+    // As readable as any other file, which those of the library are not.
+    replace_atomically(path, |path| {
+        safetensors::serialize_to_file(tensors, Some(metadata.into()), path)
+            .map_err(io::Error::other)
+    })
 }
 
 fn captions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
