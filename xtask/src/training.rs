@@ -105,6 +105,7 @@ impl Task for Timed {
         let tokens = TensorData::new(tokens, [self.batch, clip.context_length]);
         let batch = TrainingBatch {
             tokens: Tensor::<2, Int>::from_data(tokens, &self.device),
+            captions: (0..self.batch).collect(),
             x_t: clean.clone() * alphas.sqrt() + noise * rest.sqrt(),
             timesteps,
             mask: FrameMask::new(&vec![self.frames; self.batch], self.frames, &self.device),

@@ -194,6 +194,7 @@ fn batch() -> TrainingBatch {
     let (input, _) = input(&MotionDiffuse::new(&config(), &Device::flex()));
     TrainingBatch {
         tokens: tokens(),
+        captions: vec![0, 1, 2, 3],
         x_t: input.x_t,
         timesteps: vec![321, 0, 999, 5],
         mask: input.mask,
@@ -294,6 +295,30 @@ fn gradients_do_not_depend_on_the_number_of_threads() {
                 gradient == one[&path],
                 "{path}: {threads} threads differ from one"
             );
+        }
+    }
+}
+
+#[test]
+fn motions_may_share_captions() {
+    let model = trained().train().set_require_grad(true);
+    let apart = batch();
+    let mask = apart.mask.clone();
+    let rows = [2, 0, 2, 2];
+    let mut repeated = apart.clone();
+    repeated.tokens = Tensor::cat(rows.map(|row| tokens().narrow(0, row, 1)).to_vec(), 0);
+    let mut shared = apart;
+    shared.tokens = Tensor::cat([2, 0].map(|row| tokens().narrow(0, row, 1)).to_vec(), 0);
+    shared.captions = vec![0, 1, 0, 0];
+    let gradients = [repeated, shared].map(|batch| {
+        let trained = model.gradients(batch, |output| loss(output, &mask));
+        by_path(&model, trained.gradients)
+    });
+    let [repeated, shared] = &gradients;
+    for (path, repeated) in repeated {
+        let largest = repeated.iter().fold(1e-3f32, |largest, x| largest.max(x.abs()));
+        for (a, b) in repeated.iter().zip(&shared[path]) {
+            assert!((a - b).abs() < 1e-5 * largest, "{path}: {a} {b}");
         }
     }
 }

@@ -20,6 +20,7 @@ pub(crate) struct Batches {
     crop: f64,
     shortest: usize,
     frames_per_batch: usize,
+    noises: usize,
     buckets: Vec<Bucket>,
     /// Sums of the buckets' weights, each with those before it.
     weights: Vec<f64>,
@@ -103,6 +104,7 @@ impl Batches {
             crop: config.crop,
             shortest: *lengths.start(),
             frames_per_batch: config.frames_per_batch,
+            noises: config.noises_per_motion,
             weights,
             buckets,
         })
@@ -118,18 +120,25 @@ impl Batches {
         let mut generator = ChaCha12Rng::seed_from_u64(self.seed);
         generator.set_stream(step);
         let bucket = &self.buckets[pick(&self.weights, &mut generator)];
-        let count = (self.frames_per_batch / bucket.longest).max(1);
-        let visit = |generator: &mut ChaCha12Rng| {
-            let candidate = bucket.entries[pick(&bucket.weights, generator)];
-            Visit {
-                entry: candidate.entry,
-                frames: self.cut(candidate.frames, generator),
-                caption: generator.random_range(0..candidate.captions as u64) as usize,
-                timestep: generator.random_range(0..TRAINING_STEPS as u64) as usize,
-                noise: generator.next_u64(),
+        let count = (self.frames_per_batch / (bucket.longest * self.noises)).max(1);
+        let mut visits = Vec::with_capacity(count * self.noises);
+        for _ in 0..count {
+            let candidate = bucket.entries[pick(&bucket.weights, &mut generator)];
+            let frames = self.cut(candidate.frames, &mut generator);
+            let caption = generator.random_range(0..candidate.captions as u64) as usize;
+            // Each noise of a motion in a part of the timesteps of its own, so that they differ.
+            for part in 0..self.noises {
+                let range = |part: usize| (part * TRAINING_STEPS / self.noises) as u64;
+                visits.push(Visit {
+                    entry: candidate.entry,
+                    frames: frames.clone(),
+                    caption,
+                    timestep: generator.random_range(range(part)..range(part + 1)) as usize,
+                    noise: generator.next_u64(),
+                });
             }
-        };
-        (0..count).map(|_| visit(&mut generator)).collect()
+        }
+        visits
     }
 
     /// Some frames of a motion, most of them.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::ModelConfig;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,8 @@ pub struct TrainingConfig {
 pub struct DenoisingConfig {
     /// Frames of a batch with padding: as many motions are drawn as fit.
     pub frames_per_batch: usize,
+    /// How often each motion of a batch is in it, at timesteps of its own: its caption is then read once for all of them.
+    pub noises_per_motion: usize,
     /// Motions are sorted by length and dealt into so many buckets; a batch comes from one of them, so that little of it is
     /// padding.
     pub length_buckets: usize,
@@ -48,6 +51,7 @@ impl Default for DenoisingConfig {
     fn default() -> Self {
         DenoisingConfig {
             frames_per_batch: 6400,
+            noises_per_motion: 1,
             length_buckets: 8,
             crop: 0.0,
             losses: Losses::default(),
@@ -135,11 +139,18 @@ impl DenoisingConfig {
     fn problem(&self) -> Option<String> {
         for (name, found) in [
             ("frames_per_batch", self.frames_per_batch),
+            ("noises_per_motion", self.noises_per_motion),
             ("length_buckets", self.length_buckets),
         ] {
             if found == 0 {
                 return Some(format!("denoising.{name} must be 1 or above, found 0"));
             }
+        }
+        if self.noises_per_motion > TRAINING_STEPS {
+            let found = self.noises_per_motion;
+            return Some(format!(
+                "denoising.noises_per_motion must be at most {TRAINING_STEPS}, found {found}"
+            ));
         }
         if !(0.0..1.0).contains(&self.crop) {
             let found = self.crop;

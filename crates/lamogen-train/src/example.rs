@@ -49,25 +49,34 @@ impl Example {
             .iter()
             .map(|visit| schedule.alphas_cumprod()[visit.timestep] as f32)
             .collect();
-        let ids: Vec<i32> = visits
-            .iter()
-            .flat_map(|visit| tokens.of(visit.entry, visit.caption))
-            .copied()
-            .collect();
+        // Every caption once, however many visits have it.
+        let mut rows: Vec<&[i32]> = Vec::new();
+        let mut row = |ids| match rows.iter().position(|row| *row == ids) {
+            Some(place) => place,
+            None => {
+                rows.push(ids);
+                rows.len() - 1
+            }
+        };
+        let captions = visits.iter();
+        let captions = captions.map(|visit| row(tokens.of(visit.entry, visit.caption)));
+        let captions: Vec<usize> = captions.collect();
+        let shape_of_ids = [rows.len(), rows[0].len()];
+        let ids = rows.concat();
         let tensor = |numbers: Vec<f32>, shape: [usize; 3]| {
             Tensor::<3>::from_data(TensorData::new(numbers, shape), device)
         };
-        let context = ids.len() / visits.len();
         let truth = Truth::new(
             tensor(clean, shape),
             tensor(noises, shape),
             tensor(alphas, [visits.len(), 1, 1]),
             FrameMask::new(&lengths, frames, device),
         );
-        let ids = TensorData::new(ids, [visits.len(), context]);
+        let ids = TensorData::new(ids, shape_of_ids);
         Example {
             batch: TrainingBatch {
                 tokens: Tensor::<2, Int>::from_data(ids, device),
+                captions,
                 x_t: truth.noisy.clone(),
                 timesteps: visits.iter().map(|visit| visit.timestep).collect(),
                 mask: truth.mask.clone(),

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor};
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::{Schedule, TRAINING_STEPS};
-use lamogen_model::{Denoiser, DenoiserInput, MotionDiffuse};
+use lamogen_model::{Denoiser, MotionDiffuse};
 
 use crate::batches::Visit;
 use crate::example::Example;
@@ -68,14 +68,7 @@ impl<'a> Validation<'a> {
         for visits in &self.batches {
             let Example { batch, truth } =
                 Example::new(self.dataset, self.tokens, &schedule, visits, &self.device);
-            let prompt = network.encode(batch.tokens);
-            let input = DenoiserInput {
-                x_t: batch.x_t,
-                time: network.embed_timesteps(&batch.timesteps),
-                embedding: prompt.embedding,
-                mask: batch.mask,
-            };
-            let output = network.denoise(input, &prompt.context);
+            let output = network.predict(batch);
             let clean = truth.clean_of(output, network.prediction());
             let mut squares = (clean - truth.clean.clone()).square();
             if let Some(keep) = truth.mask.keep() {

@@ -16,16 +16,17 @@ use burn::tensor::{Int, Tensor};
 
 #[cfg(feature = "flex")]
 use super::cpu::{self, Evaluation};
-#[cfg(feature = "flex")]
 use super::cross_attention::CrossAttentionContext;
 use super::motion_diffuse::MotionDiffuse;
-use crate::denoiser::{Denoiser, DenoiserInput, FrameMask};
+use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
 
 /// What a step of training shows to the network. Nothing of it is tracked by autodiff.
 #[derive(Clone, Debug)]
 pub struct TrainingBatch {
-    /// Token ids of one caption each, `[batch, tokens]`, the end token being the largest id of each row.
+    /// Token ids of captions, `[captions, tokens]`, the end token being the largest id of each row.
     pub tokens: Tensor<2, Int>,
+    /// Which of the captions belongs to each motion; several motions may share one, which is then encoded once.
+    pub captions: Vec<usize>,
     /// Noisy motions, normalised, `[batch, frames, features]`.
     pub x_t: Tensor<3>,
     /// The timestep of each motion.
@@ -62,29 +63,48 @@ impl MotionDiffuse {
             self.device().is_autodiff(),
             "expected a network that autodiff follows"
         );
-        let prompt = self.encode(batch.tokens.autodiff());
+        let (input, context) = self.prepare(TrainingBatch {
+            tokens: batch.tokens.autodiff(),
+            ..batch
+        });
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.untracked(&input, &context) {
+            let (output, tape) = evaluation.record_for_training();
+            let (loss, gradient) = gradient_of(output, loss);
+            let gradients = evaluation.gradients(tape, gradient);
+            return Trained {
+                loss,
+                gradients: self.gradients_before(input, &context, gradients),
+            };
+        }
+        let loss = loss(self.forward(input, &context));
+        let gradients = loss.clone().backward();
+        Trained {
+            loss: loss.inner(),
+            gradients: GradientsParams::from_grads(gradients, self),
+        }
+    }
+
+    /// The network's output for a batch, `[batch, frames, features]`, without gradients.
+    ///
+    /// # Panics
+    ///
+    /// If a token or timestep is out of range, or sizes differ.
+    pub fn predict(&self, batch: TrainingBatch) -> Tensor<3> {
+        let (input, context) = self.prepare(batch);
+        self.denoise(input, &context)
+    }
+
+    /// Each caption encoded once, for all motions that share it.
+    fn prepare(&self, batch: TrainingBatch) -> (DenoiserInput, CrossAttentionContext) {
+        let prompt = shared(self.encode(batch.tokens), &batch.captions);
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: self.embed_timesteps(&batch.timesteps),
             embedding: prompt.embedding,
             mask: batch.mask,
         };
-        #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.untracked(&input, &prompt.context) {
-            let (output, tape) = evaluation.record_for_training();
-            let (loss, gradient) = gradient_of(output, loss);
-            let gradients = evaluation.gradients(tape, gradient);
-            return Trained {
-                loss,
-                gradients: self.gradients_before(input, &prompt.context, gradients),
-            };
-        }
-        let loss = loss(self.forward(input, &prompt.context));
-        let gradients = loss.clone().backward();
-        Trained {
-            loss: loss.inner(),
-            gradients: GradientsParams::from_grads(gradients, self),
-        }
+        (input, prompt.context)
     }
 }
 
@@ -124,6 +144,24 @@ impl MotionDiffuse {
         let mut gradients = GradientsParams::from_grads(along.backward(), self);
         self.note(found.weights, &mut gradients);
         gradients
+    }
+}
+
+/// The prompts of motions that share captions.
+fn shared(
+    prompt: Prompt<CrossAttentionContext>,
+    captions: &[usize],
+) -> Prompt<CrossAttentionContext> {
+    if captions.iter().copied().eq(0..prompt.embedding.dims()[0]) {
+        return prompt;
+    }
+    let places: Vec<i32> = captions.iter().map(|&caption| caption as i32).collect();
+    let places = Tensor::<1, Int>::from_data(&places[..], &prompt.embedding.device());
+    let texts = prompt.context.0.into_iter();
+    let texts = texts.map(|text| text.select(0, places.clone()));
+    Prompt {
+        context: CrossAttentionContext(texts.collect()),
+        embedding: prompt.embedding.select(0, places),
     }
 }
 
