@@ -17,6 +17,7 @@ mod example;
 mod gradients;
 mod log;
 mod losses;
+mod matching;
 mod optimization;
 mod run;
 mod task;
@@ -29,6 +30,9 @@ pub use denoising::Denoising;
 pub use error::TrainError;
 pub use log::LogLine;
 pub use losses::Losses;
+pub use matching::{
+    EvaluatorTrainingConfig, Matching, MatchingConfig, MatchingError, Others, captioned,
+};
 pub use optimization::Optimization;
 pub use run::{Ended, Length, Plan, RunObserver, RunProgress, run};
 pub use task::{Lesson, Task};

@@ -1,0 +1,189 @@
+//! Which pairs of text and motion a step sees.
+//!
+//! What is drawn at a step depends on the seed and the step alone, so that a run that goes on where it was stopped sees what it
+//! would have seen without a stop.
+
+use std::collections::{HashMap, HashSet};
+use std::ops::{Range, RangeInclusive};
+
+use lamogen_data::{Dataset, Entry, Split};
+use lamogen_eval::{Batches, EvaluatorConfig};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+use super::config::EvaluatorTrainingConfig;
+
+/// Deals out the motions of the training split, mirrored ones too.
+///
+/// Two motions that mean the same do not meet in a batch, since either would be a right answer to the other's caption. They mean
+/// the same if they have a caption in common ([`Batches::words`]), or the data set gives both the same content and style: their
+/// captions then say the same in other words.
+#[derive(Clone, Debug)]
+pub(super) struct Pairs {
+    seed: u64,
+    size: usize,
+    crop: f64,
+    longest: usize,
+    candidates: Vec<Candidate>,
+}
+
+#[derive(Clone, Debug)]
+struct Candidate {
+    entry: usize,
+    frames: usize,
+    captions: usize,
+    /// How likely it is to be seen.
+    weight: f64,
+    /// Numbers that stand for what it means; none in common with another means that they may meet.
+    meanings: Vec<usize>,
+}
+
+/// A pair of a batch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Pair {
+    /// Which entry of the data set.
+    pub(super) entry: usize,
+    /// Which frames of it, a multiple of four.
+    pub(super) frames: Range<usize>,
+    /// Which of its captions.
+    pub(super) caption: usize,
+}
+
+/// The batch of a step.
+pub(super) struct Draw {
+    /// At least two.
+    pub(super) pairs: Vec<Pair>,
+    /// For what else is drawn at the step.
+    pub(super) stream: ChaCha12Rng,
+}
+
+const UNIT: usize = EvaluatorConfig::FRAMES_PER_MOVEMENT;
+
+/// Frames of motions that an evaluator can read.
+pub(super) fn lengths(config: &EvaluatorConfig) -> RangeInclusive<usize> {
+    UNIT..=config.max_motion_length / UNIT * UNIT + UNIT - 1
+}
+
+impl Pairs {
+    /// `None` if there are no two motions that may meet.
+    pub(super) fn new(dataset: &Dataset, config: &EvaluatorTrainingConfig) -> Option<Self> {
+        let lengths = lengths(&config.evaluator);
+        let entries: Vec<(usize, &Entry)> = dataset
+            .indices(Split::Train)
+            .map(|index| (index, &dataset.entries()[index]))
+            .filter(|(_, entry)| lengths.contains(&entry.frames))
+            .collect();
+        let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
+        for (_, entry) in &entries {
+            *counts.entry(entry.content.as_deref()).or_default() += 1.0;
+        }
+        let mut known = HashMap::new();
+        let candidates = entries.into_iter().map(|(index, entry)| Candidate {
+            entry: index,
+            frames: entry.frames,
+            captions: entry.captions.len(),
+            // What is done often is seen less than its share, what is done rarely more.
+            weight: counts[&entry.content.as_deref()].powf(-0.5),
+            meanings: meanings(entry, &mut known),
+        });
+        let pairs = Pairs {
+            seed: config.optimization.seed,
+            size: config.matching.pairs_per_batch,
+            crop: config.matching.crop,
+            longest: *lengths.end() / UNIT * UNIT,
+            candidates: candidates.collect(),
+        };
+        pairs.any_may_meet().then_some(pairs)
+    }
+
+    fn any_may_meet(&self) -> bool {
+        let all: HashSet<&Vec<usize>> = { self.candidates.iter() }
+            .map(|candidate| &candidate.meanings)
+            .collect();
+        let all: Vec<_> = all.into_iter().collect();
+        let meets = |(place, one): (usize, &&Vec<usize>)| {
+            let apart = |other: &&Vec<usize>| one.iter().all(|meaning| !other.contains(meaning));
+            all[place + 1..].iter().any(apart)
+        };
+        all.iter().enumerate().any(meets)
+    }
+
+    /// How many motions are dealt out.
+    pub(super) fn motions(&self) -> usize {
+        self.candidates.len()
+    }
+
+    /// The batch of a step.
+    pub(super) fn draw(&self, step: u64) -> Draw {
+        let mut stream = ChaCha12Rng::seed_from_u64(self.seed);
+        stream.set_stream(step);
+        loop {
+            let chosen = self.choose(&mut stream);
+            // A motion that means the same as every other leaves room for none; then the others are asked.
+            if chosen.len() < 2 {
+                continue;
+            }
+            let pairs = chosen.into_iter().map(|candidate| Pair {
+                entry: candidate.entry,
+                frames: self.cut(candidate.frames, &mut stream),
+                caption: stream.random_range(0..candidate.captions as u64) as usize,
+            });
+            return Draw {
+                pairs: pairs.collect(),
+                stream,
+            };
+        }
+    }
+
+    /// Motions that may meet, as many as a batch has room for. All are gone through in an order in which a motion comes
+    /// first with a chance in proportion to its weight (Efraimidis and Spirakis 2006).
+    fn choose(&self, stream: &mut ChaCha12Rng) -> Vec<&Candidate> {
+        let arrivals = self.candidates.iter().map(|candidate| {
+            let uniform: f64 = 1.0 - stream.random::<f64>();
+            (-uniform.ln() / candidate.weight, candidate)
+        });
+        let mut arrivals: Vec<(f64, &Candidate)> = arrivals.collect();
+        arrivals.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let mut taken: HashSet<usize> = HashSet::new();
+        let mut chosen = Vec::with_capacity(self.size);
+        for (_, candidate) in arrivals {
+            if chosen.len() == self.size {
+                break;
+            }
+            if !candidate.meanings.iter().any(|meaning| taken.contains(meaning)) {
+                taken.extend(&candidate.meanings);
+                chosen.push(candidate);
+            }
+        }
+        chosen
+    }
+
+    /// Some frames of a motion, most of them.
+    fn cut(&self, frames: usize, stream: &mut impl Rng) -> Range<usize> {
+        let least = ((frames as f64 * (1.0 - self.crop)).ceil() as usize).max(UNIT);
+        let length = stream.random_range(least.min(frames) as u64..=frames as u64) as usize;
+        let length = (length / UNIT * UNIT).min(self.longest);
+        let start = stream.random_range(0..=(frames - length) as u64) as usize;
+        start..start + length
+    }
+}
+
+/// What an entry means, in numbers that are the same for what is the same.
+fn meanings(entry: &Entry, known: &mut HashMap<Vec<String>, usize>) -> Vec<usize> {
+    let captions = entry.captions.iter();
+    let captions = captions.map(|caption| Batches::words(&caption.text));
+    let label = match (&entry.content, &entry.style) {
+        // Not to be mixed up with words, which hold no such letter.
+        (Some(content), Some(style)) => Some(vec![format!("{content}/{style}")]),
+        _ => None,
+    };
+    let mut numbers: Vec<usize> = { captions.chain(label) }
+        .map(|meaning| {
+            let next = known.len();
+            *known.entry(meaning).or_insert(next)
+        })
+        .collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
