@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_motion::{FeatureGroup, Normalization, POSE_FEATURES};
 
 use crate::entry::Entry;
 use crate::error::DataError;
@@ -37,7 +37,7 @@ impl Dataset {
     ///
     /// # Errors
     ///
-    /// If the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
+    /// If the options allow no length, the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
     /// are no statistics and none can be computed.
     pub fn open(
         folder: impl AsRef<Path>,
@@ -45,6 +45,7 @@ impl Dataset {
         observer: &mut dyn FnMut(Progress),
     ) -> Result<Dataset, DataError> {
         let folder = folder.as_ref();
+        options.check()?;
         match Form::of(folder)? {
             Form::Packed => packed::open(folder, options, observer),
             Form::HumanMl3d => humanml3d::open(folder, options, observer),
@@ -88,6 +89,16 @@ impl Dataset {
         })
     }
 
+    /// Writes it in the packed form: `motions.safetensors` and `captions.jsonl`. The folder appears whole or not at
+    /// all. Rows that no entry uses are left out.
+    ///
+    /// # Errors
+    ///
+    /// If there is anything in the folder but, with `force`, a packed data set; or it cannot be written.
+    pub fn save(&self, folder: impl AsRef<Path>, force: bool) -> Result<(), DataError> {
+        packed::write(self, folder.as_ref(), force)
+    }
+
     /// The folder that it was read from.
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -115,10 +126,16 @@ impl Dataset {
         &self.statistics.mean
     }
 
-    /// The standard deviation of every feature over the training split, `[263]`: above 0, and one number within
-    /// each [`FeatureGroup`](lamogen_motion::FeatureGroup) unless a file says otherwise.
+    /// The standard deviation of every feature over the training split, `[263]`, above 0. Where it was computed it is one
+    /// number within each [`FeatureGroup`], the mean of its features' own, and 1 for a group that never changes.
     pub fn std(&self) -> &[f32] {
         &self.statistics.std
+    }
+
+    /// Groups of features whose deviation is 1 because they never change in the frames for training. Usually none.
+    pub fn unchanging(&self) -> impl Iterator<Item = FeatureGroup> + '_ {
+        let groups = FeatureGroup::ALL.into_iter();
+        groups.filter(|group| self.std()[group.range()].iter().all(|std| *std == 1.0))
     }
 
     /// Mean and standard deviation as tensors.

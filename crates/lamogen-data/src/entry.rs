@@ -43,6 +43,11 @@ pub struct Caption {
 }
 
 impl Entry {
+    /// Which clip of the data set its rows lie in: that of its mirror image, and of other parts of the same clip.
+    pub fn clip(&self) -> usize {
+        self.clip
+    }
+
     /// Its rows, counted over the whole data set.
     pub(crate) fn rows(&self) -> Range<usize> {
         self.start..self.start + self.frames

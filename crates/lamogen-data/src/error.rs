@@ -9,10 +9,14 @@ use lamogen_motion::npy::NpyError;
 /// Why a data set cannot be opened or written.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// A file or folder cannot be read or written.
+    /// A file or folder cannot be read.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
-    Io { path: PathBuf, reason: io::Error },
+    Read { path: PathBuf, reason: io::Error },
+    /// A file or folder cannot be written.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Write { path: PathBuf, reason: io::Error },
     /// The folder has none of the known forms.
     #[error(
         "{folder}: expected motions.safetensors and captions.jsonl (the packed form), or new_joint_vecs, texts \
@@ -58,6 +62,37 @@ pub enum DataError {
     #[error("{folder}: mean and standard deviation cannot be computed: {problem}")]
     #[allow(missing_docs)]
     Statistics { folder: PathBuf, problem: String },
+    /// The options allow no length.
+    #[error(
+        "expected a shortest length from 1 frame to the longest, found {min_frames} and {max_frames}"
+    )]
+    #[allow(missing_docs)]
+    Limits {
+        min_frames: usize,
+        max_frames: usize,
+    },
+    /// A line about motion files makes no sense.
+    #[error("{path}, line {line}: {problem}")]
+    #[allow(missing_docs)]
+    Captions {
+        path: PathBuf,
+        line: usize,
+        problem: String,
+    },
+    /// Motion files without any captions.
+    #[error("{folder}: expected a data set, or a file of captions for motion files; found neither")]
+    #[allow(missing_docs)]
+    Uncaptioned { folder: PathBuf },
+    /// A file of captions for a data set that has its own.
+    #[error(
+        "{folder}: a data set with captions of its own; expected no file of captions beside it"
+    )]
+    #[allow(missing_docs)]
+    Superfluous { folder: PathBuf },
+    /// The folder to write is not free.
+    #[error("{folder}: expected an empty folder or none, found {found}")]
+    #[allow(missing_docs)]
+    Occupied { folder: PathBuf, found: String },
     /// No motion is left.
     #[error("{folder}: expected at least one motion that can be used: {problems}")]
     #[allow(missing_docs)]
@@ -65,9 +100,15 @@ pub enum DataError {
 }
 
 impl DataError {
-    /// For `map_err` of what the file system reports.
-    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
+    /// For `map_err` of what the file system reports of reading.
+    pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
         let path = path.to_owned();
-        move |reason| DataError::Io { path, reason }
+        move |reason| DataError::Read { path, reason }
+    }
+
+    /// The same of writing.
+    pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
+        let path = path.to_owned();
+        move |reason| DataError::Write { path, reason }
     }
 }

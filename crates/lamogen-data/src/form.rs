@@ -46,7 +46,7 @@ impl Form {
     /// The same, where a folder of another kind is no error.
     pub fn recognise(folder: &Path) -> Result<Option<Form>, DataError> {
         // A missing folder should be said so, not that files are missing in it.
-        std::fs::read_dir(folder).map_err(DataError::io(folder))?;
+        std::fs::read_dir(folder).map_err(DataError::read(folder))?;
         let there = |parts: &[&str]| parts.iter().all(|part| folder.join(part).exists());
         let listed = Split::ALL
             .iter()

@@ -17,9 +17,11 @@ mod form;
 mod humanml3d;
 mod mirror;
 mod options;
+mod pack;
 mod packed;
 mod problems;
 mod rows;
+mod sides;
 mod split;
 mod statistics;
 #[cfg(test)]
@@ -30,5 +32,6 @@ pub use entry::{Caption, Entry};
 pub use error::DataError;
 pub use mirror::Mirror;
 pub use options::{LoadOptions, Progress};
+pub use pack::{PackOptions, pack};
 pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};

@@ -1,5 +1,7 @@
 //! What is read, and how far reading is.
 
+use crate::error::DataError;
+
 /// Which motions are used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -14,6 +16,23 @@ impl Default for LoadOptions {
         LoadOptions {
             min_frames: 40,
             max_frames: 199,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// Whether any length is within the limits.
+    pub(crate) fn check(&self) -> Result<(), DataError> {
+        let LoadOptions {
+            min_frames,
+            max_frames,
+        } = *self;
+        match (1..=max_frames).contains(&min_frames) {
+            true => Ok(()),
+            false => Err(DataError::Limits {
+                min_frames,
+                max_frames,
+            }),
         }
     }
 }

@@ -11,12 +11,16 @@ use crate::rows::Rows;
 use crate::split::Split;
 
 /// Mean and standard deviation of every feature; within a [`FeatureGroup`] the deviation is one number, the mean of
-/// the features' own (Guo et al. 2022, `cal_mean_variance.py`).
+/// the features' own (Guo et al. 2022, `cal_mean_variance`). A group that never changes, such as the contacts of
+/// people who all stand still, has the deviation 1: its features are normalised to 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Statistics {
     pub mean: Vec<f32>,
     pub std: Vec<f32>,
 }
+
+/// What deviates less than this, in metres or radians, is taken for rounding.
+const UNCHANGING: f64 = 1e-5;
 
 /// Rows that one task sums up; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 4096;
@@ -26,7 +30,7 @@ impl Statistics {
     ///
     /// # Errors
     ///
-    /// If there is no training entry, or the features of a group never change.
+    /// If there is no training entry.
     pub fn of(entries: &[Entry], rows: &Rows, mirror: &Mirror) -> Result<Statistics, String> {
         let mut moments = Moments::default();
         for mirrored in [false, true] {
@@ -50,11 +54,10 @@ impl Statistics {
                 .range()
                 .map(|i| (moments.squares[i] / moments.count).sqrt());
             let mean = deviations.sum::<f64>() / group.width() as f64;
-            if (mean as f32) < f32::MIN_POSITIVE {
-                let name = group.name();
-                return Err(format!("{name} never changes in the motions for training"));
-            }
-            std[group.range()].fill(mean as f32);
+            std[group.range()].fill(match mean < UNCHANGING {
+                true => 1.0,
+                false => mean as f32,
+            });
         }
         Ok(Statistics {
             mean: moments.mean.map(|mean| mean as f32).to_vec(),

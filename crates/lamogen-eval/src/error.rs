@@ -52,6 +52,12 @@ pub enum JudgeError {
         "expected an evaluator that reads tokens, found one that reads words with parts of speech; it takes its texts from a Vocabulary"
     )]
     Words,
+    /// There is no tokenizer, and the vocabulary is not CLIP's.
+    #[error(
+        "expected a tokenizer.json for the evaluator's vocabulary of {vocab_size} ids, found none; CLIP's own tokenizer has {clip}"
+    )]
+    #[allow(missing_docs)]
+    NoTokenizer { vocab_size: usize, clip: usize },
     /// Statistics of other features.
     #[error("expected statistics of {expected} features, as the evaluator reads, found {found}")]
     #[allow(missing_docs)]

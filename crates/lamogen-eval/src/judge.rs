@@ -1,7 +1,7 @@
 //! An evaluator with all that its inputs need.
 
 use std::collections::HashMap;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use crate::{
 /// ```text
 /// FOLDER/model.safetensors   the weights
 ///        config.json         the sizes
-///        tokenizer.json      how texts are read
+///        tokenizer.json      how texts are read; without it as by CLIP's tokenizer
 ///        mean.npy, std.npy   how features are normalised
 /// ```
 ///
@@ -36,7 +36,7 @@ pub struct Judge {
 /// What the folder holds beside the network.
 #[derive(Debug)]
 struct Files {
-    tokenizer: Vec<u8>,
+    tokenizer: Option<Vec<u8>>,
     mean: Vec<f32>,
     std: Vec<f32>,
 }
@@ -50,8 +50,8 @@ const TEXTS: usize = 128;
 const MOTIONS: usize = 32;
 
 impl Judge {
-    /// A judge from its parts: a network on `device`, the content of a `tokenizer.json`, and one mean and one standard
-    /// deviation a feature.
+    /// A judge from its parts: a network on `device`, the content of a `tokenizer.json` (without one CLIP's tokenizer), and one
+    /// mean and one standard deviation a feature.
     ///
     /// # Errors
     ///
@@ -59,12 +59,12 @@ impl Judge {
     /// features as it reads or make no sense.
     pub fn new(
         evaluator: Evaluator,
-        tokenizer_json: &[u8],
+        tokenizer_json: Option<&[u8]>,
         [mean, std]: [&[f32]; 2],
         device: &Device,
     ) -> Result<Judge, JudgeError> {
         let files = Files {
-            tokenizer: tokenizer_json.to_vec(),
+            tokenizer: tokenizer_json.map(<[u8]>::to_vec),
             mean: mean.to_vec(),
             std: std.to_vec(),
         };
@@ -80,10 +80,11 @@ impl Judge {
         let folder = folder.as_ref();
         let evaluator = Evaluator::from_folder(folder, device)?;
         let path = folder.join(TOKENIZER);
-        let tokenizer = std::fs::read(&path).map_err(|reason| TokenizerError::Io {
-            path: path.clone(),
-            reason,
-        })?;
+        let tokenizer = match std::fs::read(&path) {
+            Ok(json) => Some(json),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(reason) => return Err(TokenizerError::Io { path, reason }.into()),
+        };
         let [mean, std] = [MEAN, STD].map(|name| folder.join(name));
         // Checked here, where an error can name the file.
         Normalization::from_files(&mean, &std, evaluator.config().dim_pose, device)?;
@@ -116,9 +117,18 @@ impl Judge {
                 found: files.mean.len(),
             });
         }
-        let json = &files.tokenizer;
+        let tokenizer = match &files.tokenizer {
+            Some(json) => Tokenizer::from_json(json, tokenizer, vocab_size, context_length)?,
+            None => Tokenizer::clip(context_length),
+        };
+        if files.tokenizer.is_none() && tokenizer.vocab_size() != vocab_size {
+            return Err(JudgeError::NoTokenizer {
+                vocab_size,
+                clip: tokenizer.vocab_size(),
+            });
+        }
         Ok(Judge {
-            tokenizer: Tokenizer::from_json(json, tokenizer, vocab_size, context_length)?,
+            tokenizer,
             normalization: Normalization::from_slices(&files.mean, &files.std, device)?,
             device: device.clone(),
             files: Arc::new(files),
@@ -151,9 +161,12 @@ impl Judge {
         for (name, numbers) in [(MEAN, &self.files.mean), (STD, &self.files.std)] {
             npy::write(folder.join(name), numbers, &[numbers.len()])?;
         }
-        let path = folder.join(TOKENIZER);
-        let written = write_atomically(&path, |file| file.write_all(&self.files.tokenizer));
-        Ok(written.map_err(|reason| EvaluatorError::Io { path, reason })?)
+        if let Some(json) = &self.files.tokenizer {
+            let path = folder.join(TOKENIZER);
+            write_atomically(&path, |file| file.write_all(json))
+                .map_err(|reason| EvaluatorError::Io { path, reason })?;
+        }
+        Ok(())
     }
 
     /// The network.

@@ -18,5 +18,5 @@ mod network;
 pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precision};
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
-pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens};
+pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens, learn};
 pub use network::{CrossAttentionContext, MotionDiffuse, Trained, TrainingBatch};

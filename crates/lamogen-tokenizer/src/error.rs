@@ -41,4 +41,8 @@ pub enum TokenizerError {
     #[error("the prompt {prompt:?} cannot be tokenized: {problem}")]
     #[allow(missing_docs)]
     Prompt { prompt: String, problem: String },
+    /// No tokenizer can be learned.
+    #[error("no tokenizer can be learned: {problem}")]
+    #[allow(missing_docs)]
+    Learning { problem: String },
 }

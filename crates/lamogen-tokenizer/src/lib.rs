@@ -35,7 +35,9 @@ mod clean;
 mod clip;
 mod error;
 mod file;
+mod learn;
 mod tokenizer;
 
 pub use error::TokenizerError;
+pub use learn::learn;
 pub use tokenizer::{Tokenizer, Tokens};

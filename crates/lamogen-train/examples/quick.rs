@@ -10,7 +10,7 @@ fn main() {
     let config = TrainingConfig::from_file(&a[4]).unwrap();
     let steps: u64 = a[3].parse().unwrap();
     let tok = Tokenizer::from_file(&a[2], 1024, 32).unwrap();
-    let tokens = CaptionTokens::new(&dataset, &tok).unwrap();
+    let tokens = CaptionTokens::new(&dataset, tok, None).unwrap();
     let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
     let mut t = Trainer::new(&task, &Device::flex());
     let start = Instant::now();

@@ -1,5 +1,6 @@
 //! Training a denoiser.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use burn::tensor::Device;
@@ -12,6 +13,7 @@ use crate::batches::Batches;
 use crate::config::TrainingConfig;
 use crate::error::TrainError;
 use crate::example::Example;
+use crate::model_folder::{self, write};
 use crate::optimization::Optimization;
 use crate::task::{Lesson, Task};
 use crate::tokens::CaptionTokens;
@@ -31,6 +33,7 @@ pub struct Denoising<'a> {
     normalization: Normalization,
     validation: Option<Validation<'a>>,
     device: Device,
+    metadata: HashMap<String, String>,
 }
 
 impl<'a> Denoising<'a> {
@@ -58,10 +61,16 @@ impl<'a> Denoising<'a> {
             schedule: Schedule::linear(),
             normalization: dataset.normalization(device),
             device: device.clone(),
+            metadata: HashMap::new(),
             dataset,
             tokens,
             config,
         })
+    }
+
+    /// Sets what travels with the weights in their file, such as `license` and `attribution`.
+    pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
+        Denoising { metadata, ..self }
     }
 
     /// How many motions are trained on, mirrored ones included.
@@ -117,7 +126,9 @@ impl Task for Denoising<'_> {
 
     fn save(&self, network: &MotionDiffuse, folder: &Path) -> Result<(), TrainError> {
         let path = folder.join("model.safetensors");
-        network.save(path, Precision::F32, Default::default())?;
-        Ok(())
+        network.save(path, Precision::F32, self.metadata.clone())?;
+        let config = serde_json::to_vec_pretty(&self.config.model).expect("sizes are JSON");
+        write(&folder.join("config.json"), &config)?;
+        model_folder::write_common(folder, self.dataset, self.tokens)
     }
 }

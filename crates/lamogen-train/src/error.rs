@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use burn::store::RecordError;
 use lamogen_data::Split;
 use lamogen_model::CheckpointError;
+use lamogen_motion::npy::NpyError;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +53,9 @@ pub enum TrainError {
         expected: String,
         found: String,
     },
+    /// The statistics cannot be written.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
     /// The model cannot be written.
     #[error(transparent)]
     Model(#[from] CheckpointError),

@@ -1,8 +1,9 @@
 //! Training on motion capture with captions: text-to-motion denoisers, and the networks that judge them.
 //!
 //! ```text
-//! Dataset, CaptionTokens, TrainingConfig ──▶ Denoising ─┐
-//!                                         Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
+//! Dataset, CaptionTokens, TrainingConfig ───────────▶ Denoising ─┐
+//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ Matching ──┤
+//!                                                  Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
 //! ```
 //!
 //! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
@@ -15,9 +16,11 @@ mod denoising;
 mod error;
 mod example;
 mod gradients;
+mod identity;
 mod log;
 mod losses;
 mod matching;
+mod model_folder;
 mod optimization;
 mod run;
 mod task;
@@ -28,6 +31,7 @@ mod validation;
 pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
 pub use denoising::Denoising;
 pub use error::TrainError;
+pub use identity::identity;
 pub use log::LogLine;
 pub use losses::Losses;
 pub use matching::{

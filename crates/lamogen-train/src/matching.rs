@@ -24,7 +24,8 @@ use lamogen_motion::npy::NpyError;
 use crate::error::TrainError;
 use crate::optimization::Optimization;
 use crate::task::{Lesson, Task};
-use example::{CaptionIds, Example};
+use crate::tokens::CaptionTokens;
+use example::Example;
 use pairs::{Draw, Pairs, lengths};
 
 /// The text-motion evaluator of Guo et al. 2022, learning from a data set's training split which texts and motions belong
@@ -38,8 +39,8 @@ use pairs::{Draw, Pairs, lengths};
 /// against all others of its batch ([`Others`]), and the movement encoder learns with the rest.
 pub struct Matching<'a> {
     dataset: &'a Dataset,
+    tokens: &'a CaptionTokens,
     config: &'a EvaluatorTrainingConfig,
-    captions: CaptionIds,
     pairs: Pairs,
     /// With the network before the first step.
     judge: Judge,
@@ -48,19 +49,19 @@ pub struct Matching<'a> {
 }
 
 impl<'a> Matching<'a> {
-    /// A task on a device, for texts as a `tokenizer.json` of this content reads them.
+    /// A task on a device.
     ///
     /// # Errors
     ///
-    /// If the tokenizer does not fit the network or cannot encode a caption, or the training split has no two motions that the
-    /// network can read and that mean different things.
+    /// If the tokenizer does not fit the network, or the training split has no two motions that the network can read and that mean
+    /// different things.
     ///
     /// # Panics
     ///
     /// If the config has a [`problem`](EvaluatorTrainingConfig::problem).
     pub fn new(
         dataset: &'a Dataset,
-        tokenizer_json: &[u8],
+        tokens: &'a CaptionTokens,
         config: &'a EvaluatorTrainingConfig,
         device: &Device,
     ) -> Result<Self, MatchingError> {
@@ -70,10 +71,13 @@ impl<'a> Matching<'a> {
         let seed = config.optimization.seed;
         let evaluator = Evaluator::initial(&config.evaluator, seed, device);
         let statistics = [dataset.mean(), dataset.std()];
-        let judge = Judge::new(evaluator, tokenizer_json, statistics, device)?;
+        let judge = Judge::new(evaluator, tokens.file(), statistics, device)?;
+        let [expected, found] = [judge.tokenizer(), tokens.tokenizer()].map(|t| t.context_length());
+        if expected != found {
+            return Err(MatchingError::Context { expected, found });
+        }
         let lengths = lengths(&config.evaluator);
         Ok(Matching {
-            captions: CaptionIds::new(dataset, judge.tokenizer()).map_err(JudgeError::from)?,
             pairs: Pairs::new(dataset, config).ok_or_else(|| MatchingError::NoPairs {
                 motions: dataset.split(Split::Train).count(),
                 shortest: *lengths.start(),
@@ -82,6 +86,7 @@ impl<'a> Matching<'a> {
             device: device.clone(),
             metadata: HashMap::new(),
             dataset,
+            tokens,
             config,
             judge,
         })
@@ -120,7 +125,7 @@ impl Task for Matching<'_> {
             texts,
             features,
             lengths,
-        } = Example::new(self.dataset, &self.captions, &pairs, &self.device);
+        } = Example::new(self.dataset, self.tokens, &pairs, &self.device);
         let config = &self.config.matching;
         let dropout = Dropout {
             probability: config.dropout,

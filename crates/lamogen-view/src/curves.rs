@@ -55,7 +55,7 @@ impl<'a> Curve<'a> {
 /// A picture that cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("the curves cannot be drawn: {0}")]
-pub struct CurveError(String);
+pub struct CurveError(pub(crate) String);
 
 const SIZE: (u32, u32) = (1100, 760);
 /// Letters of the title, in pixels.

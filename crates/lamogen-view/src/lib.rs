@@ -8,6 +8,7 @@ mod figure;
 mod follow;
 mod fonts;
 mod ground;
+mod losses;
 mod page;
 mod palette;
 mod raster;
@@ -17,6 +18,7 @@ mod text;
 
 pub use animation::{GifError, GifOptions, gif};
 pub use curves::{Curve, CurveError, curves};
+pub use losses::{LossCurve, losses};
 pub use page::{Figure, Page, page};
 pub use raster::{RasterError, png};
 pub use sheet::sheet;

@@ -9,7 +9,7 @@
 
 mod text;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -57,6 +57,8 @@ pub(crate) fn open(
     let statistics = statistics(folder)?;
     let mut problems = Problems::default();
     let names = names(folder, &mut problems)?;
+    // The mirror image of 012345 is M012345, and of the same recording.
+    let listed: HashSet<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
     let mut rows = Rows::new();
     let mut entries = Vec::new();
     for (index, some) in names.chunks(TOGETHER).enumerate() {
@@ -68,7 +70,8 @@ pub(crate) fn open(
                 Err(problem) => problems.extend([problem]),
                 Ok(clip) => {
                     problems.extend(clip.left_out.iter().cloned());
-                    clip.add(name, *split, &mut rows, &mut entries);
+                    let original = name.strip_prefix('M').filter(|name| listed.contains(name));
+                    clip.add((name, original), *split, &mut rows, &mut entries);
                 }
             }
         }
@@ -92,7 +95,7 @@ fn names(folder: &Path, problems: &mut Problems) -> Result<Vec<(String, Split)>,
         let path = folder.join(list(split));
         let text = match std::fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            text => text.map_err(DataError::io(&path))?,
+            text => text.map_err(DataError::read(&path))?,
         };
         let listed = text.trim_start_matches('\u{feff}').lines().map(str::trim);
         for name in listed.filter(|name| !name.is_empty()) {
@@ -227,15 +230,20 @@ fn read(path: &Path) -> Result<npy::Array, (ProblemKind, String)> {
 
 impl Clip {
     /// Adds it to a data set: an entry for all captions of the whole motion, and one for every caption of a part.
-    fn add(self, name: &str, split: Split, rows: &mut Rows, entries: &mut Vec<Entry>) {
+    fn add(
+        self,
+        (name, original): (&str, Option<&str>),
+        split: Split,
+        rows: &mut Rows,
+        entries: &mut Vec<Entry>,
+    ) {
         if self.whole.is_empty() && self.parts.is_empty() {
             return;
         }
+        let trial = original.unwrap_or(name);
         let (clip, start) = (rows.clips(), rows.len());
         rows.push(&self.rows);
         let frames = self.rows.len() / POSE_FEATURES;
-        // The mirror image of 012345 is M012345, which belongs to the same recording.
-        let trial = name.strip_prefix('M').unwrap_or(name).to_owned();
         let entry = |name: String, part: Range<usize>, captions: Vec<Caption>| Entry {
             name,
             split,
@@ -244,7 +252,7 @@ impl Clip {
             content: None,
             style: None,
             source: None,
-            trial: Some(trial.clone()),
+            trial: Some(trial.to_owned()),
             note: None,
             captions,
             clip,
@@ -253,7 +261,12 @@ impl Clip {
         if !self.whole.is_empty() {
             entries.push(entry(name.to_owned(), 0..frames, self.whole));
         }
-        // HumanML3D's users name parts A_012345 and so on, by a letter drawn by chance.
+        // HumanML3D's users name parts A_012345 and so on, by a letter drawn by chance. That of the mirror image
+        // is named as mirror images are, with an M in front.
+        let (image, name) = match original {
+            Some(original) => ("M", original),
+            None => ("", name),
+        };
         for (index, (part, caption)) in self.parts.into_iter().enumerate() {
             let letter = char::from(b'A' + (index % 26) as u8);
             let round = match index / 26 {
@@ -261,7 +274,7 @@ impl Clip {
                 round => round.to_string(),
             };
             entries.push(entry(
-                format!("{letter}{round}_{name}"),
+                format!("{image}{letter}{round}_{name}"),
                 part,
                 vec![caption],
             ));

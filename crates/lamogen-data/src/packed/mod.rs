@@ -2,8 +2,10 @@
 
 mod line;
 mod read;
+mod write;
 
 pub(crate) use read::open;
+pub(crate) use write::{check_free, write};
 
 /// The file of all rows.
 pub(crate) const MOTIONS: &str = "motions.safetensors";

@@ -54,9 +54,9 @@ fn entries(
         .collect();
     let mut entries: Vec<Entry> = Vec::new();
     let mut names = HashSet::new();
-    let file = BufReader::new(File::open(path).map_err(DataError::io(path))?);
+    let file = BufReader::new(File::open(path).map_err(DataError::read(path))?);
     for (number, line) in file.lines().enumerate() {
-        let line = line.map_err(DataError::io(path))?;
+        let line = line.map_err(DataError::read(path))?;
         if line.trim().is_empty() {
             continue;
         }
@@ -147,19 +147,20 @@ impl Motions {
             problem,
         };
         let truncated = |what: &str| format(format!("the file ends within {what}"));
-        let mut file = File::open(&path).map_err(DataError::io(&path))?;
-        let length = file.metadata().map_err(DataError::io(&path))?.len();
+        let mut file = File::open(&path).map_err(DataError::read(&path))?;
+        let length = file.metadata().map_err(DataError::read(&path))?.len();
         let mut size = [0; 8];
         if length < 8 {
             return Err(truncated("the header"));
         }
-        file.read_exact(&mut size).map_err(DataError::io(&path))?;
+        file.read_exact(&mut size).map_err(DataError::read(&path))?;
         let size = u64::from_le_bytes(size);
         if size > length - 8 {
             return Err(truncated("the header"));
         }
         let mut header = vec![0; size as usize];
-        file.read_exact(&mut header).map_err(DataError::io(&path))?;
+        file.read_exact(&mut header)
+            .map_err(DataError::read(&path))?;
         let index: Metadata = serde_json::from_slice(&header)
             .map_err(|error| format(format!("the header is no safetensors: {error}")))?;
         let start = 8 + size;
@@ -277,7 +278,7 @@ impl Motions {
         let all = info.shape.iter().product::<usize>();
         let mut values = Vec::with_capacity(all);
         let mut bytes = vec![0; BLOCK.min(all) * N];
-        let io = DataError::io(&self.path);
+        let io = DataError::read(&self.path);
         let from = self.start + info.data_offsets.0 as u64;
         let mut read = || {
             self.file.seek(SeekFrom::Start(from))?;
@@ -302,7 +303,7 @@ impl Motions {
         let start = SeekFrom::Start(self.start + from as u64);
         { self.file.seek(start) }
             .and_then(|_| self.file.read_exact(&mut bytes))
-            .map_err(DataError::io(&self.path))?;
+            .map_err(DataError::read(&self.path))?;
         Ok(bytes
             .as_chunks::<4>()
             .0

@@ -60,7 +60,14 @@ impl ModuleMapper for Initial {
                 let mut w = self.uniform(0.3 * (shape[0] as f32).powf(-0.5), count);
                 let d = shape[1] / 8;
                 let half = shape[0] / 2;
-                let heads: [&[f64]; 6] = [&[48.0], &[96.0], &[11.0, 14.0], &[17.0, 20.0], &[23.5, 28.0], &[36.0, 60.0]];
+                let heads: [&[f64]; 6] = [
+                    &[48.0],
+                    &[96.0],
+                    &[11.0, 14.0],
+                    &[17.0, 20.0],
+                    &[23.5, 28.0],
+                    &[36.0, 60.0],
+                ];
                 for (h, periods) in heads.iter().enumerate() {
                     let phases = d / periods.len();
                     let a = if phases == d { 4.0 * gain } else { 2.0 * gain };

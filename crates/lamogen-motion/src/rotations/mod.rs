@@ -129,6 +129,26 @@ impl Rotations {
             .collect()
     }
 
+    /// The same movement of another body: every bone keeps its direction and gets the other's length, and what sits
+    /// around pelvis and upper spine is placed as on the other. Ways and heights of the pelvis grow with the legs.
+    /// Where hands touch each other or feet the ground is not kept beyond that.
+    ///
+    /// # Panics
+    ///
+    /// If the body that moves now has no legs: if all four bones have no length.
+    pub fn on(&self, body: &RestPose) -> Rotations {
+        let leg = self.rest.leg();
+        assert!(leg > 0.0, "a body without legs tells no size");
+        let scale = body.leg() / leg;
+        Rotations {
+            rest: body.clone(),
+            root: { self.root.iter() }
+                .map(|place| place.map(|x| x * scale))
+                .collect(),
+            ..self.clone()
+        }
+    }
+
     /// How far [`joints`](Self::joints) are from those of a motion of the same frame rate, over the frames that both
     /// have: for the motion that the rotations were made of, what a rigid body cannot follow.
     pub fn distance(&self, motion: &Motion) -> RigDistance {

@@ -55,6 +55,32 @@ const ROUNDS: usize = 3;
 /// Length of a leg from hip to ankle, in metres, of the body that [`RestPose::tips`] is measured on.
 const LEG: f64 = 0.82;
 
+/// [`RestPose::humanml3d`] in tenths of a millimetre.
+const HUMANML3D: [[i16; 3]; JOINTS] = [
+    [0, 0, 0],
+    [543, -863, -152],
+    [-663, -863, -152],
+    [33, 1307, -152],
+    [0, -3936, 0],
+    [0, -3902, 0],
+    [0, 1432, 0],
+    [0, -4324, 0],
+    [0, -4256, 0],
+    [0, 574, 0],
+    [0, -641, 1282],
+    [0, -668, 1336],
+    [-67, 2168, -329],
+    [661, 1160, -329],
+    [-777, 1160, -329],
+    [0, 1030, 0],
+    [1316, 0, 0],
+    [-1230, 0, 0],
+    [2568, 0, 0],
+    [-2631, 0, 0],
+    [2660, 0, 0],
+    [-2699, 0, 0],
+];
+
 impl RestPose {
     /// The T-pose of a motion's body: every bone as long as it is on the median over the frames.
     pub fn of(motion: &Motion) -> RestPose {
@@ -71,6 +97,26 @@ impl RestPose {
         RestPose {
             offsets: offsets.map(|offset| offset.as_vec3().to_array()),
         }
+    }
+
+    /// The body that all motions of HumanML3D have, to a tenth of a millimetre: measured as [`RestPose::of`] does on
+    /// the sample that comes with the data set's code. It is not quite symmetric.
+    pub fn humanml3d() -> RestPose {
+        RestPose {
+            offsets: HUMANML3D.map(|offset| offset.map(|x| f32::from(x) / 1e4)),
+        }
+    }
+
+    /// Length of the legs from hip to ankle, in metres, on the average of both.
+    pub fn leg(&self) -> f32 {
+        let legs = [
+            Joint::LeftKnee,
+            Joint::LeftAnkle,
+            Joint::RightKnee,
+            Joint::RightAnkle,
+        ];
+        let lengths = legs.map(|joint| vector(self.offset(joint)).length());
+        (lengths.iter().sum::<f64>() / 2.0) as f32
     }
 
     /// Where a joint is seen from its parent, in metres; the pelvis is at the origin.

@@ -394,3 +394,54 @@ fn real_clips_come_back_without_flips() {
     }
     assert!(clips > 0, "no clips");
 }
+
+#[test]
+fn another_body_moves_in_the_same_directions() {
+    let swing = |t: usize, joint: Joint| {
+        let axis = DVec3::new(1.0, 0.3 * joint.index() as f64, 0.2);
+        DQuat::from_axis_angle(axis.normalize(), 0.4 * (0.1 * t as f64).sin())
+    };
+    let (_, motion) = moved(60, swing);
+    let rotations = Rotations::of(&motion);
+
+    // Of the same shape and half as large: all is half as large.
+    let half = RestPose {
+        offsets: rotations
+            .rest()
+            .offsets
+            .map(|offset| offset.map(|x| x / 2.0)),
+    };
+    let scaled = motion
+        .joints()
+        .iter()
+        .map(|pose| pose.map(|point| point.map(|x| x / 2.0)));
+    let scaled = Motion::from_joints(scaled.collect()).unwrap();
+    assert!(error(&rotations.on(&half), &scaled) < 1e-4);
+
+    // HumanML3D's: limbs keep their directions, and bones are as long as its own.
+    let target = RestPose::humanml3d();
+    let moved = Motion::from_joints(rotations.on(&target).joints()).unwrap();
+    for (before, after) in motion.joints().iter().zip(moved.joints()) {
+        for joint in [
+            LeftKnee, LeftAnkle, RightFoot, Spine2, Head, LeftElbow, RightWrist,
+        ] {
+            let parent = joint.parent().unwrap();
+            let [a, b] = [before, after]
+                .map(|pose| vector(pose[joint.index()]) - vector(pose[parent.index()]));
+            assert!(a.angle_between(b) < 1e-3, "{}", joint.name());
+            let length = vector(target.offset(joint)).length();
+            assert!((b.length() - length).abs() < 1e-5, "{}", joint.name());
+        }
+    }
+}
+
+#[test]
+fn the_body_of_humanml3d_has_its_bones() {
+    let body = RestPose::humanml3d();
+    for joint in Joint::ALL {
+        let found = vector(body.offset(joint)).length();
+        let expected = LENGTHS[joint.index()];
+        assert!((found - expected).abs() < 1e-3, "{}: {found}", joint.name());
+    }
+    assert!((body.leg() - 0.821).abs() < 1e-3, "{}", body.leg());
+}

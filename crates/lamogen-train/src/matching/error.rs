@@ -16,7 +16,11 @@ pub enum MatchingError {
         shortest: usize,
         longest: usize,
     },
-    /// Network, tokenizer, captions and statistics do not belong together.
+    /// Captions were made for another network.
+    #[error("expected captions of {expected} tokens, as the evaluator's config has them, found {found}")]
+    #[allow(missing_docs)]
+    Context { expected: usize, found: usize },
+    /// Network, tokenizer and statistics do not belong together.
     #[error(transparent)]
     Judge(#[from] JudgeError),
 }

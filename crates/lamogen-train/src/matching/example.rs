@@ -3,25 +3,10 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::Dataset;
 use lamogen_eval::{EvaluatorConfig, TextBatch};
-use lamogen_model::{Tokenizer, TokenizerError, Tokens};
+use lamogen_model::Tokens;
 
 use super::pairs::Pair;
-
-/// Every caption of every entry of a data set, as a tokenizer reads it.
-pub(super) struct CaptionIds(Vec<Vec<Tokens>>);
-
-impl CaptionIds {
-    /// # Errors
-    ///
-    /// If a caption cannot be encoded.
-    pub(super) fn new(dataset: &Dataset, tokenizer: &Tokenizer) -> Result<Self, TokenizerError> {
-        let entries = dataset.entries().iter().map(|entry| {
-            let captions = entry.captions.iter();
-            captions.map(|caption| tokenizer.encode(&caption.text)).collect()
-        });
-        Ok(CaptionIds(entries.collect::<Result<_, _>>()?))
-    }
-}
+use crate::tokens::CaptionTokens;
 
 /// Texts and motions, pair by pair.
 pub(super) struct Example {
@@ -35,7 +20,7 @@ pub(super) struct Example {
 impl Example {
     pub(super) fn new(
         dataset: &Dataset,
-        captions: &CaptionIds,
+        tokens: &CaptionTokens,
         pairs: &[Pair],
         device: &Device,
     ) -> Self {
@@ -54,7 +39,14 @@ impl Example {
             }
         }
         let texts: Vec<Tokens> = { pairs.iter() }
-            .map(|pair| captions.0[pair.entry][pair.caption].clone())
+            .map(|pair| {
+                let ids = tokens.of(pair.entry, pair.caption);
+                Tokens {
+                    ids: ids.iter().map(|&id| id as u32).collect(),
+                    cut: 0,
+                    own: 0,
+                }
+            })
             .collect();
         let shape = [pairs.len(), frames, read];
         Example {

@@ -58,6 +58,12 @@ pub enum Task {
     /// Generate many motions from a file of requests; goes on where it was stopped.
     #[command(after_help = BATCH_HELP)]
     Batch(Batch),
+    /// Pack motion capture with captions for training: HumanML3D's folder, or motion files.
+    #[command(after_help = PACK_HELP)]
+    Pack(Pack),
+    /// Train a model on motion capture with captions; goes on where it was stopped.
+    #[command(after_help = TRAIN_HELP)]
+    Train(Train),
     /// List where this program can compute on this machine.
     Devices,
     /// Look at a model's files, or convert them.
@@ -96,6 +102,25 @@ line's number.
 
 A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
 again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4.";
+
+const PACK_HELP: &str = "\
+A source is a folder of HumanML3D's form (new_joint_vecs, texts, train.txt, val.txt, test.txt), a packed folder, or any \
+folder of motion files with --captions: a line is a file, a tab and a caption, or JSON:
+  {\"file\": \"walk.bvh\", \"captions\": [\"a person walks\"], \"split\": \"train\", \"start\": 1.5, \"end\": 6}
+split (train, val, test), content, style, source, start and end (seconds) may be left out; captions of several lines about \
+the same part of a file are put together.
+
+Motion files are resampled to 20 frames a second and put on HumanML3D's body. Mirror images of the motions for training \
+share the rows of their originals; left and right are exchanged in what is said of them.";
+
+const TRAIN_HELP: &str = "\
+The folder of the run gets losses.jsonl and losses.svg, sample strips, checkpoints, model/ (the last measured weights) and best/ \
+(those with the lowest validation loss); both are folders for --model. Ctrl-C stops with a checkpoint.
+
+Example:
+  lamogen pack HumanML3D --out data
+  lamogen train --data data --config compact --out run --minutes 60
+  lamogen generate \"a person jumps\" --model run/model --out jump.html";
 
 /// Which model, and where it runs.
 #[derive(Args, Clone)]
@@ -352,6 +377,39 @@ pub struct Play {
 }
 
 #[derive(Args)]
+pub struct Pack {
+    /// The folder to read.
+    pub source: PathBuf,
+    /// Folder to write.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// What is said of motion files, a line each.
+    #[arg(long, value_name = "FILE")]
+    pub captions: Option<PathBuf>,
+    /// Give motions for training mirror images, where they have none (the default).
+    #[arg(long, overrides_with = "no_mirror")]
+    pub mirror: bool,
+    /// Make no mirror images.
+    #[arg(long, overrides_with = "mirror")]
+    pub no_mirror: bool,
+    /// Leave out motions of fewer frames, at 20 a second.
+    #[arg(long, value_name = "FRAMES", default_value_t = 40)]
+    pub min_frames: usize,
+    /// Cut motion files of more frames into equal windows, usually of up to 196; leave out longer motions of a data
+    /// set, usually those of 200 and more.
+    #[arg(long, value_name = "FRAMES")]
+    pub max_frames: Option<usize>,
+    /// By what motion files without a split are dealt out: 80 % training, 5 % validation, 15 % test.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Replace a packed folder that is already there.
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
+}
+
+#[derive(Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Batch {
     /// The requests, one JSON object a line.
@@ -383,6 +441,55 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
         _ => Err("expected a part of a whole, such as 2/8, from 1/8 to 8/8".into()),
     }
+}
+
+#[derive(Args)]
+pub struct Train {
+    /// Folder of the data: packed by lamogen pack, or HumanML3D's.
+    #[arg(long, value_name = "FOLDER")]
+    pub data: PathBuf,
+    /// What to train, and how: compact, the recipe of the embedded model, or a JSON file.
+    #[arg(long, default_value = "compact", value_name = "FILE")]
+    pub config: PathBuf,
+    /// Folder of the run. If a run was stopped there, the same command goes on with it.
+    #[arg(long, short, value_name = "RUN")]
+    pub out: PathBuf,
+    /// How many steps.
+    #[arg(long, conflicts_with = "minutes", required_unless_present = "minutes", value_parser = clap::value_parser!(u64).range(1..))]
+    pub steps: Option<u64>,
+    /// As many steps as fit into this time, going by the first ones.
+    #[arg(long, value_parser = minutes)]
+    pub minutes: Option<f64>,
+    /// Stop after so many minutes, with a checkpoint; the same command goes on later.
+    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
+    pub sitting: Option<f64>,
+    /// A tokenizer.json; without one it is CLIP's for a network with CLIP's vocabulary, else learned from the captions.
+    #[arg(long, value_name = "FILE")]
+    pub tokenizer: Option<PathBuf>,
+    /// Steps between two measurements on the validation split, with pictures.
+    #[arg(long, default_value_t = 500, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..))]
+    pub validate_every: u64,
+    /// Minutes between two checkpoints.
+    #[arg(long, default_value_t = 5.0, value_name = "MINUTES", value_parser = minutes)]
+    pub checkpoint_minutes: f64,
+    /// Sentence for the sample pictures, several times for several; usually captions of the data.
+    #[arg(long, value_name = "SENTENCE")]
+    pub sample: Vec<String>,
+    /// Licence of the weights, as an SPDX identifier; it travels in the file.
+    #[arg(long)]
+    pub license: Option<String>,
+    /// Whom to name when the weights or what they make is passed on.
+    #[arg(long)]
+    pub attribution: Option<String>,
+    /// Where to compute; lamogen devices lists them.
+    #[arg(long)]
+    pub device: Option<DeviceName>,
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().ok();
+    let minutes = minutes.filter(|minutes| (0.0..=1e6).contains(minutes));
+    minutes.ok_or_else(|| "expected 0 to 1000000 minutes".into())
 }
 
 #[derive(Subcommand)]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use lamogen::files::{MappingError, ReadError, WriteError};
 use lamogen::{DeviceError, Error, LoadError};
+use lamogen_data::DataError;
 
 /// Exit codes, as `lamogen --help` documents them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +78,33 @@ impl From<DeviceError> for Failure {
 impl From<ReadError> for Failure {
     fn from(error: ReadError) -> Self {
         Failure::new(Code::Input, error)
+    }
+}
+
+impl From<DataError> for Failure {
+    fn from(error: DataError) -> Self {
+        let (code, hint) = match &error {
+            DataError::Uncaptioned { .. } => (Code::Usage, Some("--captions names the file")),
+            DataError::Superfluous { .. } => (Code::Usage, Some("leave --captions out")),
+            DataError::Limits { .. } => (Code::Usage, None),
+            DataError::Occupied { .. } => (
+                Code::Output,
+                Some("--force replaces a packed data set, and nothing else"),
+            ),
+            DataError::Write { .. } => (Code::Output, None),
+            DataError::Statistics { .. } => (
+                Code::Input,
+                Some(
+                    "\"split\": \"train\" in the captions, or another --seed, gives motions to train on",
+                ),
+            ),
+            _ => (Code::Input, Some("docs/data.md says what a data set has")),
+        };
+        let failure = Failure::new(code, error);
+        match hint {
+            Some(hint) => failure.hint(hint),
+            None => failure,
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 //!    opened.rs ──▶ convert.rs ──┤
 //!    a motion file play.rs ─────┘
 //!                  laban.rs ──▶ report.rs: text and JSON
-//!                  devices.rs, model.rs, shell.rs
+//!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
 //!
 //! Everything that can go wrong ends in a [`failure::Failure`] with one of the documented exit codes.
@@ -22,11 +22,13 @@ mod laban;
 mod model;
 mod opened;
 mod output;
+mod pack;
 mod play;
 mod report;
 mod scene;
 mod shell;
 mod source;
+mod train;
 
 use std::process::ExitCode;
 
@@ -44,6 +46,8 @@ fn main() -> ExitCode {
         Task::Convert(options) => convert::run(options, &console),
         Task::Play(options) => play::run(options, &console),
         Task::Batch(options) => batch::run(options, &console),
+        Task::Pack(options) => pack::run(options, &console),
+        Task::Train(options) => train::run(options, &console),
         Task::Devices => devices::run(&console),
         Task::Model(options) => model::run(options, &console),
         Task::Completions { shell } => shell::completions(*shell, &console),

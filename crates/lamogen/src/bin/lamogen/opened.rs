@@ -17,17 +17,20 @@ pub struct Opened {
 
 /// Reads a motion file.
 pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<Opened, Failure> {
-    let mapping = reading.names.as_ref().map(Mapping::read).transpose()?;
-    let options = ReadOptions {
-        unit: reading.unit,
-        up: reading.up,
-        mapping,
-        animation: reading.animation.clone(),
-    };
-    let imported = read(path, &options)?;
+    let imported = read(path, &read_options(reading)?)?;
     Ok(Opened {
         assumed: assumed(&imported),
         scene: Scene::file(path, imported, device),
+    })
+}
+
+/// What is known of motion files beforehand.
+pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> {
+    Ok(ReadOptions {
+        unit: reading.unit,
+        up: reading.up,
+        mapping: reading.names.as_ref().map(Mapping::read).transpose()?,
+        animation: reading.animation.clone(),
     })
 }
 

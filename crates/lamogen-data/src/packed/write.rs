@@ -1,0 +1,244 @@
+//! Writing the packed form.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use lamogen_motion::{POSE_FEATURES, replace_atomically};
+use safetensors::Dtype;
+use safetensors::tensor::View;
+
+use super::line::Line;
+use super::{CAPTIONS, MOTIONS};
+use crate::dataset::Dataset;
+use crate::entry::Entry;
+use crate::error::DataError;
+use crate::rows::Rows;
+
+/// Writes a data set into a folder that is empty, not there, or (with `force`) holds a packed data set already.
+/// The folder appears whole or not at all.
+///
+/// # Errors
+///
+/// If the folder holds anything else, or cannot be written.
+pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), DataError> {
+    check_free(out, force)?;
+    // Where it is a link, the folder behind it is meant.
+    let out = match out.exists() {
+        true => out.canonicalize().map_err(DataError::write(out))?,
+        false => out.to_owned(),
+    };
+    let parent = match out.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    std::fs::create_dir_all(&parent).map_err(DataError::write(&parent))?;
+    let temporary = || {
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".lamogen-");
+        #[cfg(unix)]
+        {
+            // Temporary folders are private; the finished one should be as readable as any other.
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o755));
+        }
+        builder
+            .tempdir_in(&parent)
+            .map_err(DataError::write(&parent))
+    };
+    let new = temporary()?;
+    let used = Used::of(dataset);
+    let path = new.path().join(MOTIONS);
+    motions(dataset, &used, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
+    let path = new.path().join(CAPTIONS);
+    captions(dataset, &used, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
+
+    let old = temporary()?;
+    let kept = old.path().join("old");
+    let replaced = out.exists();
+    if replaced {
+        std::fs::rename(&out, &kept).map_err(DataError::write(&out))?;
+    }
+    std::fs::rename(new.path(), &out).map_err(|reason| {
+        if replaced {
+            // Nothing more can be done if even this fails; `kept` would then be what is left.
+            let _ = std::fs::rename(&kept, &out);
+        }
+        DataError::write(&out)(reason)
+    })?;
+    // It is no temporary folder any more.
+    let _ = new.keep();
+    Ok(())
+}
+
+/// Whether a folder may be written: see [`write`].
+///
+/// # Errors
+///
+/// If not.
+pub(crate) fn check_free(out: &Path, force: bool) -> Result<(), DataError> {
+    let entries = match std::fs::read_dir(out) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(DataError::write(out))?,
+    };
+    let mut packed = 0;
+    let mut others = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(DataError::write(out))?.file_name();
+        match name == MOTIONS || name == CAPTIONS {
+            true => packed += 1,
+            false => others.push(name.to_string_lossy().into_owned()),
+        }
+    }
+    others.sort();
+    match (others.first(), packed) {
+        (None, 0) => Ok(()),
+        (None, _) if force => Ok(()),
+        (None, _) => Err(DataError::Occupied {
+            folder: out.to_owned(),
+            found: "a packed data set, which only force replaces".into(),
+        }),
+        (Some(first), _) => Err(DataError::Occupied {
+            folder: out.to_owned(),
+            found: match others.len() {
+                1 => first.clone(),
+                n => format!("{first} and {} more", n - 1),
+            },
+        }),
+    }
+}
+
+/// The clips that entries use, and where they come to lie.
+struct Used {
+    /// Rows of the data set, clip after clip.
+    clips: Vec<Range<usize>>,
+    /// The new number and first row of a clip, by its old number.
+    places: HashMap<usize, (usize, usize)>,
+}
+
+impl Used {
+    fn of(dataset: &Dataset) -> Used {
+        let mut numbers: Vec<usize> = dataset.entries.iter().map(|entry| entry.clip).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let mut used = Used {
+            clips: Vec::new(),
+            places: HashMap::new(),
+        };
+        let mut start = 0;
+        for clip in numbers {
+            let rows = dataset.rows.clip(clip);
+            used.places.insert(clip, (used.clips.len(), start));
+            start += rows.len();
+            used.clips.push(rows);
+        }
+        used
+    }
+
+    fn place(&self, entry: &Entry) -> Entry {
+        let (clip, start) = self.places[&entry.clip];
+        Entry {
+            clip,
+            start: start + entry.start - self.clips[clip].start,
+            ..entry.clone()
+        }
+    }
+}
+
+fn motions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
+    let mut offsets = vec![0];
+    for clip in &used.clips {
+        offsets.push(offsets[offsets.len() - 1] + clip.len());
+    }
+    let rows = offsets[offsets.len() - 1];
+    let whole = |n: &usize| i32::try_from(*n).expect("fewer than 2^31 rows are in memory");
+    let offsets: Vec<i32> = offsets.iter().map(whole).collect();
+    let source: Vec<i32> = dataset.mirror.source().iter().map(whole).collect();
+    let wide = vec![POSE_FEATURES];
+    let tensors = [
+        (
+            "features",
+            Tensor::Rows(vec![rows, POSE_FEATURES], &dataset.rows, &used.clips),
+        ),
+        ("offsets", Tensor::Integers(vec![offsets.len()], &offsets)),
+        ("mean", Tensor::Floats(wide.clone(), dataset.mean())),
+        ("std", Tensor::Floats(wide.clone(), dataset.std())),
+        ("mirror_perm", Tensor::Integers(wide.clone(), &source)),
+        ("mirror_sign", Tensor::Floats(wide, dataset.mirror.sign())),
+    ];
+    let metadata = [
+        ("format", "lamogen motions"),
+        ("features", "HumanML3D, 20 frames a second"),
+    ];
+    let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
+    // As readable as any other file, which those of the library are not.
+    replace_atomically(path, |path| {
+        safetensors::serialize_to_file(tensors, Some(metadata.into()), path)
+            .map_err(io::Error::other)
+    })
+}
+
+fn captions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    for entry in &dataset.entries {
+        serde_json::to_writer(&mut file, &Line::from(&used.place(entry)))?;
+        file.write_all(b"\n")?;
+    }
+    file.flush()
+}
+
+/// A tensor with its shape; its bytes are made when they are written.
+enum Tensor<'a> {
+    Rows(Vec<usize>, &'a Rows, &'a [Range<usize>]),
+    Integers(Vec<usize>, &'a [i32]),
+    Floats(Vec<usize>, &'a [f32]),
+}
+
+impl View for Tensor<'_> {
+    fn dtype(&self) -> Dtype {
+        match self {
+            Tensor::Rows(..) => Dtype::F16,
+            Tensor::Integers(..) => Dtype::I32,
+            Tensor::Floats(..) => Dtype::F32,
+        }
+    }
+
+    fn shape(&self) -> &[usize] {
+        match self {
+            Tensor::Rows(shape, ..) | Tensor::Integers(shape, _) | Tensor::Floats(shape, _) => {
+                shape
+            }
+        }
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        let mut bytes = Vec::with_capacity(self.data_len());
+        match self {
+            Tensor::Rows(_, rows, clips) => {
+                for clip in *clips {
+                    bytes.extend(
+                        rows.values(clip.clone())
+                            .iter()
+                            .flat_map(|x| x.to_le_bytes()),
+                    );
+                }
+            }
+            Tensor::Integers(_, values) => {
+                bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()))
+            }
+            Tensor::Floats(_, values) => bytes.extend(values.iter().flat_map(|x| x.to_le_bytes())),
+        }
+        bytes.into()
+    }
+
+    fn data_len(&self) -> usize {
+        let width = match self {
+            Tensor::Rows(..) => 2,
+            _ => 4,
+        };
+        self.shape().iter().product::<usize>() * width
+    }
+}

@@ -1,0 +1,342 @@
+//! The packed form: written, read, damaged.
+
+mod common;
+
+use std::path::Path;
+
+use common::{clip, error, open, rows, write};
+use lamogen_data::{Dataset, Entry, PackOptions, ProblemKind, Split, pack};
+use lamogen_motion::{FeatureGroup, POSE_FEATURES};
+use safetensors::tensor::{Dtype, TensorView};
+
+/// A small data set of HumanML3D's form.
+fn humanml3d(folder: &Path) {
+    let text = "he walks left.#he/PRON walk/VERB left/ADV#0.0#0.0\nhe jumps##1.0#4.0\n";
+    clip(folder, "000001", &rows(1, 120), text);
+    clip(
+        folder,
+        "000002",
+        &rows(2, 60),
+        "a man sits#a/DET man/NOUN#0.0#0.0\nhe rises##1.0#3.0",
+    );
+    clip(
+        folder,
+        "M000002",
+        &rows(3, 60),
+        "a man sits##0.0#0.0\nhe rises##1.0#3.0",
+    );
+    // Too short, but not its image.
+    clip(folder, "000003", &rows(4, 30), "he runs##0.0#0.0\n");
+    clip(folder, "M000003", &rows(6, 50), "he runs##0.0#0.0\n");
+    clip(
+        folder,
+        "000004",
+        &rows(5, 70),
+        "he turns clockwise##0.0#0.0\n",
+    );
+    write(
+        folder,
+        "train.txt",
+        "000001\n000002\nM000002\n000003\nM000003",
+    );
+    write(folder, "val.txt", "000004");
+}
+
+fn packed(source: &Path, out: &Path, options: &PackOptions) -> Dataset {
+    pack(source, out, options, &mut |_| {}).unwrap()
+}
+
+fn features(data: &Dataset, entry: &Entry) -> Vec<f32> {
+    let mut features = Vec::new();
+    data.features(entry, 0..entry.frames, &mut features);
+    features
+}
+
+#[test]
+fn what_is_packed_reads_back_and_has_mirror_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let (source, out) = (folder.path().join("source"), folder.path().join("out"));
+    std::fs::create_dir(&source).unwrap();
+    humanml3d(&source);
+    let written = packed(&source, &out, &PackOptions::default());
+    let read = open(&out);
+    assert_eq!((read.mean(), read.std()), (written.mean(), written.std()));
+    assert_eq!(read.mirror(), written.mirror());
+    assert!(read.problems().is_empty(), "{:?}", read.problems());
+    assert_eq!(written.problems().len(), 1);
+    let names: Vec<&str> = read.entries().iter().map(|entry| &*entry.name).collect();
+    // 000002 and its part have mirror images of their own, M000003 is one, 000004 is not for training.
+    let expected =
+        "000001 A_000001 000002 A_000002 M000002 MA_000002 M000003 000004 M000001 MA_000001";
+    assert_eq!(names.join(" "), expected);
+    // An image is of the same recording as its original.
+    for image in ["M000002", "MA_000002", "M000001"] {
+        let entry = read.entries().iter().find(|entry| entry.name == image);
+        let trial = entry.unwrap().trial.as_deref();
+        assert_eq!(trial, Some(&image[image.len() - 6..]), "{image}");
+    }
+    for (written, read_entry) in written.entries().iter().zip(read.entries()) {
+        assert_eq!(written.captions, read_entry.captions);
+        assert_eq!(
+            (written.split, &written.trial),
+            (read_entry.split, &read_entry.trial)
+        );
+    }
+    let (original, image) = (&read.entries()[0], &read.entries()[8]);
+    assert_eq!(image.captions[0].text, "he walks right.");
+    let tokens = image.captions[0].tokens.as_deref();
+    assert_eq!(tokens, Some("he/PRON walk/VERB right/ADV"));
+    assert!(image.mirror && image.split == Split::Train);
+    let (rows, mirrored) = (features(&read, original), features(&read, image));
+    let pairs = rows.as_chunks().0.iter().zip(mirrored.as_chunks().0);
+    for (row, mirrored) in pairs {
+        assert_eq!(read.mirror().apply(row), *mirrored);
+    }
+    assert_eq!(
+        features(&written, &written.entries()[9]),
+        features(&read, &read.entries()[9])
+    );
+
+    // What is packed can be packed again, without rows that nothing uses.
+    let again = folder.path().join("again");
+    let long = PackOptions {
+        min_frames: 100,
+        ..PackOptions::default()
+    };
+    packed(&out, &again, &long);
+    let names = open(&again)
+        .entries()
+        .iter()
+        .map(|entry| entry.name.clone())
+        .collect::<Vec<_>>();
+    assert_eq!(names, ["000001", "M000001"]);
+    let size = |folder: &Path| folder.join("motions.safetensors").metadata().unwrap().len();
+    assert!(size(&again) < size(&out) / 2);
+
+    let plain = PackOptions {
+        mirror: false,
+        force: true,
+        ..PackOptions::default()
+    };
+    packed(&source, &again, &plain);
+    assert_eq!(open(&again).entries().len(), 8);
+}
+
+#[test]
+fn a_folder_that_is_not_free_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (source, out) = (folder.path().join("source"), folder.path().join("out"));
+    std::fs::create_dir(&source).unwrap();
+    humanml3d(&source);
+    std::fs::create_dir(&out).unwrap();
+    packed(&source, &out, &PackOptions::default());
+    let pack = |force: bool| {
+        let options = PackOptions {
+            force,
+            ..PackOptions::default()
+        };
+        pack(&source, &out, &options, &mut |_| {}).map_err(|error| error.to_string())
+    };
+    assert!(pack(false).unwrap_err().contains("a packed data set"));
+    assert!(pack(true).is_ok());
+    write(&out, "notes.txt", "mine");
+    assert!(pack(true).unwrap_err().contains("notes.txt"));
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+    #[cfg(unix)]
+    for name in ["motions.safetensors", "captions.jsonl"] {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = |name: &str| out.join(name).metadata().unwrap().permissions().mode() & 0o644;
+        assert_eq!(mode(name), mode("notes.txt"), "{name}");
+    }
+    // No temporary folder is left.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+/// Type, shape and bytes of a tensor.
+type Stored = (Dtype, Vec<usize>, Vec<u8>);
+/// Damage, and what the message then says.
+type Case<'a> = (&'a dyn Fn(&mut Tensors), &'a [&'a str]);
+
+/// Tensors of a packed data set, to be damaged.
+struct Tensors {
+    features: Vec<f32>,
+    offsets: Vec<i32>,
+    more: Vec<(&'static str, Vec<f32>)>,
+}
+
+impl Tensors {
+    fn new() -> Tensors {
+        Tensors {
+            features: rows(1, 100),
+            offsets: vec![0, 60, 100],
+            more: Vec::new(),
+        }
+    }
+
+    fn write(&self, folder: &Path, lines: &str) {
+        let bytes = |values: &[f32]| values.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let floats = |shape: &[usize], values: &[f32]| (Dtype::F32, shape.to_vec(), bytes(values));
+        let wide = [self.features.len() / POSE_FEATURES, POSE_FEATURES];
+        let mut tensors: Vec<(&str, Stored)> = vec![("features", floats(&wide, &self.features))];
+        let offsets = self.offsets.iter().flat_map(|x| x.to_le_bytes()).collect();
+        tensors.push(("offsets", (Dtype::I32, vec![self.offsets.len()], offsets)));
+        for (name, values) in &self.more {
+            tensors.push((name, floats(&[values.len()], values)));
+        }
+        let views = { tensors.iter() }.map(|(name, (dtype, shape, bytes))| {
+            (
+                *name,
+                TensorView::new(*dtype, shape.clone(), bytes).unwrap(),
+            )
+        });
+        let path = folder.join("motions.safetensors");
+        safetensors::serialize_to_file(views, None, &path).unwrap();
+        write(folder, "captions.jsonl", lines);
+    }
+}
+
+const LINE: &str = r#"{"name": "a", "split": "train", "clip": 0, "start": 0, "frames": 60, "captions": ["x"], "more": 1}"#;
+
+#[test]
+fn numbers_of_32_bits_and_missing_statistics_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let tensors = Tensors::new();
+    let image = LINE
+        .replace("\"a\"", "\"b\"")
+        .replace("\"captions\"", "\"mirror\": true, \"captions\"");
+    tensors.write(folder, &format!("{LINE}\n\n{image}\n"));
+    let data = open(folder);
+    let found = features(&data, &data.entries()[0]);
+    for (found, expected) in found.iter().zip(&tensors.features) {
+        assert!((found - expected).abs() < 1e-3);
+    }
+    // Over a motion and its mirror image, what changes its sign has no mean.
+    for feature in [0, 1, 193] {
+        assert!(data.mean()[feature].abs() < 1e-6, "{feature}");
+    }
+    let rotations = FeatureGroup::Rotations.range();
+    assert!(
+        data.std()[rotations]
+            .windows(2)
+            .all(|pair| pair[0] == pair[1])
+    );
+}
+
+#[test]
+fn lines_that_make_no_sense_are_left_out_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut tensors = Tensors::new();
+    tensors.features[70 * POSE_FEATURES + 1] = f32::NAN;
+    let cases = [
+        (
+            "\"frames\": 60",
+            "\"frames\": 61",
+            ProblemKind::Line,
+            "within 0..60",
+        ),
+        (
+            "\"frames\": 60",
+            "\"frames\": 18446744073709551615",
+            ProblemKind::Line,
+            "within",
+        ),
+        (
+            "\"clip\": 0",
+            "\"clip\": 2",
+            ProblemKind::Line,
+            "one of 2 clips",
+        ),
+        (
+            "\"start\": 0",
+            "\"start\": 60",
+            ProblemKind::Line,
+            "found 60 rows from 60",
+        ),
+        (
+            "\"frames\": 60",
+            "\"frames\": 39",
+            ProblemKind::TooShort,
+            "found 39",
+        ),
+        ("[\"x\"]", "[]", ProblemKind::NoCaption, "none"),
+        ("[\"x\"]", "[\" \"]", ProblemKind::Line, "empty"),
+        (
+            "\"more\"",
+            "\"tokens\": [\"x/X\", null], \"more\"",
+            ProblemKind::Line,
+            "1 captions, found 2",
+        ),
+        ("train", "dev", ProblemKind::Line, "dev"),
+        ("\"split\"", "\"spilt\"", ProblemKind::Line, "split"),
+        ("}", "", ProblemKind::Line, "EOF"),
+        (
+            "\"clip\": 0, \"start\": 0, \"frames\": 60",
+            "\"clip\": 1, \"start\": 60, \"frames\": 40",
+            ProblemKind::NotFinite,
+            "frame 10, feature 1",
+        ),
+        ("x", "x", ProblemKind::Twice, "same name"),
+    ];
+    let lines = cases.iter().enumerate().map(|(i, (from, to, kind, _))| {
+        assert!(LINE.contains(from), "{from}");
+        let line = LINE.replace(from, to);
+        match kind {
+            ProblemKind::Twice => line,
+            _ => line.replace("\"a\"", &format!("\"a{i}\"")),
+        }
+    });
+    let text: Vec<String> = [LINE.to_owned()].into_iter().chain(lines).collect();
+    tensors.write(folder, &text.join("\n"));
+    let data = open(folder);
+    assert_eq!(data.entries().len(), 1);
+    assert_eq!(data.problems().len(), cases.len());
+    for (problem, (_, to, kind, part)) in data.problems().iter().zip(cases) {
+        assert_eq!(problem.kind, kind, "{to}: {problem:?}");
+        assert!(problem.reason.contains(part), "{to}: {problem:?}");
+    }
+}
+
+#[test]
+fn damaged_files_are_errors_that_name_the_tensor() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let full = |value: f32| vec![value; POSE_FEATURES];
+    let cases: [Case; 7] = [
+        (&|t| t.offsets[2] = 99, &["`offsets`", "0 to 100"]),
+        (&|t| t.offsets[1] = 101, &["`offsets`", "101 before 100"]),
+        (&|t| t.offsets.clear(), &["`offsets`"]),
+        (&|t| t.more = vec![("mean", full(0.0))], &["`std`", "both"]),
+        (
+            &|t| t.more = vec![("mean", full(0.0)), ("std", full(0.0))],
+            &["`std`", "root yaw", "above 0"],
+        ),
+        (
+            &|t| t.more = vec![("mean", vec![0.0]), ("std", full(1.0))],
+            &["`mean`", "[263]", "[1]"],
+        ),
+        (
+            &|t| t.more = vec![("mirror_perm", full(0.0)), ("mirror_sign", full(1.0))],
+            &["`mirror_perm`", "I32"],
+        ),
+    ];
+    for (damage, parts) in cases {
+        let mut tensors = Tensors::new();
+        damage(&mut tensors);
+        tensors.write(folder, LINE);
+        let message = error(folder);
+        for part in parts {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+    Tensors::new().write(folder, LINE);
+    let path = folder.join("motions.safetensors");
+    let whole = std::fs::read(&path).unwrap();
+    for end in [0, 5, 20, whole.len() - 1] {
+        std::fs::write(&path, &whole[..end]).unwrap();
+        assert!(error(folder).contains("the file ends within"), "{end}");
+    }
+    std::fs::write(&path, [&8u64.to_le_bytes()[..], b"no json!"].concat()).unwrap();
+    assert!(error(folder).contains("no safetensors"));
+}
