@@ -58,7 +58,10 @@ impl CaptionedMotions {
             captioned.texts.extend(&judge.texts(&texts)?)?;
             captioned.motions.extend(&judge.motions(&features)?)?;
             for captions in captions {
-                assert!(!captions.is_empty(), "expected at least one caption a motion");
+                assert!(
+                    !captions.is_empty(),
+                    "expected at least one caption a motion"
+                );
                 captioned.first.push(first);
                 first += captions.len();
                 captioned.captions.push(captions);

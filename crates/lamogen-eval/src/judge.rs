@@ -188,11 +188,16 @@ impl Judge {
         let encode = |text: &_| self.tokenizer.encode(AsRef::as_ref(text));
         let tokens: Result<Vec<Tokens>, _> = texts.iter().map(encode).collect();
         let tokens = tokens?;
-        self.in_batches(TEXTS, &mut |place| tokens[place].own, tokens.len(), |places| {
-            let batch: Vec<Tokens> = places.iter().map(|&i| tokens[i].clone()).collect();
-            let batch = TextBatch::tokens(&batch, &self.device);
-            self.evaluator.embed_text(&batch)
-        })
+        self.in_batches(
+            TEXTS,
+            &mut |place| tokens[place].own,
+            tokens.len(),
+            |places| {
+                let batch: Vec<Tokens> = places.iter().map(|&i| tokens[i].clone()).collect();
+                let batch = TextBatch::tokens(&batch, &self.device);
+                self.evaluator.embed_text(&batch)
+            },
+        )
     }
 
     /// Motions as points, one each in their order.

@@ -116,7 +116,11 @@ impl Task for Matching<'_> {
     }
 
     fn start(&self, device: &Device) -> Evaluator {
-        Evaluator::initial(&self.config.evaluator, self.config.optimization.seed, device)
+        Evaluator::initial(
+            &self.config.evaluator,
+            self.config.optimization.seed,
+            device,
+        )
     }
 
     fn learn(&self, network: &Evaluator, step: u64) -> Lesson {
@@ -207,6 +211,9 @@ pub fn captioned<'a>(
             let captions = entry.captions.iter();
             let mut features = Vec::new();
             dataset.features(entry, 0..entry.frames, &mut features);
-            (captions.map(|caption| caption.text.clone()).collect(), features)
+            (
+                captions.map(|caption| caption.text.clone()).collect(),
+                features,
+            )
         })
 }

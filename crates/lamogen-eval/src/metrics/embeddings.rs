@@ -58,7 +58,11 @@ impl Embeddings {
     /// If one is not there.
     pub fn select(&self, rows: impl IntoIterator<Item = usize>) -> Embeddings {
         Embeddings {
-            values: rows.into_iter().flat_map(|row| self.row(row)).copied().collect(),
+            values: rows
+                .into_iter()
+                .flat_map(|row| self.row(row))
+                .copied()
+                .collect(),
             width: self.width,
         }
     }

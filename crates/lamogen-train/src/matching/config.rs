@@ -168,11 +168,19 @@ mod tests {
         };
         for (place, value, named) in [
             ("/matching/pairs_per_batch", 1.0, "matching.pairs_per_batch"),
-            ("/matching/margin", 0.0, "matching.margin must be above 0, found 0"),
+            (
+                "/matching/margin",
+                0.0,
+                "matching.margin must be above 0, found 0",
+            ),
             ("/matching/dropout", 1.0, "matching.dropout"),
             ("/matching/crop", -0.1, "matching.crop"),
             ("/evaluator/text/tokens/vocab_size", 0.0, "text.vocab_size"),
-            ("/optimization/learning_rate", 0.0, "optimization.learning_rate"),
+            (
+                "/optimization/learning_rate",
+                0.0,
+                "optimization.learning_rate",
+            ),
         ] {
             let message = refused(&|config| {
                 let old = config.pointer_mut(place).unwrap();

@@ -17,7 +17,9 @@ pub enum MatchingError {
         longest: usize,
     },
     /// Captions were made for another network.
-    #[error("expected captions of {expected} tokens, as the evaluator's config has them, found {found}")]
+    #[error(
+        "expected captions of {expected} tokens, as the evaluator's config has them, found {found}"
+    )]
     #[allow(missing_docs)]
     Context { expected: usize, found: usize },
     /// Network, tokenizer and statistics do not belong together.

@@ -150,7 +150,11 @@ impl Pairs {
             if chosen.len() == self.size {
                 break;
             }
-            if !candidate.meanings.iter().any(|meaning| taken.contains(meaning)) {
+            if !candidate
+                .meanings
+                .iter()
+                .any(|meaning| taken.contains(meaning))
+            {
                 taken.extend(&candidate.meanings);
                 chosen.push(candidate);
             }
@@ -186,4 +190,129 @@ fn meanings(entry: &Entry, known: &mut HashMap<Vec<String>, usize>) -> Vec<usize
     numbers.sort_unstable();
     numbers.dedup();
     numbers
+}
+
+#[cfg(test)]
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+#[cfg(test)]
+mod tests {
+    use super::common::{Clip, packed};
+    use super::*;
+
+    fn config() -> EvaluatorTrainingConfig {
+        let mut config = EvaluatorTrainingConfig::compact();
+        config.matching.pairs_per_batch = 4;
+        config.matching.crop = 0.3;
+        config
+    }
+
+    /// One content 16 times in two styles, another once, a third without style.
+    fn clips() -> Vec<Clip> {
+        let clip = |content, style, captions: Vec<String>| Clip {
+            split: "train",
+            content: Some(content),
+            style,
+            captions,
+            frames: 50,
+            swing: (0.3, 0.1),
+            mirrored: false,
+        };
+        let mut clips: Vec<Clip> = (0..16)
+            .map(|i| {
+                clip(
+                    "walk",
+                    Some(["old", "sad"][i % 2]),
+                    vec![format!("walk {i}"), "on".into()],
+                )
+            })
+            .collect();
+        for clip in &mut clips[8..] {
+            // No caption in common, but content and style.
+            clip.captions.pop();
+        }
+        clips.push(clip(
+            "kick",
+            Some("sad"),
+            vec!["a kick".into(), "On!".into()],
+        ));
+        clips.extend((0..4).map(|i| clip("jump", None, vec![format!("jump {i}")])));
+        clips
+    }
+
+    #[test]
+    fn what_means_the_same_does_not_meet() {
+        let folder = tempfile::tempdir().unwrap();
+        let dataset = packed(folder.path(), &clips());
+        let pairs = Pairs::new(&dataset, &config()).unwrap();
+        assert_eq!(pairs.motions(), 21);
+        let mut met = 0;
+        for step in 0..300 {
+            let drawn = pairs.draw(step).pairs;
+            assert_eq!(drawn.len(), 4);
+            for (place, one) in drawn.iter().enumerate() {
+                for other in &drawn[place + 1..] {
+                    let [a, b] = [one, other].map(|pair| &dataset.entries()[pair.entry]);
+                    let labels = [a, b].map(|entry| (&entry.content, &entry.style));
+                    assert!(labels[0] != labels[1] || a.style.is_none());
+                    let words = [a, b].map(|entry| {
+                        let captions = entry.captions.iter();
+                        let words = captions.map(|caption| Batches::words(&caption.text));
+                        words.collect::<HashSet<_>>()
+                    });
+                    assert!(words[0].is_disjoint(&words[1]), "{words:?}");
+                    // A style is no meaning of its own, nor is a content.
+                    met += usize::from(a.style.is_some() && a.style == b.style);
+                    met += usize::from(a.content == b.content);
+                }
+            }
+        }
+        assert!(met > 300, "{met}");
+    }
+
+    #[test]
+    fn a_step_sees_the_same_again_in_whole_fours_of_frames() {
+        let folder = tempfile::tempdir().unwrap();
+        let dataset = packed(folder.path(), &clips());
+        let pairs = Pairs::new(&dataset, &config()).unwrap();
+        let mut lengths = HashSet::new();
+        for step in 0..50 {
+            let drawn = pairs.draw(step).pairs;
+            assert_eq!(drawn, pairs.draw(step).pairs);
+            assert_ne!(drawn, pairs.draw(step + 1).pairs);
+            for Pair {
+                frames,
+                caption,
+                entry,
+            } in drawn
+            {
+                assert!(frames.end <= 50 && caption < dataset.entries()[entry].captions.len());
+                lengths.insert(frames.len());
+            }
+        }
+        // 35 to 50 frames, in fours.
+        let all = HashSet::from([32, 36, 40, 44, 48]);
+        assert_eq!(lengths, all);
+    }
+
+    #[test]
+    fn rare_contents_are_seen_more_than_their_share() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut clips = clips();
+        // The first motion of a batch is drawn freely; captions that differ let every one come.
+        for (number, clip) in clips.iter_mut().enumerate() {
+            clip.captions = vec![format!("caption {number}")];
+        }
+        let dataset = packed(folder.path(), &clips);
+        let pairs = Pairs::new(&dataset, &config()).unwrap();
+        let contents = (0..3000).map(|step| {
+            let first = &pairs.draw(step).pairs[0];
+            dataset.entries()[first.entry].content.as_deref()
+        });
+        let walks = contents.filter(|content| *content == Some("walk")).count();
+        // The square roots of 16, 1 and 4: 4 of 7, where its share is 16 of 21.
+        let share = walks as f64 / 3000.0;
+        assert!((share - 4.0 / 7.0).abs() < 0.03, "{share}");
+    }
 }
