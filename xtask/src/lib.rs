@@ -6,3 +6,4 @@ pub mod judges;
 pub mod parity;
 pub mod sweep;
 pub mod test;
+pub mod training;

@@ -59,6 +59,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Time one step of training on random motions; prints one JSON line.
+    BenchTraining {
+        #[command(flatten)]
+        options: xtask::training::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -88,6 +96,26 @@ fn main() -> ExitCode {
             options,
             device: name,
         } => on(name, |device| bench(&options, name, device)),
+        Task::BenchTraining {
+            options,
+            device: name,
+        } => on(name, |device| {
+            match xtask::training::run(&options, device) {
+                Ok(seconds) => {
+                    let line = serde_json::json!({
+                        "threads": rayon::current_num_threads(),
+                        "device": name.to_string(),
+                        "batch": options.batch,
+                        "frames": options.frames,
+                        "training_step_s": seconds,
+                        "peak_mib": xtask::bench::peak_memory(),
+                    });
+                    println!("{line}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::Sweep { size, out, device } => on(device, |device| {
             match xtask::sweep::run(size, device, &out, &mut |line| println!("{line}")) {
                 Ok(()) => ExitCode::SUCCESS,

@@ -19,7 +19,7 @@ fn main() {
         let s = Instant::now();
         let r = t.advance(Some(steps)).unwrap();
         sum += r.loss;
-        if r.step % 100 == 0 {
+        if r.step.is_multiple_of(100) {
             println!(
                 "{} {:.1}s step {:.3}s loss {:.4} norm {:.3} {} motions {} frames",
                 r.step,
@@ -32,7 +32,7 @@ fn main() {
             );
             sum = 0.0;
         }
-        if r.step % 500 == 0 {
+        if r.step.is_multiple_of(500) {
             println!("   validation {:.4}", task.validate(t.average()).unwrap());
         }
     }

@@ -29,7 +29,7 @@ pub(crate) struct Progress {
     /// Steps that the run will have, once that is known.
     pub(crate) steps: Option<u64>,
     /// The lowest validation loss so far.
-    pub(crate) best: Option<f64>,
+    pub(crate) best: Option<f32>,
 }
 
 /// The folder of a run's checkpoints.

@@ -44,12 +44,11 @@ pub enum TrainError {
     Checkpoint { path: PathBuf, problem: String },
     /// The folder holds another run.
     #[error(
-        "{path}: the run in this folder has {what} {found}, expected {expected}; choose another folder, or go on with what it was started with"
+        "{path}: the run in this folder has {found}, expected {expected}; choose another folder, or go on with what it was started with"
     )]
     #[allow(missing_docs)]
     OtherRun {
         path: PathBuf,
-        what: &'static str,
         expected: String,
         found: String,
     },

@@ -138,7 +138,6 @@ impl<'a, T: Task> Run<'a, T> {
                 Some(planned) if planned != steps => {
                     return Err(TrainError::OtherRun {
                         path: folder.to_owned(),
-                        what: "a plan of",
                         expected: format!("{steps} steps"),
                         found: format!("{planned} steps"),
                     });
@@ -197,25 +196,27 @@ impl<'a, T: Task> Run<'a, T> {
         Ok(Ended {
             progress: self.position(),
             finished: self.progress.steps == Some(self.progress.step),
-            best: self.progress.best,
+            best: self.progress.best.map(f64::from),
             last: self.last,
         })
     }
 
     fn validate(&mut self, observer: &mut dyn RunObserver<T>) -> Result<(), TrainError> {
         let network = self.trainer.average();
-        let loss = self.trainer.task.validate(network);
-        if let Some(validation_loss) = loss {
+        // In 32 bits, so that JSON keeps it as it is.
+        let loss = self.trainer.task.validate(network).map(|loss| loss as f32);
+        if let Some(loss) = loss {
             self.log.write(&LogLine::Validation {
                 step: self.progress.step,
-                validation_loss,
+                validation_loss: f64::from(loss),
             })?;
-            if self.progress.best.is_none_or(|best| validation_loss < best) {
-                self.progress.best = Some(validation_loss);
+            if self.progress.best.is_none_or(|best| loss < best) {
+                self.progress.best = Some(loss);
                 self.save("best")?;
             }
         }
         self.save("model")?;
+        let loss = loss.map(f64::from);
         self.last = loss;
         observer.validated(loss, &self.position(), self.trainer.average());
         Ok(())
@@ -256,11 +257,13 @@ fn check_identity(folder: &Path, identity: &Value) -> Result<(), TrainError> {
         path: path.clone(),
         problem: reason.to_string(),
     })?;
-    match first_difference("", identity, &noted) {
+    // Both through the same reader, which may lose the last bit of a number.
+    let text = identity.to_string();
+    let identity: Value = serde_json::from_str(&text).expect("just written");
+    match first_difference("", &identity, &noted) {
         None => Ok(()),
         Some((place, expected, found)) => Err(TrainError::OtherRun {
             path,
-            what: "",
             expected: format!("{place} = {expected}"),
             found: format!("{place} = {found}"),
         }),

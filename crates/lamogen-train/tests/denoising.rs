@@ -1,0 +1,314 @@
+//! Training small denoisers on motions made here.
+
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Duration;
+
+use burn::tensor::Device;
+use lamogen_data::{Dataset, LoadOptions};
+use lamogen_model::{Checkpoint, MotionDiffuse, Prediction, Tokenizer, learn};
+use lamogen_motion::{FeatureGroup, POSE_FEATURES, npy};
+use lamogen_train::{
+    CaptionTokens, Denoising, Ended, Length, LogLine, Losses, Plan, RunObserver, RunProgress,
+    StepReport, Task, TrainError, Trainer, TrainingConfig, identity, run,
+};
+use serde_json::json;
+
+/// What the motions swing with, and how that is called.
+const KINDS: [(&str, f32); 3] = [("slow", 0.1), ("quick", 0.4), ("very quick", 0.9)];
+
+/// HumanML3D's folder with motions of three kinds, for training and for validation.
+fn dataset(folder: &Path) -> Dataset {
+    let _ = fs::create_dir_all(folder.join("new_joint_vecs"));
+    let _ = fs::create_dir_all(folder.join("texts"));
+    let (mut train, mut val) = (String::new(), String::new());
+    for place in 0..15 {
+        let (kind, pace) = KINDS[place % 3];
+        let frames = 40 + 3 * place;
+        let name = format!("{place:06}");
+        let rows: Vec<f32> = (0..frames * POSE_FEATURES)
+            .map(|i| {
+                let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
+                let phase = feature as f32 * 0.7 + place as f32;
+                match FeatureGroup::FootContact.range().contains(&feature) {
+                    true => f32::from(u8::from((frame / 5 + feature) % 2 == 0)),
+                    false => 0.1 * (frame as f32 * pace + phase).sin(),
+                }
+            })
+            .collect();
+        let path = folder.join(format!("new_joint_vecs/{name}.npy"));
+        npy::write(path, &rows, &[frames, POSE_FEATURES]).unwrap();
+        let text = format!("a {kind} one#a/DET one/NOUN#0.0#0.0\nit is {kind}##0.0#0.0\n");
+        fs::write(folder.join(format!("texts/{name}.txt")), text).unwrap();
+        let split = if place < 12 { &mut train } else { &mut val };
+        split.push_str(&name);
+        split.push('\n');
+    }
+    fs::write(folder.join("train.txt"), train).unwrap();
+    fs::write(folder.join("val.txt"), val).unwrap();
+    Dataset::open(folder, &LoadOptions::default(), &mut |_| ()).unwrap()
+}
+
+fn config(prediction: &str) -> TrainingConfig {
+    let config = json!({
+        "model": {
+            "input_feats": POSE_FEATURES, "num_frames": 90, "latent_dim": 32, "ff_size": 48,
+            "num_layers": 2, "num_heads": 4, "text_latent_dim": 24, "text_ff_size": 32,
+            "text_num_heads": 2, "num_text_layers": 1,
+            "clip": { "vocab_size": 300, "context_length": 12, "width": 24, "heads": 2, "layers": 1 },
+            "prediction": prediction,
+        },
+        "denoising": { "frames_per_batch": 400, "length_buckets": 2, "crop": 0.2 },
+        "optimization": { "learning_rate": 4e-3, "warm_up_steps": 5, "average_decay": 0.9 },
+    });
+    TrainingConfig::from_json(config.to_string().as_bytes(), "test").unwrap()
+}
+
+fn tokens(dataset: &Dataset) -> CaptionTokens {
+    let captions = dataset.entries().iter().flat_map(|entry| &entry.captions);
+    let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
+    let json = learn(texts.into_iter(), 300).unwrap();
+    let tokenizer = Tokenizer::from_json(&json, "learned", 300, 12).unwrap();
+    CaptionTokens::new(dataset, tokenizer, Some(json)).unwrap()
+}
+
+/// Stops a run after some steps of a sitting, if it is told to.
+struct StopAfter(Option<u64>);
+
+impl RunObserver<Denoising<'_>> for StopAfter {
+    fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
+        match self.0 == Some(progress.step - progress.resumed_at) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}
+
+fn sitting(
+    config: &TrainingConfig,
+    data: &Path,
+    out: &Path,
+    stop: Option<u64>,
+    every: Duration,
+) -> Result<Ended, TrainError> {
+    let dataset = dataset(data);
+    let tokens = tokens(&dataset);
+    let device = Device::flex();
+    let task = Denoising::new(&dataset, &tokens, config, &device)?;
+    let plan = Plan {
+        length: Length::Steps(12),
+        validate_every: 5,
+        checkpoint_every: every,
+    };
+    let identity = identity("denoiser", config, &dataset, &tokens);
+    run(&task, out, &identity, &plan, &device, &mut StopAfter(stop))
+}
+
+const NEVER: Duration = Duration::from_secs(3600);
+
+/// The files that a run ends with.
+fn results(out: &Path) -> Vec<(String, Vec<u8>)> {
+    let names = [
+        "losses.jsonl",
+        "model/model.safetensors",
+        "model/config.json",
+        "model/tokenizer.json",
+        "model/mean.npy",
+        "model/std.npy",
+        "best/model.safetensors",
+    ];
+    let read = |name: &str| (name.to_owned(), fs::read(out.join(name)).unwrap());
+    names.map(read).into_iter().collect()
+}
+
+fn same(a: &Path, b: &Path, how: &str) {
+    for ((name, a), (_, b)) in results(a).into_iter().zip(results(b)) {
+        assert!(a == b, "{how}: {name} differs");
+    }
+}
+
+#[test]
+fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut config = config("sample");
+    config.denoising.losses = Losses {
+        change: 0.5,
+        velocity: 0.1,
+        ..Losses::default()
+    };
+    let data = folder.join("data");
+    let whole = folder.join("whole");
+    let ended = sitting(&config, &data, &whole, None, NEVER).unwrap();
+    assert!(ended.finished && ended.progress.step == 12 && ended.best <= ended.last);
+
+    // Stopped at every third step, with a checkpoint.
+    let stopped = folder.join("stopped");
+    for step in [3, 6, 9] {
+        let ended = sitting(&config, &data, &stopped, Some(3), NEVER).unwrap();
+        assert!(!ended.finished && ended.progress.step == step);
+    }
+    let ended = sitting(&config, &data, &stopped, None, NEVER).unwrap();
+    assert!(ended.finished && ended.progress.resumed_at == 9);
+    same(&whole, &stopped, "stopped thrice");
+
+    // A machine that was lost: the last checkpoint is older than the log and the models, and one was being written.
+    let lost = folder.join("lost");
+    sitting(&config, &data, &lost, Some(7), NEVER).unwrap();
+    let newest = lost.join("checkpoints/step-00000007");
+    let kept = folder.join("kept");
+    fs::rename(&newest, &kept).unwrap();
+    let ended = sitting(&config, &data, &lost, Some(10), NEVER).unwrap();
+    assert_eq!(ended.progress.resumed_at, 0, "no checkpoint is left");
+    fs::remove_dir_all(lost.join("checkpoints")).unwrap();
+    fs::create_dir_all(lost.join("checkpoints/.step-00000010")).unwrap();
+    fs::rename(&kept, &newest).unwrap();
+    let ended = sitting(&config, &data, &lost, None, NEVER).unwrap();
+    assert_eq!((ended.progress.resumed_at, ended.finished), (7, true));
+    same(&whole, &lost, "lost");
+
+    // Nothing is left to do.
+    let ended = sitting(&config, &data, &whole, None, NEVER).unwrap();
+    assert!(ended.finished && ended.progress.resumed_at == 12);
+    same(&whole, &stopped, "asked again");
+}
+
+#[test]
+fn two_checkpoints_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    sitting(&config("sample"), &data, &out, None, Duration::ZERO).unwrap();
+    let mut names: Vec<_> = fs::read_dir(out.join("checkpoints"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["step-00000011", "step-00000012"]);
+}
+
+#[test]
+fn a_folder_with_another_run_is_refused_and_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    let first = config("sample");
+    sitting(&first, &data, &out, Some(2), NEVER).unwrap();
+    let before = fs::read(out.join("losses.jsonl")).unwrap();
+    let mut other = first.clone();
+    other.optimization.learning_rate = 1e-3;
+    let error = sitting(&other, &data, &out, None, NEVER).unwrap_err();
+    let message = error.to_string();
+    for part in ["optimization.learning_rate", "0.001", "0.004", "run.json"] {
+        assert!(message.contains(part), "{part} is not in {message}");
+    }
+    assert_eq!(fs::read(out.join("losses.jsonl")).unwrap(), before);
+}
+
+#[test]
+fn a_damaged_checkpoint_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    sitting(&config("sample"), &data, &out, Some(2), NEVER).unwrap();
+    let path = out.join("checkpoints/step-00000002/average.bpk");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    assert!(matches!(error, TrainError::Checkpoint { .. }), "{error}");
+    assert!(error.to_string().contains("average.bpk"), "{error}");
+}
+
+#[test]
+fn every_kind_of_prediction_learns_the_clean_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset);
+    for prediction in ["sample", "v_prediction", "epsilon"] {
+        let config = config(prediction);
+        let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let mut trainer = Trainer::new(&task, &Device::flex());
+        let before = task.validate(trainer.average()).unwrap();
+        let mut losses = Vec::new();
+        for _ in 0..120 {
+            losses.push(trainer.advance(Some(120)).unwrap().loss);
+        }
+        let after = task.validate(trainer.average()).unwrap();
+        let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
+        let (first, last) = (mean(&losses[..10]), mean(&losses[110..]));
+        // Noise has more dimensions than the network has channels.
+        let share = if prediction == "epsilon" { 0.95 } else { 0.8 };
+        assert!(last < share * first, "{prediction}: {first} to {last}");
+        assert!(after < share * before, "{prediction}: {before} to {after}");
+    }
+}
+
+#[test]
+fn losses_of_motion_fall_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset);
+    let parts: [(&str, fn(&mut Losses)); 4] = [
+        ("change", |losses| losses.change = 1.0),
+        ("position", |losses| losses.position = 1.0),
+        ("velocity", |losses| losses.velocity = 100.0),
+        ("foot_contact", |losses| losses.foot_contact = 100.0),
+    ];
+    for (name, weigh) in parts {
+        let mut config = config("sample");
+        weigh(&mut config.denoising.losses);
+        let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let mut trainer = Trainer::new(&task, &Device::flex());
+        let other = |report: &StepReport| report.total_loss - report.loss;
+        let first = trainer.advance(Some(60)).unwrap();
+        let reports: Vec<StepReport> = (0..59)
+            .map(|_| trainer.advance(Some(60)).unwrap())
+            .collect();
+        let last = reports[49..].iter().map(other).sum::<f64>() / 10.0;
+        match name {
+            // A network that starts with the mean pose has feet that do not slide.
+            "foot_contact" => assert!(last.is_finite() && last > 0.0, "{name}: {last}"),
+            _ => assert!(last < other(&first), "{name}: {} to {last}", other(&first)),
+        }
+    }
+}
+
+#[test]
+fn what_a_run_leaves_is_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    let config = config("v_prediction");
+    sitting(&config, &data, &out, None, NEVER).unwrap();
+    let checkpoint = Checkpoint::open(out.join("model/model.safetensors")).unwrap();
+    let saved = fs::read(out.join("model/config.json")).unwrap();
+    let sizes = lamogen_model::ModelConfig::from_json(&saved, "config.json").unwrap();
+    assert_eq!(sizes.prediction, Prediction::V);
+    let network: MotionDiffuse = checkpoint.load(&sizes, &Device::flex()).unwrap();
+    let dataset = dataset(&data);
+    let tokens = tokens(&dataset);
+    let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+    let lines = LogLine::read(out.join("losses.jsonl")).unwrap();
+    assert_eq!(lines.len(), 12 + 3);
+    let last = lines.iter().rev().find_map(|line| match line {
+        LogLine::Validation {
+            validation_loss, ..
+        } => Some(*validation_loss),
+        LogLine::Step(_) => None,
+    });
+    assert!((task.validate(&network).unwrap() / last.unwrap() - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn motions_that_no_network_of_the_config_fits_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset);
+    let mut config = config("sample");
+    config.model.num_frames = 39;
+    let Err(error) = Denoising::new(&dataset, &tokens, &config, &Device::flex()) else {
+        panic!("expected an error");
+    };
+    let message = error.to_string();
+    assert!(
+        message.contains("train") && message.contains("39"),
+        "{message}"
+    );
+}

@@ -1,0 +1,255 @@
+//! `lamogen train` as people and scripts use it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use lamogen::motion::{POSE_FEATURES, npy};
+use lamogen::{Device, LaMoGen, Request};
+use serde_json::Value;
+
+fn lamogen(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lamogen"));
+    command.current_dir(folder).arg("train").args(arguments);
+    command
+}
+
+fn finish(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = lamogen(folder, arguments);
+    command.output().expect("the command starts")
+}
+
+/// What is printed to stdout and to stderr.
+fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
+    let output = finish(folder, arguments);
+    let texts = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    let [result, notices] = texts;
+    assert!(output.status.success(), "{arguments:?}: {notices}");
+    (result, notices)
+}
+
+/// Fails with a code, and says each of `parts` on stderr and nothing on stdout.
+fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
+    let output = finish(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    for part in parts {
+        assert!(errors.contains(part), "{arguments:?}: {errors}");
+    }
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+}
+
+/// HumanML3D's folder with a few motions that swing.
+fn data(folder: &Path) {
+    fs::create_dir_all(folder.join("data/new_joint_vecs")).unwrap();
+    fs::create_dir_all(folder.join("data/texts")).unwrap();
+    let (mut train, mut val) = (String::new(), String::new());
+    for place in 0..10usize {
+        let (frames, name) = (44 + place, format!("{place:06}"));
+        let rows: Vec<f32> = (0..frames * POSE_FEATURES)
+            .map(|i| {
+                let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
+                0.1 * (0.3 * frame as f32 + feature as f32 + place as f32).sin()
+            })
+            .collect();
+        let vectors = folder.join(format!("data/new_joint_vecs/{name}.npy"));
+        npy::write(vectors, &rows, &[frames, POSE_FEATURES]).unwrap();
+        let text = "a person swings to and fro#a/DET person/NOUN#0.0#0.0\n";
+        fs::write(folder.join(format!("data/texts/{name}.txt")), text).unwrap();
+        let split = if place < 8 { &mut train } else { &mut val };
+        split.push_str(&format!("{name}\n"));
+    }
+    fs::write(folder.join("data/train.txt"), train).unwrap();
+    fs::write(folder.join("data/val.txt"), val).unwrap();
+    let config = serde_json::json!({
+        "model": {
+            "input_feats": 263, "num_frames": 60, "latent_dim": 16, "ff_size": 24, "num_layers": 1, "num_heads": 2,
+            "text_latent_dim": 16, "text_ff_size": 16, "text_num_heads": 2, "num_text_layers": 1,
+            "clip": { "vocab_size": 300, "context_length": 10, "width": 16, "heads": 2, "layers": 1 },
+            "prediction": "sample",
+        },
+        "denoising": { "frames_per_batch": 200 },
+    });
+    fs::write(folder.join("tiny.json"), config.to_string()).unwrap();
+}
+
+const RUN: [&str; 6] = ["--data", "data", "--config", "tiny.json", "--out", "run"];
+
+fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&RUN[..], more].concat()
+}
+
+#[test]
+fn a_run_leaves_a_model_that_generates_with_its_losses_and_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let more = [
+        "--steps",
+        "8",
+        "--validate-every",
+        "4",
+        "--license",
+        "CC0-1.0",
+        "--json",
+    ];
+    let (result, notices) = succeeds(folder, &with(&more));
+    let result: Value = serde_json::from_str(&result).unwrap();
+    assert_eq!(
+        (&result["finished"], &result["step"]),
+        (&true.into(), &8.into())
+    );
+    assert!(result["best_validation_loss"].as_f64().unwrap() > 0.0);
+    assert!(
+        notices.contains("8 motions") && notices.contains("step 4/8"),
+        "{notices}"
+    );
+    for name in [
+        "losses.svg",
+        "samples/step-00000004.svg",
+        "samples/step-00000008.svg",
+    ] {
+        let picture = fs::read_to_string(folder.join("run").join(name)).unwrap();
+        assert!(picture.contains("</svg>"), "{name}");
+    }
+    let losses = fs::read_to_string(folder.join("run/losses.jsonl")).unwrap();
+    assert_eq!(losses.lines().count(), 8 + 2);
+    for name in ["model", "best"] {
+        let model = LaMoGen::load(folder.join("run").join(name), &Device::flex()).unwrap();
+        assert_eq!(model.licence().unwrap().name, "CC0-1.0");
+        let request = Request::new("a person swings").seconds(2.5).steps(5);
+        assert_eq!(model.generate(&request).unwrap().guided.frames(), 50);
+    }
+    // Asked again, there is nothing to do.
+    let (again, _) = succeeds(folder, &with(&more));
+    assert_eq!(serde_json::from_str::<Value>(&again).unwrap()["step"], 8);
+}
+
+#[test]
+fn sittings_go_on_where_the_last_one_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let more = ["--steps", "3", "--sitting", "0"];
+    for step in 1..3 {
+        let (result, _) = succeeds(folder, &with(&more));
+        assert!(
+            result.contains(&format!("stopped after step {step}")),
+            "{result}"
+        );
+    }
+    let (result, _) = succeeds(folder, &with(&more));
+    assert!(result.contains("after 3 steps"), "{result}");
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupt_leaves_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let more = ["--steps", "1000000", "--quiet", "--json"];
+    let mut command = lamogen(folder, &with(&more));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = child.spawn().unwrap();
+    let losses = folder.join("run/losses.jsonl");
+    let start = Instant::now();
+    while fs::metadata(&losses).map_or(0, |file| file.len()) == 0 {
+        assert!(
+            start.elapsed() < Duration::from_secs(120),
+            "no step was made"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(killed.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(result["finished"], false);
+    let step = result["step"].as_u64().unwrap();
+    assert!(
+        folder
+            .join(format!("run/checkpoints/step-{step:08}/state.json"))
+            .exists()
+    );
+}
+
+#[test]
+fn minutes_become_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let (result, _) = succeeds(folder, &with(&["--minutes", "0.02", "--json"]));
+    let result: Value = serde_json::from_str(&result).unwrap();
+    assert_eq!(result["finished"], true);
+    assert!(result["step"].as_u64().unwrap() >= 50);
+    assert_eq!(result["step"], result["steps"]);
+}
+
+#[test]
+fn what_goes_wrong_has_a_code_and_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    fails(folder, &RUN, 2, &["--steps"]);
+    let steps = ["--steps", "2"];
+    fs::write(folder.join("broken.json"), "{\"model\": 3}").unwrap();
+    let broken = [
+        "--data",
+        "data",
+        "--config",
+        "broken.json",
+        "--out",
+        "x",
+        "--steps",
+        "2",
+    ];
+    fails(folder, &broken, 2, &["broken.json", "hint"]);
+    let none = [
+        "--data",
+        "data",
+        "--config",
+        "none.json",
+        "--out",
+        "x",
+        "--steps",
+        "2",
+    ];
+    fails(folder, &none, 3, &["none.json"]);
+    let nowhere = [
+        "--data",
+        "nowhere",
+        "--config",
+        "tiny.json",
+        "--out",
+        "x",
+        "--steps",
+        "2",
+    ];
+    fails(folder, &nowhere, 3, &["nowhere"]);
+    let tokenizer = with(&["--steps", "2", "--tokenizer", "none.json"]);
+    fails(folder, &tokenizer, 3, &["none.json"]);
+    // A run of another length in the same folder.
+    succeeds(folder, &with(&steps));
+    fails(folder, &with(&["--steps", "3"]), 2, &["2 steps", "3 steps"]);
+    // A network that is made for shorter motions than there are.
+    let config = fs::read_to_string(folder.join("tiny.json")).unwrap();
+    let short = config.replace("\"num_frames\":60", "\"num_frames\":39");
+    assert_ne!(config, short);
+    fs::write(folder.join("short.json"), short).unwrap();
+    let short = [
+        "--data",
+        "data",
+        "--config",
+        "short.json",
+        "--out",
+        "x",
+        "--steps",
+        "2",
+    ];
+    fails(folder, &short, 3, &["train split", "39"]);
+}

@@ -1,0 +1,129 @@
+//! How long one step of training takes: noise, gradients, clipping, AdamW, averaging.
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use lamogen_guide::{Schedule, noise};
+use lamogen_model::{FrameMask, ModelConfig, MotionDiffuse, TrainingBatch};
+use lamogen_train::{Lesson, Optimization, Task, TrainError, Trainer, TrainingConfig};
+
+use crate::bench::Size;
+
+/// What is timed.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Which network.
+    #[arg(long, value_enum, default_value = "compact")]
+    pub size: Size,
+    /// Frames of each motion.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=196))]
+    pub frames: u64,
+    /// Motions of a batch.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub batch: u64,
+    /// Steps, of which the median is taken; three before do not count.
+    #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub repeat: u64,
+}
+
+/// Median seconds of a step.
+///
+/// # Errors
+///
+/// If a loss is not finite.
+pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
+    let config = match options.size {
+        Size::Compact => TrainingConfig::compact().model,
+        Size::Full => ModelConfig::motion_diffuse(),
+    };
+    let task = Timed {
+        batch: options.batch as usize,
+        frames: options.frames as usize,
+        device: device.clone(),
+        optimization: Optimization::default(),
+        config,
+    };
+    let mut trainer = Trainer::new(&task, device);
+    let mut times = Vec::new();
+    for _ in 0..3 + options.repeat {
+        let start = Instant::now();
+        trainer.advance(None)?;
+        device.sync()?;
+        times.push(start.elapsed().as_secs_f64());
+    }
+    let mut times = times.split_off(3);
+    times.sort_by(f64::total_cmp);
+    Ok(times[times.len() / 2])
+}
+
+/// Steps on noise.
+struct Timed {
+    batch: usize,
+    frames: usize,
+    device: Device,
+    optimization: Optimization,
+    config: ModelConfig,
+}
+
+impl Task for Timed {
+    type Network = MotionDiffuse;
+
+    fn optimization(&self) -> &Optimization {
+        &self.optimization
+    }
+
+    fn start(&self, device: &Device) -> MotionDiffuse {
+        MotionDiffuse::initial(&self.config, 0, device)
+    }
+
+    fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {
+        let features = self.config.input_feats;
+        let shape = [self.batch, self.frames, features];
+        let drawn = |seed: u64| {
+            let motions = (0..self.batch as u64)
+                .flat_map(|motion| noise(seed * 10_000 + motion, self.frames, features));
+            let data = TensorData::new(motions.collect::<Vec<f32>>(), shape);
+            Tensor::<3>::from_data(data, &self.device)
+        };
+        let (clean, noise) = (drawn(2 * step), drawn(2 * step + 1));
+        let timesteps: Vec<usize> = (0..self.batch).map(|i| i * 997 % 1000).collect();
+        let alphas = Schedule::linear();
+        let alphas = timesteps.iter().map(|&t| alphas.alphas_cumprod()[t] as f32);
+        let alphas = TensorData::new(alphas.collect::<Vec<f32>>(), [self.batch, 1, 1]);
+        let alphas = Tensor::<3>::from_data(alphas, &self.device);
+        let rest: Tensor<3> = 1.0 - alphas.clone();
+        let clip = &self.config.clip;
+        let row = |motion: usize| {
+            (1..=clip.context_length).map(move |i| match i == clip.context_length {
+                true => clip.vocab_size as i32 - 1,
+                false => ((i * 31 + motion * 7) % 997) as i32,
+            })
+        };
+        let tokens: Vec<i32> = (0..self.batch).flat_map(row).collect();
+        let tokens = TensorData::new(tokens, [self.batch, clip.context_length]);
+        let batch = TrainingBatch {
+            tokens: Tensor::<2, Int>::from_data(tokens, &self.device),
+            x_t: clean.clone() * alphas.sqrt() + noise * rest.sqrt(),
+            timesteps,
+            mask: FrameMask::new(&vec![self.frames; self.batch], self.frames, &self.device),
+        };
+        let trained = network.gradients(batch, |output| (output - clean).square().mean());
+        Lesson {
+            loss: trained.loss.clone(),
+            total_loss: trained.loss,
+            gradients: trained.gradients,
+            motions: self.batch,
+            frames: self.batch * self.frames,
+        }
+    }
+
+    fn validate(&self, _: &MotionDiffuse) -> Option<f64> {
+        None
+    }
+
+    fn save(&self, _: &MotionDiffuse, _: &Path) -> Result<(), TrainError> {
+        Ok(())
+    }
+}
