@@ -59,7 +59,7 @@ fn config() -> EvaluatorTrainingConfig {
             "text": { "tokens": { "vocab_size": 300, "context_length": 40, "dim_word": 16 } },
         },
         "matching": { "pairs_per_batch": 8, "margin": 10.0, "crop": 0.2 },
-        "optimization": { "learning_rate": 4e-3, "warm_up_steps": 5, "average_decay": 0.9, "betas": [0.875, 0.984375] },
+        "optimization": { "learning_rate": 4e-3, "warm_up_steps": 5, "average_decay": 0.9 },
     });
     EvaluatorTrainingConfig::from_json(config.to_string().as_bytes(), "test").unwrap()
 }
