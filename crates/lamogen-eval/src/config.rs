@@ -52,6 +52,8 @@ pub enum TextForm {
     Tokens {
         /// Number of token ids.
         vocab_size: usize,
+        /// The longest text, in tokens with its start and end. Longer ones are cut.
+        context_length: usize,
         /// Width of a token's vector.
         dim_word: usize,
     },
@@ -152,7 +154,15 @@ impl EvaluatorConfig {
             TextForm::Words { dim_pos_ohot, .. } => {
                 sizes.push(("text.dim_pos_ohot", dim_pos_ohot, 1));
             }
-            TextForm::Tokens { vocab_size, .. } => sizes.push(("text.vocab_size", vocab_size, 1)),
+            TextForm::Tokens {
+                vocab_size,
+                context_length,
+                ..
+            } => sizes.extend([
+                ("text.vocab_size", vocab_size, 1),
+                // Start, a token, end.
+                ("text.context_length", context_length, 3),
+            ]),
         }
         let small = sizes.into_iter().find(|(_, size, least)| size < least);
         small.map(|(name, size, least)| {

@@ -3,7 +3,11 @@
 use std::io;
 use std::path::PathBuf;
 
-use lamogen_model::CheckpointError;
+use lamogen_model::{CheckpointError, TokenizerError};
+use lamogen_motion::NormalizationError;
+use lamogen_motion::npy::NpyError;
+
+use crate::MetricError;
 
 /// What can go wrong when an evaluator is loaded or saved.
 #[derive(Debug, thiserror::Error)]
@@ -26,4 +30,51 @@ pub enum EvaluatorError {
     /// The weights cannot be read or written, or are not such a network's.
     #[error(transparent)]
     Weights(#[from] CheckpointError),
+}
+
+/// What can go wrong with a judge.
+#[derive(Debug, thiserror::Error)]
+pub enum JudgeError {
+    /// The network cannot be loaded or saved.
+    #[error(transparent)]
+    Evaluator(#[from] EvaluatorError),
+    /// The tokenizer cannot be read, is not the network's, or cannot encode a text.
+    #[error(transparent)]
+    Tokenizer(#[from] TokenizerError),
+    /// The statistics cannot be read, or make no sense.
+    #[error(transparent)]
+    Normalization(#[from] NormalizationError),
+    /// The statistics cannot be read or written.
+    #[error(transparent)]
+    Statistics(#[from] NpyError),
+    /// The network reads words.
+    #[error(
+        "expected an evaluator that reads tokens, found one that reads words with parts of speech; it takes its texts from a Vocabulary"
+    )]
+    Words,
+    /// There is no tokenizer, and the vocabulary is not CLIP's.
+    #[error(
+        "expected a tokenizer.json for the evaluator's vocabulary of {vocab_size} ids, found none; CLIP's own tokenizer has {clip}"
+    )]
+    #[allow(missing_docs)]
+    NoTokenizer { vocab_size: usize, clip: usize },
+    /// Statistics of other features.
+    #[error("expected statistics of {expected} features, as the evaluator reads, found {found}")]
+    #[allow(missing_docs)]
+    Features { expected: usize, found: usize },
+    /// A motion that the network cannot read.
+    #[error(
+        "motion {motion}: expected {shortest} to {longest} frames of {features} numbers, found {found} numbers"
+    )]
+    #[allow(missing_docs)]
+    Motion {
+        motion: usize,
+        shortest: usize,
+        longest: usize,
+        features: usize,
+        found: usize,
+    },
+    /// The network gives no finite numbers, or there are too few.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
 }

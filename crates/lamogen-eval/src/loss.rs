@@ -45,6 +45,32 @@ pub fn contrastive_loss(
     near + gap.square().mean()
 }
 
+/// The mean of [`contrastive_loss`] over all shifts: every text is held against every other motion of the batch at once.
+/// Shape `[1]`.
+///
+/// # Shapes
+///
+/// As there.
+///
+/// # Panics
+///
+/// If the shapes differ, or there are fewer than two pairs.
+pub fn contrastive_loss_of_all(text: Tensor<2>, motion: Tensor<2>, margin: f64) -> Tensor<1> {
+    let [batch, width] = text.dims();
+    assert_eq!(text.dims(), motion.dims(), "one motion for each text");
+    assert!(batch > 1, "expected a batch of at least 2, found {batch}");
+    let near = squared_distances(text.clone(), motion.clone()).mean();
+    // Differences, not products of the two: these would lose what is small beside the points' own length.
+    let texts: Tensor<3> = text.unsqueeze_dim(1);
+    let motions: Tensor<3> = motion.unsqueeze_dim(0);
+    let texts = texts.expand([batch, batch, width]);
+    let distances = (texts - motions + EPSILON).square().sum_dim(2).sqrt();
+    let gaps = (distances.neg() + margin).clamp_min(0.0).square();
+    let own = Tensor::<2>::eye(batch, &gaps.device()).unsqueeze_dim::<3>(2);
+    let others = gaps.mask_fill(own.equal_elem(1.0), 0.0);
+    near + others.sum() / (batch * (batch - 1)) as f64
+}
+
 /// `[batch, 1]`
 fn squared_distances(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     (a - b + EPSILON).square().sum_dim(1)
@@ -103,6 +129,31 @@ mod tests {
             (gradient[0] + 2.0).abs() < 1e-4 && gradient[2].abs() < 1e-4,
             "{gradient:?}"
         );
+    }
+
+    #[test]
+    fn all_others_are_the_mean_of_all_shifts() {
+        let device = Device::flex();
+        let points = |scale: f32| {
+            let numbers: Vec<f32> = (0..15).map(|i| (i as f32 * scale).sin() * 5.0).collect();
+            Tensor::<2>::from_data(burn::tensor::TensorData::new(numbers, [5, 3]), &device)
+        };
+        let losses = |all: bool| {
+            let [text, motion] = [points(1.3), points(2.1)].map(|x| x.autodiff().require_grad());
+            let loss = match all {
+                true => contrastive_loss_of_all(text.clone(), motion.clone(), 10.0),
+                false => (1..5)
+                    .map(|shift| contrastive_loss(text.clone(), motion.clone(), shift, 10.0))
+                    .reduce(|a, b| a + b)
+                    .map_or_else(|| unreachable!("four shifts"), |sum| sum / 4.0),
+            };
+            let mut gradients = loss.backward();
+            let gradients = [text, motion].map(|x| x.grad_remove(&mut gradients).unwrap());
+            let [text, motion] = gradients.map(|x| x.reshape([15]));
+            Tensor::cat(vec![loss.inner(), text, motion], 0).into_data()
+        };
+        let tolerance = burn::tensor::Tolerance::<f32>::rel_abs(1e-5, 1e-5);
+        losses(true).assert_approx_eq::<f32>(&losses(false), tolerance);
     }
 
     #[test]

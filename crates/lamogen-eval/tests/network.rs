@@ -195,6 +195,7 @@ fn small(text: TextForm) -> EvaluatorConfig {
 fn tokens() -> EvaluatorConfig {
     small(TextForm::Tokens {
         vocab_size: 40,
+        context_length: 24,
         dim_word: 12,
     })
 }
@@ -223,6 +224,7 @@ fn a_tokenizers_texts_end_at_their_end_token() {
     assert_eq!(batch.lengths(), [5, 3]);
     let config = small(TextForm::Tokens {
         vocab_size: tokenizer.vocab_size(),
+        context_length: 16,
         dim_word: 4,
     });
     let evaluator = Evaluator::new(&config, &Device::flex());

@@ -1,8 +1,9 @@
 //! Training on motion capture with captions: text-to-motion denoisers, and the networks that judge them.
 //!
 //! ```text
-//! Dataset, CaptionTokens, TrainingConfig ──▶ Denoising ─┐
-//!                                         Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
+//! Dataset, CaptionTokens, TrainingConfig ───────────▶ Denoising ─┐
+//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ Matching ──┤
+//!                                                  Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
 //! ```
 //!
 //! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
@@ -18,6 +19,7 @@ mod gradients;
 mod identity;
 mod log;
 mod losses;
+mod matching;
 mod model_folder;
 mod optimization;
 mod run;
@@ -32,6 +34,9 @@ pub use error::TrainError;
 pub use identity::identity;
 pub use log::LogLine;
 pub use losses::Losses;
+pub use matching::{
+    EvaluatorTrainingConfig, Matching, MatchingConfig, MatchingError, Others, captioned,
+};
 pub use optimization::Optimization;
 pub use run::{Ended, Length, Plan, RunObserver, RunProgress, run};
 pub use task::{Lesson, Task};

@@ -59,6 +59,16 @@ impl Batches {
         let dropped = (0..captions.len()).filter(|&pair| dropped[pair]).collect();
         Batches { batches, dropped }
     }
+
+    /// The key under which captions are the same text for [`distinct`](Self::distinct): their words in small letters.
+    pub fn words(caption: &str) -> Vec<String> {
+        let lower = caption.to_lowercase();
+        lower
+            .split(|letter: char| !letter.is_alphanumeric())
+            .filter(|word| !word.is_empty())
+            .map(str::to_owned)
+            .collect()
+    }
 }
 
 /// Indices of captions with the same words, in the order in which texts first come.
@@ -66,12 +76,7 @@ fn same_texts(captions: &[impl AsRef<str>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut known = HashMap::new();
     for (index, caption) in captions.iter().enumerate() {
-        let lower = caption.as_ref().to_lowercase();
-        let words: Vec<String> = lower
-            .split(|letter: char| !letter.is_alphanumeric())
-            .filter(|word| !word.is_empty())
-            .map(str::to_owned)
-            .collect();
+        let words = Batches::words(caption.as_ref());
         let group = *known.entry(words).or_insert(groups.len());
         if group == groups.len() {
             groups.push(Vec::new());

@@ -51,6 +51,22 @@ impl Embeddings {
         Ok(())
     }
 
+    /// Some of them, in the order asked for.
+    ///
+    /// # Panics
+    ///
+    /// If one is not there.
+    pub fn select(&self, rows: impl IntoIterator<Item = usize>) -> Embeddings {
+        Embeddings {
+            values: rows
+                .into_iter()
+                .flat_map(|row| self.row(row))
+                .copied()
+                .collect(),
+            width: self.width,
+        }
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.values.len() / self.width

@@ -61,6 +61,7 @@ impl Reading {
             TextForm::Tokens {
                 vocab_size,
                 dim_word,
+                ..
             } => {
                 // As PyTorch starts an embedding.
                 let standard = Initializer::Normal {

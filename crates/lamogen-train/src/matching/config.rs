@@ -1,0 +1,204 @@
+//! How an evaluator is trained: the file that `lamogen train-evaluator --config` reads.
+
+use std::path::Path;
+
+use lamogen_eval::{EvaluatorConfig, TextForm};
+use serde::{Deserialize, Serialize};
+
+use crate::config::TrainingConfigError;
+use crate::optimization::Optimization;
+
+/// An evaluator and how it is trained.
+///
+/// ```
+/// use lamogen_train::EvaluatorTrainingConfig;
+///
+/// let config = EvaluatorTrainingConfig::compact();
+/// assert_eq!(config.evaluator.dim_coemb_hidden, 512);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvaluatorTrainingConfig {
+    /// Sizes of the network; it reads tokens.
+    pub evaluator: EvaluatorConfig,
+    /// What it sees, and what it makes small.
+    #[serde(default)]
+    pub matching: MatchingConfig,
+    /// How its weights move.
+    #[serde(default)]
+    pub optimization: Optimization,
+}
+
+/// What an evaluator sees, and what it makes small. What a file leaves out has the default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MatchingConfig {
+    /// Pairs of a step; fewer where the data set has not as many that mean different things.
+    pub pairs_per_batch: usize,
+    /// The distance from which on a text and another's motion are far enough apart.
+    pub margin: f64,
+    /// Whom a text is pushed away from.
+    pub others: Others,
+    /// The share of numbers that are left out after each convolution.
+    pub dropout: f64,
+    /// The share of a motion's frames that may be cut away, at its ends, at each visit.
+    pub crop: f64,
+}
+
+/// Whom a text is pushed away from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Others {
+    /// Every other motion of the batch ([`lamogen_eval::contrastive_loss_of_all`]).
+    All,
+    /// One other motion, as in the public trainer ([`lamogen_eval::contrastive_loss`]).
+    One,
+}
+
+impl Default for MatchingConfig {
+    fn default() -> Self {
+        MatchingConfig {
+            pairs_per_batch: 32,
+            margin: 10.0,
+            others: Others::All,
+            dropout: 0.2,
+            crop: 0.0,
+        }
+    }
+}
+
+impl EvaluatorTrainingConfig {
+    /// The recipe for about an hour of motion and two cores: 1000 steps, with a measurement every 100, are enough there and take
+    /// minutes.
+    pub fn compact() -> Self {
+        let file = include_bytes!("../../configs/evaluator-compact.json");
+        Self::from_json(file, "evaluator-compact.json").expect("checked by a test")
+    }
+
+    /// Reads a file such as [`evaluator-compact.json`](Self::compact).
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be read, is no such config, or a value makes no sense.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
+            path: path.to_owned(),
+            reason,
+        })?;
+        Self::from_json(&bytes, path)
+    }
+
+    /// Reads a config from JSON; `name` stands in error messages.
+    ///
+    /// # Errors
+    ///
+    /// If it is no such config or a value makes no sense.
+    pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
+        let path = || name.as_ref().to_owned();
+        let config: EvaluatorTrainingConfig =
+            serde_json::from_slice(json).map_err(|reason| TrainingConfigError::Json {
+                path: path(),
+                reason,
+            })?;
+        match config.problem() {
+            None => Ok(config),
+            Some(problem) => Err(TrainingConfigError::Value {
+                path: path(),
+                problem,
+            }),
+        }
+    }
+
+    /// Why this cannot be trained, if it cannot.
+    pub fn problem(&self) -> Option<String> {
+        let sizes = self.evaluator.problem();
+        sizes
+            .map(|problem| format!("evaluator: {problem}"))
+            .or_else(|| match self.evaluator.text {
+                TextForm::Tokens { .. } => None,
+                TextForm::Words { .. } => Some("evaluator.text must be tokens, found words".into()),
+            })
+            .or_else(|| self.matching.problem())
+            .or_else(|| self.optimization.problem())
+    }
+}
+
+impl MatchingConfig {
+    /// Which value makes no sense.
+    fn problem(&self) -> Option<String> {
+        let pairs = self.pairs_per_batch;
+        if pairs < 2 {
+            return Some(format!(
+                "matching.pairs_per_batch must be 2 or above, found {pairs}"
+            ));
+        }
+        let margin = self.margin;
+        if !(margin.is_finite() && margin > 0.0) {
+            return Some(format!("matching.margin must be above 0, found {margin}"));
+        }
+        let shares = [("dropout", self.dropout), ("crop", self.crop)];
+        let wrong = shares.into_iter().find(|(_, x)| !(0.0..1.0).contains(x));
+        wrong.map(|(name, found)| {
+            format!("matching.{name} must be from 0 to below 1, found {found}")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_recipe_makes_sense() {
+        let config = EvaluatorTrainingConfig::compact();
+        assert_eq!(config.problem(), None);
+        let json = serde_json::to_vec(&config).unwrap();
+        let again = EvaluatorTrainingConfig::from_json(&json, "again.json").unwrap();
+        assert_eq!(again, config);
+    }
+
+    #[test]
+    fn what_cannot_be_trained_is_named() {
+        let refused = |change: &dyn Fn(&mut serde_json::Value)| {
+            let mut value = serde_json::to_value(EvaluatorTrainingConfig::compact()).unwrap();
+            change(&mut value);
+            let json = serde_json::to_vec(&value).unwrap();
+            let error = EvaluatorTrainingConfig::from_json(&json, "mine.json").unwrap_err();
+            error.to_string()
+        };
+        for (place, value, named) in [
+            ("/matching/pairs_per_batch", 1.0, "matching.pairs_per_batch"),
+            (
+                "/matching/margin",
+                0.0,
+                "matching.margin must be above 0, found 0",
+            ),
+            ("/matching/dropout", 1.0, "matching.dropout"),
+            ("/matching/crop", -0.1, "matching.crop"),
+            ("/evaluator/text/tokens/vocab_size", 0.0, "text.vocab_size"),
+            (
+                "/optimization/learning_rate",
+                0.0,
+                "optimization.learning_rate",
+            ),
+        ] {
+            let message = refused(&|config| {
+                let old = config.pointer_mut(place).unwrap();
+                *old = match old.is_u64() {
+                    true => (value as u64).into(),
+                    false => value.into(),
+                };
+            });
+            assert!(message.starts_with("mine.json: "), "{message}");
+            assert!(message.contains(named), "{message}");
+        }
+        let words = refused(&|config| {
+            config["evaluator"]["text"] =
+                serde_json::json!({"words": {"dim_word": 3, "dim_pos_ohot": 2}});
+        });
+        assert!(words.contains("must be tokens"), "{words}");
+        let unknown = refused(&|config| config["matching"]["shift"] = 1.into());
+        assert!(unknown.contains("shift"), "{unknown}");
+    }
+}
