@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod embed;
 pub mod judges;
+pub mod measure;
 pub mod parity;
 pub mod sweep;
 pub mod test;

@@ -59,6 +59,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Measure a model on motions it has not seen, for its model card; prints JSON.
+    Measure {
+        #[command(flatten)]
+        options: xtask::measure::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Time one step of training on random motions; prints one JSON line.
     BenchTraining {
         #[command(flatten)]
@@ -96,6 +104,18 @@ fn main() -> ExitCode {
             options,
             device: name,
         } => on(name, |device| bench(&options, name, device)),
+        Task::Measure {
+            options,
+            device: name,
+        } => on(name, |device| {
+            match xtask::measure::run(&options, device, &mut |line| eprintln!("{line}")) {
+                Ok(figures) => {
+                    println!("{figures:#}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::BenchTraining {
             options,
             device: name,

@@ -316,7 +316,9 @@ fn motions_may_share_captions() {
     });
     let [repeated, shared] = &gradients;
     for (path, repeated) in repeated {
-        let largest = repeated.iter().fold(1e-3f32, |largest, x| largest.max(x.abs()));
+        let largest = repeated
+            .iter()
+            .fold(1e-3f32, |largest, x| largest.max(x.abs()));
         for (a, b) in repeated.iter().zip(&shared[path]) {
             assert!((a - b).abs() < 1e-5 * largest, "{path}: {a} {b}");
         }

@@ -18,7 +18,10 @@ pub fn identity(
     for (place, entry) in dataset.entries().iter().enumerate() {
         sum.add(entry.name.as_bytes());
         sum.add(entry.split.name().as_bytes());
-        sum.add(&entry.frames.to_le_bytes());
+        sum.add(&(entry.frames as u64).to_le_bytes());
+        for word in [&entry.content, &entry.style] {
+            sum.add(word.as_deref().unwrap_or_default().as_bytes());
+        }
         for caption in 0..entry.captions.len() {
             for id in tokens.of(place, caption) {
                 sum.add(&id.to_le_bytes());

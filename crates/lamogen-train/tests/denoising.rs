@@ -246,15 +246,40 @@ fn losses_of_motion_fall_too() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset);
-    let parts: [(&str, fn(&mut Losses)); 4] = [
-        ("change", |losses| losses.change = 1.0),
-        ("position", |losses| losses.position = 1.0),
-        ("velocity", |losses| losses.velocity = 100.0),
-        ("foot_contact", |losses| losses.foot_contact = 100.0),
+    let none = Losses::default();
+    let parts = [
+        (
+            "change",
+            Losses {
+                change: 1.0,
+                ..none
+            },
+        ),
+        (
+            "position",
+            Losses {
+                position: 1.0,
+                ..none
+            },
+        ),
+        (
+            "velocity",
+            Losses {
+                velocity: 100.0,
+                ..none
+            },
+        ),
+        (
+            "foot_contact",
+            Losses {
+                foot_contact: 100.0,
+                ..none
+            },
+        ),
     ];
-    for (name, weigh) in parts {
+    for (name, losses) in parts {
         let mut config = config("sample");
-        weigh(&mut config.denoising.losses);
+        config.denoising.losses = losses;
         let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
         let mut trainer = Trainer::new(&task, &Device::flex());
         let other = |report: &StepReport| report.total_loss - report.loss;

@@ -111,6 +111,11 @@ impl<D: Denoiser> LaMoGen<D> {
         &self.network
     }
 
+    /// The tokenizer.
+    pub fn tokenizer(&self) -> &Tokenizer {
+        &self.tokenizer
+    }
+
     /// Mean and standard deviation of the features that the network was trained on.
     pub fn normalization(&self) -> &Normalization {
         &self.normalization

@@ -454,6 +454,9 @@ pub struct Train {
     /// Folder of the run. If a run was stopped there, the same command goes on with it.
     #[arg(long, short, value_name = "RUN")]
     pub out: PathBuf,
+    /// Train the network that judges how well motions match texts, instead of one that generates; compact is then its recipe.
+    #[arg(long)]
+    pub evaluator: bool,
     /// How many steps.
     #[arg(long, conflicts_with = "minutes", required_unless_present = "minutes", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,

@@ -1,82 +1,49 @@
 //! `lamogen train`.
+//!
+//! ```text
+//! data, config, tokenizer ──▶ denoiser.rs ──┐
+//!                             evaluator.rs ─┴─▶ lamogen_train::run ──▶ watch.rs: bar, plot, pictures
+//! ```
+
+mod denoiser;
+mod evaluator;
+mod watch;
 
 use std::collections::HashMap;
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use indicatif::ProgressBar;
-use lamogen::model::{MotionDiffuse, Tokenizer, learn};
-use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
+use lamogen::model::{Tokenizer, learn};
 use lamogen_data::{Dataset, LoadOptions, Split};
-use lamogen_train::{
-    CaptionTokens, Denoising, Ended, Length, LogLine, Plan, RunObserver, RunProgress, StepReport,
-    TrainError, TrainingConfig, TrainingConfigError, identity, run as train,
-};
-use lamogen_view::{LossCurve, Row, losses, save, strip};
+use lamogen_train::{CaptionTokens, Ended, Length, Plan, TrainError, TrainingConfigError};
 use serde_json::json;
 
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
-use crate::source::device;
+use watch::Watch;
 
 /// The vocabulary of CLIP, whose tokenizer is part of the program.
 const CLIP_VOCABULARY: usize = 49408;
 
-/// Steps whose losses make one point of the plot.
-const POINTS: usize = 300;
-
 pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
-    let device = device(options.device)?;
-    let config = match options.config.to_str() {
-        Some("compact") => TrainingConfig::compact(),
-        _ => TrainingConfig::from_file(&options.config)?,
-    };
-    let model = &config.model;
-    if model.prediction == lamogen::model::Prediction::Epsilon
-        && model.latent_dim < model.input_feats
-    {
-        console.notice(format!(
-            "the network predicts noise in {} features through {} channels: what does not fit through cannot be learned; \
-             \"sample\" has no such limit",
-            model.input_feats, model.latent_dim
-        ));
+    match options.evaluator {
+        true => evaluator::run(options, console),
+        false => denoiser::run(options, console),
     }
-    let dataset = open(options, console)?;
-    let tokens = tokens(options, &config, &dataset, console)?;
-    let metadata = [
+}
+
+/// What travels with the weights.
+fn metadata(options: &Train) -> HashMap<String, String> {
+    let texts = [
         ("license", &options.license),
         ("attribution", &options.attribution),
     ];
-    let metadata: HashMap<String, String> = metadata
-        .into_iter()
+    let texts = texts.into_iter();
+    texts
         .filter_map(|(name, text)| Some((name.to_owned(), text.clone()?)))
-        .collect();
-    let task = Denoising::new(&dataset, &tokens, &config, &device)?.with_metadata(metadata);
-    let identity = identity("denoiser", &config, &dataset, &tokens);
-    console.notice(format!(
-        "Training on {} motions; the folder {} has all that is needed to go on after a stop.",
-        task.motions(),
-        options.out.display()
-    ));
-    let mut watch = Watch::new(options, &dataset, &tokens, &device, console)?;
-    let ended = train(
-        &task,
-        &options.out,
-        &identity,
-        &plan(options),
-        &device,
-        &mut watch,
-    );
-    watch.bar.finish_and_clear();
-    if let Some(failure) = watch.failed {
-        return Err(failure);
-    }
-    report(options, &ended?, console)
+        .collect()
 }
 
 fn plan(options: &Train) -> Plan {
@@ -110,249 +77,61 @@ fn open(options: &Train, console: &Console) -> Result<Dataset, Failure> {
     Ok(dataset)
 }
 
+/// The tokens that a network knows.
+#[derive(Clone, Copy)]
+struct Vocabulary {
+    size: usize,
+    context_length: usize,
+}
+
 /// The captions as ids: by the tokenizer that is named, CLIP's own, or one that is learned from the captions.
 fn tokens(
     options: &Train,
-    config: &TrainingConfig,
+    vocabulary: Vocabulary,
     dataset: &Dataset,
     console: &Console,
 ) -> Result<CaptionTokens, Failure> {
-    let clip = &config.model.clip;
+    let Vocabulary {
+        size,
+        context_length,
+    } = vocabulary;
     let file = match &options.tokenizer {
-        Some(path) => Some((
-            fs::read(path).map_err(|reason| {
-                Failure::new(Code::Input, format!("{}: {reason}", path.display()))
-            })?,
-            path.clone(),
-        )),
-        None if clip.vocab_size == CLIP_VOCABULARY => None,
+        Some(path) => {
+            let unreadable =
+                |reason| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
+            Some((fs::read(path).map_err(unreadable)?, path.clone()))
+        }
+        None if size == CLIP_VOCABULARY => None,
         None => {
             let entries = dataset
                 .split(Split::Train)
                 .flat_map(|entry| &entry.captions);
             let texts: Vec<&str> = entries.map(|caption| caption.text.as_str()).collect();
-            let learned = learn(texts.into_iter(), clip.vocab_size);
+            let learned = learn(texts.into_iter(), size);
             let learned = learned.map_err(|error| Failure::new(Code::Usage, error))?;
             Some((learned, PathBuf::from("the learned tokenizer")))
         }
     };
     let failed = |error| Failure::new(Code::Input, error);
     let (tokenizer, file) = match file {
-        None => (Tokenizer::clip(clip.context_length), None),
+        None => (Tokenizer::clip(context_length), None),
         Some((json, name)) => {
-            let (vocabulary, context) = (clip.vocab_size, clip.context_length);
-            let tokenizer = Tokenizer::from_json(&json, name, vocabulary, context);
+            let tokenizer = Tokenizer::from_json(&json, name, size, context_length);
             (tokenizer.map_err(failed)?, Some(json))
         }
     };
     let tokens = CaptionTokens::new(dataset, tokenizer, file).map_err(failed)?;
     if tokens.cut() > 0 {
         console.notice(format!(
-            "{} captions are longer than the {} tokens that the network reads, and are cut",
-            tokens.cut(),
-            clip.context_length
+            "{} captions are longer than the {context_length} tokens that the network reads, and are cut",
+            tokens.cut()
         ));
     }
     Ok(tokens)
 }
 
-/// What a run shows while it goes on.
-struct Watch<'a> {
-    options: &'a Train,
-    dataset: &'a Dataset,
-    tokens: &'a CaptionTokens,
-    device: &'a Device,
-    console: &'a Console,
-    bar: ProgressBar,
-    /// What the sample motions are of.
-    samples: Vec<String>,
-    start: Instant,
-    stopped: Arc<AtomicBool>,
-    /// A mean over the last steps.
-    loss: Option<f64>,
-    failed: Option<Failure>,
-}
-
-impl<'a> Watch<'a> {
-    fn new(
-        options: &'a Train,
-        dataset: &'a Dataset,
-        tokens: &'a CaptionTokens,
-        device: &'a Device,
-        console: &'a Console,
-    ) -> Result<Self, Failure> {
-        let stopped = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&stopped);
-        let handler = move || {
-            if flag.swap(true, Ordering::Relaxed) {
-                // Asked twice. The last checkpoint stays.
-                std::process::exit(130);
-            }
-            eprintln!("Stopping after this step; once more stops at once.");
-        };
-        ctrlc::set_handler(handler).map_err(|error| Failure::new(Code::Run, error))?;
-        let samples = match &options.sample[..] {
-            [] => usual_samples(dataset),
-            samples => samples.to_vec(),
-        };
-        Ok(Watch {
-            bar: console.bar("steps"),
-            options,
-            dataset,
-            tokens,
-            device,
-            console,
-            samples,
-            start: Instant::now(),
-            stopped,
-            loss: None,
-            failed: None,
-        })
-    }
-
-    /// Draws the losses so far.
-    fn plot(&self) -> Result<(), Failure> {
-        let path = self.options.out.join("losses.jsonl");
-        let lines = LogLine::read(path)?;
-        let (mut training, mut validation) = (Vec::new(), Vec::new());
-        for line in lines {
-            match line {
-                LogLine::Step(report) => training.push((report.step, report.loss)),
-                LogLine::Validation {
-                    step,
-                    validation_loss,
-                } => validation.push((step, validation_loss)),
-            }
-        }
-        let at_once = training.len().div_ceil(POINTS).max(1);
-        let means: Vec<(u64, f64)> = training
-            .chunks(at_once)
-            .map(|steps| {
-                let sum: f64 = steps.iter().map(|(_, loss)| loss).sum();
-                (steps[steps.len() / 2].0, sum / steps.len() as f64)
-            })
-            .collect();
-        let curves = [
-            LossCurve {
-                label: "training",
-                points: &means,
-                colour: [107, 114, 128],
-            },
-            LossCurve {
-                label: "validation, averaged weights",
-                points: &validation,
-                colour: [194, 65, 12],
-            },
-        ];
-        let path = self.options.out.join("losses.svg");
-        let title = self.options.out.file_name().unwrap_or_default();
-        let picture = losses(&title.to_string_lossy(), &curves);
-        let picture = picture.map_err(|error| Failure::output(&path, error))?;
-        save(&path, &picture).map_err(|error| Failure::new(Code::Output, error))
-    }
-
-    /// Draws motions of the averaged network.
-    fn draw_samples(&self, step: u64, network: &MotionDiffuse) -> Result<(), Failure> {
-        const STEPS: usize = 50;
-        const SECONDS: f32 = 4.0;
-        let longest = network.config().num_frames as f32 / FRAMES_PER_SECOND;
-        let shortest = network.config().shortest() as f32 / FRAMES_PER_SECOND;
-        let model = LaMoGen::new(
-            network.clone(),
-            self.tokens.tokenizer().clone(),
-            self.dataset.normalization(self.device),
-        );
-        let requests: Vec<Request> = self
-            .samples
-            .iter()
-            .map(|prompt| {
-                Request::new(prompt)
-                    .seconds(SECONDS.clamp(shortest, longest))
-                    .steps(STEPS)
-            })
-            .collect();
-        let motions = model.generate_all(&requests)?;
-        let rows: Vec<Row<'_>> = self
-            .samples
-            .iter()
-            .zip(&motions)
-            .map(|(label, made)| Row {
-                label,
-                motion: &made.guided,
-            })
-            .collect();
-        let folder = self.options.out.join("samples");
-        fs::create_dir_all(&folder).map_err(|reason| Failure::output(&folder, reason))?;
-        let path = folder.join(format!("step-{step:08}.svg"));
-        save(&path, &strip(&rows, 12)).map_err(|error| Failure::new(Code::Output, error))
-    }
-}
-
-impl RunObserver<Denoising<'_>> for Watch<'_> {
-    fn step(&mut self, report: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
-        let loss = match self.loss {
-            Some(loss) => 0.98 * loss + 0.02 * report.loss,
-            None => report.loss,
-        };
-        self.loss = Some(loss);
-        if let Some(steps) = progress.steps {
-            self.bar.set_length(steps);
-        }
-        self.bar.set_position(report.step);
-        self.bar.set_message(format!("{loss:.4}"));
-        let sitting = self.options.sitting;
-        let over =
-            sitting.is_some_and(|minutes| self.start.elapsed().as_secs_f64() > 60.0 * minutes);
-        match over || self.stopped.load(Ordering::Relaxed) || self.failed.is_some() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    }
-
-    fn validated(&mut self, loss: Option<f64>, progress: &RunProgress, network: &MotionDiffuse) {
-        let rate =
-            (progress.step - progress.resumed_at) as f64 / self.start.elapsed().as_secs_f64();
-        let all = progress
-            .steps
-            .map_or(String::new(), |steps| format!("/{steps}"));
-        let training = self
-            .loss
-            .map_or(String::new(), |loss| format!(" training {loss:.4},"));
-        let validation = loss.map_or("no motions to validate on".into(), |loss| {
-            format!("validation {loss:.4}")
-        });
-        let line = format!(
-            "step {}{all}:{training} {validation}, {rate:.2} steps/s",
-            progress.step
-        );
-        self.bar.suspend(|| self.console.notice(line));
-        let drawn = self
-            .plot()
-            .and_then(|()| self.draw_samples(progress.step, network));
-        self.failed = self.failed.take().or(drawn.err());
-    }
-}
-
-/// First captions of motions that were not trained on, of as many contents as can be shown.
-fn usual_samples(dataset: &Dataset) -> Vec<String> {
-    const SHOWN: usize = 8;
-    let mut contents: Vec<Option<&str>> = Vec::new();
-    let unseen = dataset
-        .split(Split::Validation)
-        .chain(dataset.split(Split::Test))
-        .chain(dataset.split(Split::Train));
-    let new = unseen.filter(|entry| {
-        let content = entry.content.as_deref();
-        let is_new = content.is_none() || !contents.contains(&content);
-        contents.push(content);
-        is_new
-    });
-    new.take(SHOWN)
-        .map(|entry| entry.captions[0].text.clone())
-        .collect()
-}
-
-fn report(options: &Train, ended: &Ended, console: &Console) -> Result<(), Failure> {
+/// Says how a run ended; `hint` is what to do with its model.
+fn ended(options: &Train, ended: &Ended, hint: &str, console: &Console) -> Result<(), Failure> {
     let folder = options.out.join("model");
     if console.json {
         return console.say(
@@ -377,13 +156,11 @@ fn report(options: &Train, ended: &Ended, console: &Console) -> Result<(), Failu
             "stopped after step {step}{best}; the same command goes on from there"
         ));
     }
-    console.say(format!(
-        "{}: after {step} steps{best}\nlamogen generate \"…\" --model {}",
-        options.out.display(),
-        quoted(&folder)
-    ))
+    let run = options.out.display();
+    console.say(format!("{run}: after {step} steps{best}\n{hint}"))
 }
 
+/// A path as a shell takes it.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     match text.contains(' ') {

@@ -1,0 +1,123 @@
+//! Training a denoiser.
+
+use std::fs;
+
+use lamogen::model::{MotionDiffuse, Prediction};
+use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
+use lamogen_data::{Dataset, Split};
+use lamogen_train::{CaptionTokens, Denoising, TrainingConfig, identity, run as train};
+use lamogen_view::{Row, save, strip};
+
+use super::{Vocabulary, ended, metadata, open, plan, tokens};
+use crate::arguments::Train;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+use crate::source::device;
+
+pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
+    let device = device(options.device)?;
+    let config = match options.config.to_str() {
+        Some("compact") => TrainingConfig::compact(),
+        _ => TrainingConfig::from_file(&options.config)?,
+    };
+    let model = &config.model;
+    if model.prediction != Prediction::Sample && model.latent_dim < model.input_feats {
+        console.notice(format!(
+            "the network predicts noise in {} features through {} channels: what does not fit through cannot be learned; \
+             \"sample\" has no such limit",
+            model.input_feats, model.latent_dim
+        ));
+    }
+    let dataset = open(options, console)?;
+    let vocabulary = Vocabulary {
+        size: model.clip.vocab_size,
+        context_length: model.clip.context_length,
+    };
+    let tokens = tokens(options, vocabulary, &dataset, console)?;
+    let task = Denoising::new(&dataset, &tokens, &config, &device)?;
+    let task = task.with_metadata(metadata(options));
+    let identity = identity("denoiser", &config, &dataset, &tokens);
+    console.notice(format!(
+        "Training on {} motions. {} gets all that is needed to go on after a stop.",
+        task.motions(),
+        options.out.display()
+    ));
+    let sentences = match &options.sample[..] {
+        [] => usual(&dataset),
+        sentences => sentences.to_vec(),
+    };
+    let samples = Samples {
+        options,
+        dataset: &dataset,
+        tokens: &tokens,
+        device: &device,
+        sentences,
+    };
+    let mut watch = super::Watch::new(options, console, |step, network| {
+        samples.draw(step, network)
+    })?;
+    let plan = plan(options);
+    let result = train(&task, &options.out, &identity, &plan, &device, &mut watch);
+    watch.finish()?;
+    let model = options.out.join("model");
+    let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
+    ended(options, &result?, &hint, console)
+}
+
+/// Strips of what the averaged network generates.
+struct Samples<'a> {
+    options: &'a Train,
+    dataset: &'a Dataset,
+    tokens: &'a CaptionTokens,
+    device: &'a Device,
+    sentences: Vec<String>,
+}
+
+impl Samples<'_> {
+    fn draw(&self, step: u64, network: &MotionDiffuse) -> Result<(), Failure> {
+        const STEPS: usize = 50;
+        const SECONDS: f32 = 4.0;
+        const POSES: usize = 12;
+        let seconds = |frames: usize| frames as f32 / FRAMES_PER_SECOND;
+        let config = network.config();
+        let seconds = SECONDS.clamp(seconds(config.shortest()), seconds(config.num_frames));
+        let normalization = self.dataset.normalization(self.device);
+        let tokenizer = self.tokens.tokenizer().clone();
+        let model = LaMoGen::new(network.clone(), tokenizer, normalization);
+        let request = |sentence| Request::new(sentence).seconds(seconds).steps(STEPS);
+        let requests: Vec<Request> = self.sentences.iter().map(request).collect();
+        let motions = model.generate_all(&requests)?;
+        let rows = self
+            .sentences
+            .iter()
+            .zip(&motions)
+            .map(|(label, made)| Row {
+                label,
+                motion: &made.guided,
+            });
+        let rows: Vec<Row<'_>> = rows.collect();
+        let folder = self.options.out.join("samples");
+        fs::create_dir_all(&folder).map_err(|reason| Failure::output(&folder, reason))?;
+        let path = folder.join(format!("step-{step:08}.svg"));
+        save(&path, &strip(&rows, POSES)).map_err(|error| Failure::new(Code::Output, error))
+    }
+}
+
+/// First captions of motions that were not trained on, of as many contents as can be shown.
+fn usual(dataset: &Dataset) -> Vec<String> {
+    const SHOWN: usize = 8;
+    let mut contents: Vec<Option<&str>> = Vec::new();
+    let unseen = dataset
+        .split(Split::Validation)
+        .chain(dataset.split(Split::Test))
+        .chain(dataset.split(Split::Train));
+    let new = unseen.filter(|entry| {
+        let content = entry.content.as_deref();
+        let is_new = content.is_none() || !contents.contains(&content);
+        contents.push(content);
+        is_new
+    });
+    new.take(SHOWN)
+        .map(|entry| entry.captions[0].text.clone())
+        .collect()
+}

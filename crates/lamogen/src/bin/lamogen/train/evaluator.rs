@@ -1,0 +1,89 @@
+//! Training an evaluator.
+
+use lamogen_data::Split;
+use lamogen_eval::{CaptionedMotions, Judge, TextForm, real_motions};
+use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity, run as train};
+use serde_json::json;
+
+use super::{Vocabulary, Watch, ended, metadata, open, plan, tokens};
+use crate::arguments::Train;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+use crate::source::device;
+
+/// Draws of captions and batches behind each figure.
+const REPETITIONS: usize = 20;
+
+pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
+    let device = device(options.device)?;
+    let config = match options.config.to_str() {
+        Some("compact") => EvaluatorTrainingConfig::compact(),
+        _ => EvaluatorTrainingConfig::from_file(&options.config)?,
+    };
+    let TextForm::Tokens {
+        vocab_size,
+        context_length,
+        ..
+    } = config.evaluator.text
+    else {
+        let message = "expected a config whose text is of \"tokens\": networks that read word vectors are loaded, not trained";
+        return Err(Failure::new(Code::Usage, message));
+    };
+    let vocabulary = Vocabulary {
+        size: vocab_size,
+        context_length,
+    };
+    let dataset = open(options, console)?;
+    let tokens = tokens(options, vocabulary, &dataset, console)?;
+    let failed = |error| Failure::new(Code::Input, error);
+    let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
+    let task = task.with_metadata(metadata(options));
+    let identity = identity("evaluator", &config, &dataset, &tokens);
+    console.notice(format!(
+        "Training on {} motions. {} gets all that is needed to go on after a stop.",
+        task.motions(),
+        options.out.display()
+    ));
+    let mut watch = Watch::new(options, console, |_, _| Ok(()))?;
+    let plan = plan(options);
+    let result = train(&task, &options.out, &identity, &plan, &device, &mut watch);
+    watch.finish()?;
+    let result = result?;
+    let folder = options.out.join("best");
+    if result.finished && folder.exists() {
+        let judge =
+            Judge::load(&folder, &device).map_err(|error| Failure::new(Code::Input, error))?;
+        for split in [Split::Validation, Split::Test] {
+            let motions = captioned(&dataset, split, judge.evaluator().config());
+            let motions = CaptionedMotions::embed(&judge, motions);
+            let motions = motions.map_err(|error| Failure::new(Code::Run, error))?;
+            let Ok(found) = real_motions(&motions, REPETITIONS, 0) else {
+                console.notice(format!("{split}: too few motions for batches of 32"));
+                continue;
+            };
+            let text = |place: usize| {
+                let estimate = &found.r_precision[place];
+                format!("{:.3} ± {:.3}", estimate.mean, estimate.interval)
+            };
+            match console.json {
+                true => console.say(
+                    json!({
+                        "split": split.name(),
+                        "motions": found.motions,
+                        "r_precision": found.r_precision.iter().map(|top| json!({ "mean": top.mean, "interval": top.interval })).collect::<Vec<_>>(),
+                        "distance": { "mean": found.distance.mean, "interval": found.distance.interval },
+                    })
+                    .to_string(),
+                )?,
+                false => console.say(format!(
+                    "{split}: R-precision of {} real motions, top 1 {}, top 2 {}, top 3 {}",
+                    found.motions,
+                    text(0),
+                    text(1),
+                    text(2)
+                ))?,
+            }
+        }
+    }
+    ended(options, &result, "", console)
+}

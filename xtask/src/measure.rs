@@ -1,0 +1,178 @@
+//! How good a model is on motions that it has not seen: what stands in its model card.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use burn::tensor::Device;
+use lamogen::{FRAMES_PER_SECOND, LaMoGen, Motion, Request};
+use lamogen_data::{Dataset, Entry, LoadOptions, Split};
+use lamogen_eval::{CaptionedMotions, Estimate, Judge, fid, real_motions};
+use lamogen_model::Denoiser;
+use lamogen_motion::{BoneDrift, FootSliding, Jitter};
+use lamogen_train::{CaptionTokens, Validation};
+use serde_json::{Value, json};
+
+/// What is measured.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Folder of the data set.
+    #[arg(long)]
+    pub data: PathBuf,
+    /// Folder of the evaluator, as lamogen train --evaluator leaves it.
+    #[arg(long)]
+    pub evaluator: PathBuf,
+    /// Folder of a model; the embedded one without.
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// DDIM steps.
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub steps: u64,
+    /// Motions of every caption, from as many seeds.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    pub repeats: u64,
+    /// Which motions are measured: train, val or test.
+    #[arg(long, default_value = "test")]
+    pub split: Split,
+}
+
+/// Repetitions of captions and batches for R-precision.
+const DRAWS: usize = 20;
+
+/// Measures a model and, beside it, the real motions: losses on clean motions, R-precision, FID, foot sliding, jitter, bone
+/// drift. Generated motions have captions and lengths of the real ones.
+///
+/// # Errors
+///
+/// If a file cannot be read, or a motion cannot be generated.
+pub fn run(
+    options: &Options,
+    device: &Device,
+    tell: &mut dyn FnMut(String),
+) -> Result<Value, Box<dyn Error>> {
+    let model = match &options.model {
+        Some(folder) => LaMoGen::load(folder, device)?,
+        None => LaMoGen::embedded(device)?,
+    };
+    let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
+    let judge = Judge::load(&options.evaluator, device)?;
+    let network = model.network();
+    let lengths = network.min_frames()..=network.max_frames();
+    let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None)?;
+    let mut losses = serde_json::Map::new();
+    for split in [Split::Validation, Split::Test] {
+        let validation = Validation::new(&dataset, &tokens, split, lengths.clone(), device);
+        let validation = validation.ok_or("no motions to validate on")?;
+        let loss = validation.loss(network);
+        tell(format!("{split}: validation loss {loss:.4}"));
+        losses.insert(split.name().into(), loss.into());
+    }
+    let entries = dataset.split(options.split).filter(|entry| !entry.mirror);
+    let entries: Vec<&Entry> = entries
+        .filter(|entry| lengths.contains(&entry.frames))
+        .collect();
+    let real: Vec<Motion> = entries
+        .iter()
+        .map(|entry| {
+            let mut rows = Vec::new();
+            dataset.features(entry, 0..entry.frames, &mut rows);
+            let (rows, _) = rows.as_chunks();
+            Motion::from_pose_features(rows.to_vec())
+        })
+        .collect::<Result<_, _>>()?;
+    let (real, embedded) = judged(&judge, &entries, &real, None)?;
+    let mut generated = Vec::new();
+    for seed in 0..options.repeats {
+        let requests: Vec<Request> = entries
+            .iter()
+            .enumerate()
+            .map(|(place, entry)| {
+                Request::new(&entry.captions[caption(entry, seed)].text)
+                    .seconds(entry.frames as f32 / FRAMES_PER_SECOND)
+                    .steps(options.steps as usize)
+                    .seed(seed * 100_000 + place as u64)
+            })
+            .collect();
+        let made = model.generate_all(&requests)?;
+        let made: Vec<Motion> = made.into_iter().map(|made| made.guided).collect();
+        let (figures, found) = judged(&judge, &entries, &made, Some(seed))?;
+        let mut figures = figures;
+        figures.insert("fid", fid(embedded.motions(), found.motions())?);
+        tell(format!("seed {seed}: {figures:.4?}"));
+        generated.push(figures);
+    }
+    let means = generated[0].keys().map(|name| {
+        let values = generated.iter().map(|figures| figures[name]);
+        let estimate = Estimate::of(values);
+        let value = json!({ "mean": estimate.mean, "interval": estimate.interval });
+        ((*name).to_owned(), value)
+    });
+    Ok(json!({
+        "model": options.model,
+        "split": options.split.name(),
+        "motions": entries.len(),
+        "steps": options.steps,
+        "repeats": options.repeats,
+        "validation_loss": losses,
+        "generated": means.collect::<serde_json::Map<_, _>>(),
+        "real": real,
+    }))
+}
+
+/// Which caption a motion is generated from.
+fn caption(entry: &Entry, seed: u64) -> usize {
+    seed as usize % entry.captions.len()
+}
+
+type Figures = std::collections::BTreeMap<&'static str, f64>;
+
+/// What a judge and a ruler make of motions. Generated ones are held against the caption they come from, real ones against all of
+/// theirs.
+fn judged(
+    judge: &Judge,
+    entries: &[&Entry],
+    motions: &[Motion],
+    seed: Option<u64>,
+) -> Result<(Figures, CaptionedMotions), Box<dyn Error>> {
+    let pairs = entries.iter().zip(motions).map(|(entry, motion)| {
+        let captions = entry.captions.iter().map(|caption| caption.text.clone());
+        let captions: Vec<String> = match seed {
+            None => captions.collect(),
+            Some(seed) => captions.skip(caption(entry, seed)).take(1).collect(),
+        };
+        let rows = motion.features().expect("motions of pose features");
+        (captions, rows.as_flattened().to_vec())
+    });
+    let found = CaptionedMotions::embed(judge, pairs)?;
+    let precision = real_motions(&found, DRAWS, 0)?;
+    let mean = |of: &dyn Fn(&Motion) -> f32| {
+        motions
+            .iter()
+            .map(|motion| f64::from(of(motion)))
+            .sum::<f64>()
+            / motions.len() as f64
+    };
+    let figures = [
+        ("r_precision_1", precision.r_precision[0].mean),
+        ("r_precision_2", precision.r_precision[1].mean),
+        ("r_precision_3", precision.r_precision[2].mean),
+        ("distance", precision.distance.mean),
+        (
+            "sliding_share",
+            mean(&|motion| FootSliding::of(motion).ratio),
+        ),
+        (
+            "sliding_speed_m_s",
+            mean(&|motion| FootSliding::of(motion).speed),
+        ),
+        (
+            "jitter_ankles_mm",
+            mean(&|motion| Jitter::of(motion).ankles),
+        ),
+        ("jerk_m_s3", mean(&|motion| Jitter::of(motion).jerk)),
+        (
+            "bone_drift_m",
+            mean(&|motion| BoneDrift::of(motion).largest()),
+        ),
+    ];
+    Ok((figures.into(), found))
+}
