@@ -253,3 +253,66 @@ fn what_goes_wrong_has_a_code_and_a_reason() {
     ];
     fails(folder, &short, 3, &["train split", "39"]);
 }
+
+#[test]
+fn an_evaluator_is_trained_and_stops_and_goes_on_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let config = serde_json::json!({
+        "evaluator": {
+            "dim_pose": 263, "max_motion_length": 60, "dim_movement_enc_hidden": 8, "dim_movement_latent": 8,
+            "dim_motion_hidden": 8, "dim_text_hidden": 8, "dim_coemb_hidden": 8,
+            "text": { "tokens": { "vocab_size": 300, "context_length": 10, "dim_word": 8 } },
+        },
+        "matching": { "pairs_per_batch": 2 },
+    });
+    fs::write(folder.join("judge.json"), config.to_string()).unwrap();
+    // Sentences that differ, so that pairs can be told apart.
+    for place in 0..10 {
+        let text = format!("swing number {place} goes#swing/NOUN#0.0#0.0\n");
+        fs::write(folder.join(format!("data/texts/{place:06}.txt")), text).unwrap();
+    }
+    let all = [
+        "--evaluator",
+        "--data",
+        "data",
+        "--config",
+        "judge.json",
+        "--steps",
+        "6",
+        "--validate-every",
+        "3",
+    ];
+    let whole = [&all[..], &["--out", "whole"]].concat();
+    let (result, notices) = succeeds(folder, &whole);
+    assert!(result.contains("after 6 steps"), "{result}");
+    assert!(notices.contains("test: too few motions"), "{notices}");
+    let parts = [&all[..], &["--out", "parts", "--sitting", "0"]].concat();
+    for _ in 0..6 {
+        succeeds(folder, &parts);
+    }
+    for name in [
+        "model.safetensors",
+        "config.json",
+        "tokenizer.json",
+        "mean.npy",
+        "std.npy",
+    ] {
+        let [whole, parts] = ["whole", "parts"]
+            .map(|run| fs::read(folder.join(run).join("model").join(name)).unwrap());
+        assert!(whole == parts, "{name} differs");
+    }
+    // The folder is one of an evaluator.
+    let denoiser = [
+        "--data",
+        "data",
+        "--config",
+        "tiny.json",
+        "--steps",
+        "6",
+        "--out",
+        "whole",
+    ];
+    fails(folder, &denoiser, 2, &["what", "evaluator", "denoiser"]);
+}
