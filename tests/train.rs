@@ -236,22 +236,22 @@ fn what_goes_wrong_has_a_code_and_a_reason() {
     // A run of another length in the same folder.
     succeeds(folder, &with(&steps));
     fails(folder, &with(&["--steps", "3"]), 2, &["2 steps", "3 steps"]);
-    // A network that is made for shorter motions than there are.
+    // A network that is made for longer motions than there are.
     let config = fs::read_to_string(folder.join("tiny.json")).unwrap();
-    let short = config.replace("\"num_frames\":60", "\"num_frames\":39");
-    assert_ne!(config, short);
-    fs::write(folder.join("short.json"), short).unwrap();
-    let short = [
+    let long = config.replace("\"num_frames\":60", "\"num_frames\":900,\"min_frames\":800");
+    assert_ne!(config, long);
+    fs::write(folder.join("long.json"), long).unwrap();
+    let long = [
         "--data",
         "data",
         "--config",
-        "short.json",
+        "long.json",
         "--out",
         "x",
         "--steps",
         "2",
     ];
-    fails(folder, &short, 3, &["train split", "39"]);
+    fails(folder, &long, 3, &["train split", "800"]);
 }
 
 #[test]

@@ -8,12 +8,17 @@ use burn::tensor::container::TensorContainer;
 ///
 /// Both are the same network; the average is not tracked by autodiff.
 pub(crate) fn follow<M: Module>(average: M, network: &M, decay: f64) -> M {
-    let mut weights = Weights(TensorContainer::new());
-    network.visit(&mut weights);
     average.map(&mut Follow {
-        weights: weights.0,
+        weights: weights(network),
         decay,
     })
+}
+
+/// The weights of a network, not followed by autodiff.
+pub(crate) fn weights<M: Module>(network: &M) -> TensorContainer<ParamId> {
+    let mut weights = Weights(TensorContainer::new());
+    network.visit(&mut weights);
+    weights.0
 }
 
 struct Weights(TensorContainer<ParamId>);

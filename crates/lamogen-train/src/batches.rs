@@ -1,24 +1,20 @@
 //! Which motions a step sees.
-//!
-//! What is drawn at a step depends on the seed and the step alone, so that a run that goes on where it was stopped sees what it
-//! would have seen without a stop.
 
-use std::collections::HashMap;
 use std::ops::{Range, RangeInclusive};
 
-use lamogen_data::{Dataset, Split};
+use lamogen_data::Dataset;
 use lamogen_guide::TRAINING_STEPS;
-use rand::{Rng, RngExt, SeedableRng};
-use rand_chacha::ChaCha12Rng;
+use rand::{Rng, RngExt};
 
 use crate::config::DenoisingConfig;
+use crate::sampling::{candidates, cut, stream};
 
 /// Deals out the motions of the training split.
 #[derive(Clone, Debug)]
 pub(crate) struct Batches {
     seed: u64,
     crop: f64,
-    shortest: usize,
+    lengths: RangeInclusive<usize>,
     frames_per_batch: usize,
     noises: usize,
     buckets: Vec<Bucket>,
@@ -57,52 +53,39 @@ pub(crate) struct Visit {
 }
 
 impl Batches {
-    /// Batches of the training split's motions, none shorter or longer than the model allows. `None` if there is none.
+    /// Batches of the training split's motions that are as long as the model asks for; of longer ones a part is seen. `None` if there
+    /// is none.
     pub(crate) fn new(
         dataset: &Dataset,
         config: &DenoisingConfig,
         seed: u64,
         lengths: RangeInclusive<usize>,
     ) -> Option<Self> {
-        let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
-        let entries: Vec<usize> = dataset
-            .indices(Split::Train)
-            .filter(|&entry| lengths.contains(&dataset.entries()[entry].frames))
-            .collect();
-        for &entry in &entries {
-            let content = dataset.entries()[entry].content.as_deref();
-            *counts.entry(content).or_default() += 1.0;
-        }
-        let mut sorted = entries;
-        sorted.sort_by_key(|&entry| (dataset.entries()[entry].frames, entry));
+        let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
+        let mut sorted = candidates(dataset, *lengths.start());
+        sorted.sort_by_key(|&(entry, _)| (frames(entry), entry));
         let size = sorted.len().div_ceil(config.length_buckets);
-        let buckets: Vec<Bucket> = sorted
-            .chunks(size.max(1))
-            .map(|entries| {
-                let motions = entries.iter().map(|&entry| &dataset.entries()[entry]);
-                let candidates = entries.iter().zip(motions.clone());
-                let candidates = candidates.map(|(&entry, motion)| Candidate {
-                    entry,
-                    frames: motion.frames,
-                    captions: motion.captions.len(),
-                });
-                // What is done often is seen less than its share, what is done rarely more.
-                let weights = motions.map(|motion| counts[&motion.content.as_deref()].powf(-0.5));
-                Bucket {
-                    entries: candidates.collect(),
-                    weights: sums(weights),
-                    longest: dataset.entries()[*entries.last().expect("chunks are not empty")]
-                        .frames,
-                }
-            })
-            .collect();
+        let bucket = |candidates: &[(usize, f64)]| {
+            let entries = candidates.iter().map(|&(entry, _)| Candidate {
+                entry,
+                frames: dataset.entries()[entry].frames,
+                captions: dataset.entries()[entry].captions.len(),
+            });
+            let (longest, _) = candidates.last().expect("chunks are not empty");
+            Bucket {
+                entries: entries.collect(),
+                weights: sums(candidates.iter().map(|(_, weight)| *weight)),
+                longest: frames(*longest),
+            }
+        };
+        let buckets: Vec<Bucket> = sorted.chunks(size.max(1)).map(bucket).collect();
         let weights = buckets.iter();
         let weights = weights.map(|bucket| bucket.weights.last().expect("not empty"));
         let weights = sums(weights.copied());
-        (!buckets.is_empty()).then(|| Batches {
+        (!buckets.is_empty()).then_some(Batches {
             seed,
             crop: config.crop,
-            shortest: *lengths.start(),
+            lengths,
             frames_per_batch: config.frames_per_batch,
             noises: config.noises_per_motion,
             weights,
@@ -117,14 +100,14 @@ impl Batches {
 
     /// The batch of a step.
     pub(crate) fn draw(&self, step: u64) -> Vec<Visit> {
-        let mut generator = ChaCha12Rng::seed_from_u64(self.seed);
-        generator.set_stream(step);
+        let mut generator = stream(self.seed, step);
         let bucket = &self.buckets[pick(&self.weights, &mut generator)];
         let count = (self.frames_per_batch / (bucket.longest * self.noises)).max(1);
         let mut visits = Vec::with_capacity(count * self.noises);
         for _ in 0..count {
             let candidate = bucket.entries[pick(&bucket.weights, &mut generator)];
-            let frames = self.cut(candidate.frames, &mut generator);
+            let lengths = self.lengths.clone();
+            let frames = cut(candidate.frames, self.crop, lengths, 1, &mut generator);
             let caption = generator.random_range(0..candidate.captions as u64) as usize;
             // Each noise of a motion in a part of the timesteps of its own, so that they differ.
             for part in 0..self.noises {
@@ -139,14 +122,6 @@ impl Batches {
             }
         }
         visits
-    }
-
-    /// Some frames of a motion, most of them.
-    fn cut(&self, frames: usize, generator: &mut impl Rng) -> Range<usize> {
-        let least = ((frames as f64 * (1.0 - self.crop)).ceil() as usize).max(self.shortest);
-        let length = generator.random_range(least.min(frames) as u64..=frames as u64);
-        let start = generator.random_range(0..=frames as u64 - length);
-        start as usize..(start + length) as usize
     }
 }
 

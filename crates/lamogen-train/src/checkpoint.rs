@@ -1,17 +1,16 @@
 //! What a run needs to go on as if it had never stopped.
 //!
 //! ```text
-//! RUN/checkpoints/step-00001000/  network.bpk, average.bpk, optimizer.bpk, state.json
+//! RUN/checkpoints/step-00001000/  network.bpk, average.bpk, moment_1.bpk, moment_2.bpk, state.json
 //! ```
 //!
 //! What is drawn at a step depends on the step's number alone, so that no generator and no place in the data have to be kept.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
-use burn::store::{ModuleRecord, RecordError};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
@@ -20,6 +19,9 @@ use crate::trainer::{State, Trainer, tracked};
 
 /// Checkpoints that are kept: the newest, and the one before in case the newest is damaged with the disk.
 const KEPT: usize = 2;
+
+/// What a checkpoint keeps as networks: weights, their average, and their moments.
+const NETWORKS: [&str; 4] = ["network.bpk", "average.bpk", "moment_1.bpk", "moment_2.bpk"];
 
 /// What stands in a checkpoint beside weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,38 +85,47 @@ impl Checkpoints {
         }
         let temporary = self.folder.join(format!(".{name}"));
         let io = |reason| TrainError::io(&temporary, reason);
-        match fs::remove_dir_all(&temporary) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(io(error)),
-            _ => fs::create_dir_all(&temporary).map_err(io)?,
-        }
+        self.remove_unfinished()?;
+        fs::create_dir_all(&temporary).map_err(io)?;
         let State {
             network,
             average,
-            optimizer,
+            moments: [first, second],
             ..
         } = &trainer.state;
-        let burn = |reason| TrainError::record(&temporary, reason);
-        network
-            .valid()
-            .save_file(temporary.join("network.bpk"))
-            .map_err(burn)?;
-        average
-            .clone()
-            .save_file(temporary.join("average.bpk"))
-            .map_err(burn)?;
-        optimizer
-            .save(temporary.join("optimizer.bpk"))
-            .map_err(burn)?;
-        let json = serde_json::to_vec_pretty(progress).expect("numbers are JSON");
-        fs::write(temporary.join("state.json"), json).map_err(io)?;
-        for file in fs::read_dir(&temporary).map_err(io)? {
-            let file = fs::File::open(file.map_err(io)?.path()).map_err(io)?;
-            file.sync_all().map_err(io)?;
+        for (name, network) in NETWORKS.into_iter().zip([network, average, first, second]) {
+            let saved = network.valid().save_file(temporary.join(name));
+            saved.map_err(|reason| TrainError::record(&temporary, reason))?;
         }
+        let json = serde_json::to_vec_pretty(progress).expect("numbers are JSON");
+        let mut state = fs::File::create(temporary.join("state.json")).map_err(io)?;
+        state.write_all(&json).map_err(io)?;
+        state.sync_all().map_err(io)?;
         fs::rename(&temporary, &path).map_err(io)?;
+        // The new one must be there for good before old ones go.
+        #[cfg(unix)]
+        fs::File::open(&self.folder)
+            .and_then(|folder| folder.sync_all())
+            .map_err(io)?;
         let all = self.all()?;
         for old in &all[..all.len().saturating_sub(KEPT)] {
             fs::remove_dir_all(old).map_err(|reason| TrainError::io(old, reason))?;
+        }
+        Ok(())
+    }
+}
+
+impl Checkpoints {
+    /// Removes what a lost machine left half written.
+    fn remove_unfinished(&self) -> Result<(), TrainError> {
+        let io = |reason| TrainError::io(&self.folder, reason);
+        fs::create_dir_all(&self.folder).map_err(io)?;
+        for entry in fs::read_dir(&self.folder).map_err(io)? {
+            let path = entry.map_err(io)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with(".step-") {
+                fs::remove_dir_all(&path).map_err(|reason| TrainError::io(&path, reason))?;
+            }
         }
         Ok(())
     }
@@ -133,28 +144,19 @@ pub(crate) fn progress(checkpoint: &Path) -> Result<Progress, TrainError> {
 impl<T: Task> Trainer<'_, T> {
     /// Goes back to a checkpoint.
     pub(crate) fn restore(&mut self, checkpoint: &Path, step: u64) -> Result<(), TrainError> {
-        let record = |name: &str| {
+        let mut read = NETWORKS.into_iter().map(|name| {
             let path = checkpoint.join(name);
-            let record = ModuleRecord::load(&path);
-            record.map_err(|reason| TrainError::record(&path, reason))
-        };
-        let problem = |reason: RecordError| TrainError::record(checkpoint, reason);
-        let average = self.state.average.clone();
-        let average = average
-            .try_load_record(record("average.bpk")?)
-            .map_err(problem)?;
-        let network = average.clone().try_load_record(record("network.bpk")?);
-        let network = network.map_err(problem)?;
-        // The optimiser knows parameters by their numbers, which come with the network.
-        let optimizer = self.task.optimization().optimizer(&network);
-        let path = checkpoint.join("optimizer.bpk");
-        let optimizer = optimizer.load(&path);
-        let optimizer = optimizer.map_err(|reason| TrainError::record(&path, reason))?;
+            let fresh = self.state.average.clone();
+            let network = fresh.try_load_file(&path);
+            network.map_err(|reason| TrainError::record(&path, reason))
+        });
+        let mut next = || read.next().expect("as many as there are names");
+        // Their parameters have the numbers that they were saved with, the same in all of them: by these they find each other.
         self.state = State {
             step,
-            network: tracked(network),
-            average,
-            optimizer,
+            network: tracked(next()?),
+            average: next()?,
+            moments: [next()?, next()?],
         };
         Ok(())
     }

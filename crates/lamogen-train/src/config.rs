@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::ModelConfig;
+use lamogen_motion::POSE_FEATURES;
 use serde::{Deserialize, Serialize};
 
 use crate::losses::Losses;
@@ -126,7 +127,11 @@ impl TrainingConfig {
 
     /// Why this cannot be trained, if it cannot.
     pub fn problem(&self) -> Option<String> {
-        let model = self.model.problem();
+        let found = self.model.input_feats;
+        let features = (found != POSE_FEATURES).then(|| {
+            format!("input_feats must be {POSE_FEATURES}, those of HumanML3D, found {found}")
+        });
+        let model = self.model.problem().or(features);
         model
             .map(|problem| format!("model.{problem}"))
             .or_else(|| self.denoising.problem())

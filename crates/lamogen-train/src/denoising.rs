@@ -6,7 +6,7 @@ use std::path::Path;
 use burn::tensor::Device;
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::Schedule;
-use lamogen_model::{MotionDiffuse, Precision, Trained};
+use lamogen_model::{MotionDiffuse, Precision, Prediction, Trained};
 use lamogen_motion::Normalization;
 
 use crate::batches::Batches;
@@ -48,6 +48,16 @@ impl<'a> Denoising<'a> {
         config: &'a TrainingConfig,
         device: &Device,
     ) -> Result<Self, TrainError> {
+        let (clip, tokenizer) = (&config.model.clip, tokens.tokenizer());
+        let found = (tokenizer.context_length(), tokenizer.vocab_size());
+        if found.0 != clip.context_length || found.1 > clip.vocab_size {
+            return Err(TrainError::Captions {
+                expected: clip.context_length,
+                vocabulary: clip.vocab_size,
+                found: found.0,
+                found_vocabulary: found.1,
+            });
+        }
         let lengths = config.model.shortest()..=config.model.num_frames;
         let seed = config.optimization.seed;
         let batches = Batches::new(dataset, &config.denoising, seed, lengths.clone());
@@ -121,7 +131,11 @@ impl Task for Denoising<'_> {
 
     fn validate(&self, network: &MotionDiffuse) -> Option<f64> {
         let validation = self.validation.as_ref()?;
-        Some(validation.loss(network))
+        Some(match self.config.model.prediction {
+            // Where nearly all is noise, a small error of the noise is a clean motion thousands of times off, and would decide alone.
+            Prediction::Epsilon => validation.prediction_loss(network),
+            Prediction::Sample | Prediction::V => validation.loss(network),
+        })
     }
 
     fn save(&self, network: &MotionDiffuse, folder: &Path) -> Result<(), TrainError> {

@@ -20,6 +20,27 @@ pub enum TrainError {
         shortest: usize,
         longest: usize,
     },
+    /// The captions were made for another network.
+    #[error(
+        "expected captions of {expected} tokens below {vocabulary}, as the network reads them, found {found} tokens of a vocabulary of {found_vocabulary}"
+    )]
+    #[allow(missing_docs)]
+    Captions {
+        expected: usize,
+        vocabulary: usize,
+        found: usize,
+        found_vocabulary: usize,
+    },
+    /// A measurement went wrong.
+    #[error(
+        "the loss on the validation split after step {step} is {loss}: expected a finite number"
+    )]
+    #[allow(missing_docs)]
+    Validation { step: u64, loss: f64 },
+    /// Somebody else works in the folder.
+    #[error("{path}: another process trains here")]
+    #[allow(missing_docs)]
+    Busy { path: PathBuf },
     /// A step went wrong.
     #[error(
         "step {step}: expected finite numbers, found the loss {loss} and a gradient of length {gradient_norm}; \

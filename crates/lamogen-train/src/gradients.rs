@@ -37,7 +37,8 @@ struct Squares<'a> {
 impl ModuleVisitor for Squares<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.get::<D>(param.id) {
-            let sum = gradient.square().sum();
+            // In two parts: a sum of millions of numbers at once runs in another order each time.
+            let sum = gradient.square().sum_dim(0).sum();
             self.sum = Some(match self.sum.take() {
                 Some(others) => others + sum,
                 None => sum,

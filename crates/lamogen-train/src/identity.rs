@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use crate::tokens::CaptionTokens;
 
-/// What is trained, by which config, on what: the same for the same run, and different if anything differs that its weights depend on.
-/// Learned vocabularies count by what they make of the captions.
+/// What is trained, by which config, on what: the same for the same run, and different if the config differs, or names, lengths, splits,
+/// contents, captions as ids or statistics of the data. The motions themselves are not compared.
 pub fn identity(
     what: &str,
     config: &impl Serialize,
@@ -16,11 +16,12 @@ pub fn identity(
 ) -> Value {
     let mut sum = Checksum::new();
     for (place, entry) in dataset.entries().iter().enumerate() {
-        sum.add(entry.name.as_bytes());
-        sum.add(entry.split.name().as_bytes());
+        sum.add_text(&entry.name);
+        sum.add_text(entry.split.name());
+        sum.add(&[u8::from(entry.mirror)]);
         sum.add(&(entry.frames as u64).to_le_bytes());
         for word in [&entry.content, &entry.style] {
-            sum.add(word.as_deref().unwrap_or_default().as_bytes());
+            sum.add_text(word.as_deref().unwrap_or_default());
         }
         for caption in 0..entry.captions.len() {
             for id in tokens.of(place, caption) {
@@ -46,6 +47,11 @@ struct Checksum(u64);
 impl Checksum {
     fn new() -> Self {
         Checksum(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn add_text(&mut self, text: &str) {
+        self.add(&(text.len() as u64).to_le_bytes());
+        self.add(text.as_bytes());
     }
 
     fn add(&mut self, bytes: &[u8]) {

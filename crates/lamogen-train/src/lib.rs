@@ -8,6 +8,7 @@
 //!
 //! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
 
+mod adam;
 mod average;
 mod batches;
 mod checkpoint;
@@ -23,6 +24,7 @@ mod matching;
 mod model_folder;
 mod optimization;
 mod run;
+mod sampling;
 mod task;
 mod tokens;
 mod trainer;

@@ -33,11 +33,11 @@ impl LogLine {
         }
     }
 
-    /// Reads all whole lines of a file. A last line that was cut off while it was written is left out.
+    /// Reads a file up to the first line that is none, such as one that was cut off while it was written.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, or a line is no line of losses.
+    /// If the file cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<Vec<LogLine>, TrainError> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|reason| TrainError::io(path, reason))?;
@@ -48,22 +48,18 @@ impl LogLine {
     }
 }
 
-/// Whole lines, and where each ends in the file.
+/// Lines up to the first that is no line of losses, and where each ends in the file.
 fn parse(file: File, path: &Path) -> Result<Vec<(LogLine, u64)>, TrainError> {
     let io = |reason| TrainError::io(path, reason);
     let mut reader = BufReader::new(file);
     let (mut lines, mut end) = (Vec::new(), 0);
-    let mut text = String::new();
-    while reader.read_line(&mut text).map_err(io)? > 0 {
-        if !text.ends_with('\n') {
-            break;
-        }
+    let mut text = Vec::new();
+    while reader.read_until(b'\n', &mut text).map_err(io)? > 0 {
         end += text.len() as u64;
-        let line = serde_json::from_str(&text).map_err(|reason| TrainError::Checkpoint {
-            path: path.to_owned(),
-            problem: format!("line {}: {reason}", lines.len() + 1),
-        })?;
-        lines.push((line, end));
+        match serde_json::from_slice(&text) {
+            Ok(line) if text.ends_with(b"\n") => lines.push((line, end)),
+            _ => break,
+        }
         text.clear();
     }
     Ok(lines)
@@ -89,11 +85,23 @@ impl Log {
             .map_err(io)?;
         let lines = parse(file.try_clone().map_err(io)?, &path)?;
         let keep = lines.iter().rfind(|(line, _)| line.step() <= step);
-        let end = keep.map_or(0, |(_, end)| *end);
+        let (last, end) = keep.map_or((0, 0), |(line, end)| (line.step(), *end));
+        if last < step {
+            return Err(TrainError::Checkpoint {
+                problem: format!("expected the losses of {step} steps, found those of {last}"),
+                path,
+            });
+        }
         let mut file = file;
         file.set_len(end).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
         Ok(Log { path, file })
+    }
+
+    /// Returns once all lines are on the disk.
+    pub(crate) fn sync(&self) -> Result<(), TrainError> {
+        let synced = self.file.sync_data();
+        synced.map_err(|reason| TrainError::io(&self.path, reason))
     }
 
     pub(crate) fn write(&mut self, line: &LogLine) -> Result<(), TrainError> {

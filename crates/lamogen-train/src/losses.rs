@@ -69,21 +69,24 @@ impl Losses {
         prediction: Prediction,
         normalization: &Normalization,
     ) -> Parts {
-        let frames: usize = truth.mask.lengths().iter().sum();
+        let lengths = truth.mask.lengths();
+        let frames: usize = lengths.iter().sum();
+        let steps = frames - lengths.len();
         let keep = truth.mask.keep();
         // Sums over frames that count, divided by how many numbers were summed up.
-        let mean = |squares: Tensor<3>, width: usize, keep: &Option<Tensor<3>>| {
+        let mean = |squares: Tensor<3>, frames: usize, width: usize, keep: &Option<Tensor<3>>| {
             let squares = match keep {
                 Some(keep) => squares * keep.clone(),
                 None => squares,
             };
-            squares.sum() / (frames * width) as f64
+            // In parts: a sum of millions of numbers at once runs in another order each time.
+            squares.sum_dim(2).sum_dim(1).sum() / (frames * width) as f64
         };
         let [_, count, features] = output.dims();
         let error = output.clone() - truth.target(prediction);
-        let squared = mean(error.square(), features, &keep);
+        let squared = mean(error.square(), frames, features, &keep);
         let mut total = squared.clone();
-        if *self == Losses::default() {
+        if *self == Losses::default() || count < 2 {
             return Parts {
                 prediction: squared,
                 total,
@@ -97,12 +100,12 @@ impl Losses {
         let clean = truth.clean_of(output, prediction);
         // Where little of the clean motion is left, an error of the noise is an error of the clean motion many times as large.
         let weight = |x: Tensor<3>| match prediction {
-            Prediction::Sample => x,
-            _ => x * truth.alpha_cumprod.clone(),
+            Prediction::Sample | Prediction::V => x,
+            Prediction::Epsilon => x * truth.alpha_cumprod.clone(),
         };
         if self.change > 0.0 {
             let error = change(clean.clone()) - change(truth.clean.clone());
-            let squared = mean(weight(error.square()), features, &changes);
+            let squared = mean(weight(error.square()), steps, features, &changes);
             total = total + squared * self.change;
         }
         if self.position > 0.0 || self.velocity > 0.0 || self.foot_contact > 0.0 {
@@ -114,12 +117,12 @@ impl Losses {
             let (found, expected) = (flat(clean), flat(truth.clean.clone()));
             if self.position > 0.0 {
                 let error = (found.clone() - expected.clone()).square();
-                total = total + mean(weight(error), JOINTS, &keep) * self.position;
+                total = total + mean(weight(error), frames, JOINTS, &keep) * self.position;
             }
             let moved = change(found);
             if self.velocity > 0.0 {
                 let error = (moved.clone() - change(expected)).square();
-                total = total + mean(weight(error), JOINTS, &changes) * self.velocity;
+                total = total + mean(weight(error), steps, JOINTS, &changes) * self.velocity;
             }
             if self.foot_contact > 0.0 {
                 let range = FeatureGroup::FootContact.range();
@@ -132,7 +135,7 @@ impl Losses {
                     foot.square().sum_dim(2)
                 });
                 let sliding = Tensor::cat(feet.to_vec(), 2) * contacts;
-                let squared = mean(weight(sliding), range.len(), &changes);
+                let squared = mean(weight(sliding), steps, range.len(), &changes);
                 total = total + squared * self.foot_contact;
             }
         }
@@ -162,7 +165,7 @@ impl Truth {
     }
 
     /// What the network should return.
-    fn target(&self, prediction: Prediction) -> Tensor<3> {
+    pub(crate) fn target(&self, prediction: Prediction) -> Tensor<3> {
         match prediction {
             Prediction::Sample => self.clean.clone(),
             Prediction::Epsilon => self.noise.clone(),

@@ -1,8 +1,6 @@
 //! How weights move: AdamW, its learning rate over a run, and what is kept of the weights.
 
-use burn::module::{Module, ModuleVisitor, Param, ParamGroup, ParamId};
-use burn::optim::{AdamWConfig, ModuleOptimizer};
-use burn::tensor::Tensor;
+use burn::optim::{AdamW, AdamWConfig};
 use serde::{Deserialize, Serialize};
 
 /// How weights move. What a file leaves out has the default.
@@ -88,47 +86,32 @@ impl Optimization {
             .min((1 + step) as f64 / (10 + step) as f64)
     }
 
-    /// AdamW for the weights of a network.
-    pub(crate) fn optimizer<M: Module>(&self, network: &M) -> ModuleOptimizer {
+    /// AdamW for matrices, and for all other weights.
+    pub(crate) fn adam(&self) -> [AdamW; 2] {
         let [first, second] = self.betas;
-        let adam = AdamWConfig::new()
-            .with_beta_1(first)
-            .with_beta_2(second)
-            // burn's own default is 1e-5.
-            .with_epsilon(1e-8)
-            .with_weight_decay(self.weight_decay);
-        let mut others = NotMatrices::default();
-        network.visit(&mut others);
-        let others = ParamGroup::from_ids(others.found);
-        adam.init()
-            .with_group(others, adam.with_weight_decay(0.0).build(), None)
+        [self.weight_decay, 0.0].map(|weight_decay| {
+            AdamWConfig::new()
+                .with_beta_1(first)
+                .with_beta_2(second)
+                // burn's own default is 1e-5.
+                .with_epsilon(1e-8)
+                .with_weight_decay(weight_decay)
+                .build()
+        })
     }
 }
 
-/// Parameters that are no matrices of layers.
-#[derive(Default)]
-struct NotMatrices {
-    path: Vec<String>,
-    found: Vec<ParamId>,
-}
-
-impl ModuleVisitor for NotMatrices {
-    fn enter_module(&mut self, name: &str, _: &str) {
-        self.path.push(name.to_owned());
-    }
-
-    fn exit_module(&mut self, _: &str, _: &str) {
-        self.path.pop();
-    }
-
-    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        /// Tables of vectors.
-        const TABLES: [&str; 3] = ["token_embedding", "positional_embedding", "frame_embedding"];
-        let table = self.path.iter().any(|name| TABLES.contains(&&**name));
-        if D < 2 || table {
-            self.found.push(param.id);
-        }
-    }
+/// Whether a weight of `rank` axes decays: matrices do, and not biases, scales, tables of vectors and states to start from.
+pub(crate) fn decays(path: &[String], rank: usize) -> bool {
+    const OTHERS: [&str; 5] = [
+        "token_embedding",
+        "positional_embedding",
+        "frame_embedding",
+        // Of evaluators.
+        "Tokens",
+        "start",
+    ];
+    rank > 1 && !path.iter().any(|name| OTHERS.contains(&&**name))
 }
 
 #[cfg(test)]

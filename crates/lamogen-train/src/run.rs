@@ -8,7 +8,7 @@
 //!     best/             the one with the lowest validation loss
 //! ```
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -110,6 +110,8 @@ struct Run<'a, T: Task> {
     progress: Progress,
     resumed_at: u64,
     last: Option<f64>,
+    /// Held as long as the run is.
+    _lock: File,
 }
 
 impl<'a, T: Task> Run<'a, T> {
@@ -121,6 +123,7 @@ impl<'a, T: Task> Run<'a, T> {
         device: &Device,
     ) -> Result<Self, TrainError> {
         fs::create_dir_all(folder).map_err(|reason| TrainError::io(folder, reason))?;
+        let lock = lock(folder)?;
         check_identity(folder, identity)?;
         let checkpoints = Checkpoints::of(folder);
         let mut trainer = Trainer::new(task, device);
@@ -138,8 +141,15 @@ impl<'a, T: Task> Run<'a, T> {
                 Some(planned) if planned != steps => {
                     return Err(TrainError::OtherRun {
                         path: folder.to_owned(),
+                        expected: format!("a plan of {steps} steps"),
+                        found: format!("a plan of {planned} steps"),
+                    });
+                }
+                None if progress.step > steps => {
+                    return Err(TrainError::OtherRun {
+                        path: folder.to_owned(),
                         expected: format!("{steps} steps"),
-                        found: format!("{planned} steps"),
+                        found: format!("{} steps already", progress.step),
                     });
                 }
                 _ => progress.steps = Some(steps),
@@ -154,6 +164,7 @@ impl<'a, T: Task> Run<'a, T> {
             checkpoints,
             progress,
             last: None,
+            _lock: lock,
         })
     }
 
@@ -168,24 +179,16 @@ impl<'a, T: Task> Run<'a, T> {
             let report = self.trainer.advance(self.progress.steps)?;
             self.progress.step = report.step;
             self.log.write(&LogLine::Step(report))?;
-            if let (None, Length::Time(time)) = (self.progress.steps, self.plan.length) {
-                let made = report.step - self.resumed_at;
-                match timed {
-                    None if made == UNTIMED => timed = Some((report.step, Instant::now())),
-                    Some((first, start)) if report.step - first == TIMED => {
-                        let step = start.elapsed().div_f64(TIMED as f64).as_secs_f64();
-                        let rest = time.saturating_sub(step_time(step, made)).as_secs_f64();
-                        self.progress.steps = Some(report.step + (rest / step) as u64);
-                    }
-                    _ => {}
-                }
-            }
+            let planned = self.plan_steps(&mut timed, report.step);
             let finished = self.progress.steps == Some(report.step);
             if finished || report.step.is_multiple_of(self.plan.validate_every) {
                 self.validate(observer)?;
             }
             let stop = observer.step(&report, &self.position()).is_break();
-            if finished || stop || saved.elapsed() >= self.plan.checkpoint_every {
+            let due = saved.elapsed() >= self.plan.checkpoint_every;
+            if finished || stop || planned || due {
+                // The log must not be behind a checkpoint.
+                self.log.sync()?;
                 self.checkpoints.write(&self.trainer, &self.progress)?;
                 saved = Instant::now();
             }
@@ -201,11 +204,40 @@ impl<'a, T: Task> Run<'a, T> {
         })
     }
 
+    /// Tells from the first steps of a sitting how many there will be, where the plan is one of time. Whether it is told now.
+    fn plan_steps(&mut self, timed: &mut Option<(u64, Instant)>, step: u64) -> bool {
+        let (None, Length::Time(time)) = (self.progress.steps, self.plan.length) else {
+            return false;
+        };
+        let (first, start) = match *timed {
+            None if step - self.resumed_at == UNTIMED => {
+                *timed = Some((step, Instant::now()));
+                return false;
+            }
+            Some(timed) if step - timed.0 == TIMED => timed,
+            _ => return false,
+        };
+        let one = start.elapsed().as_secs_f64() / TIMED as f64;
+        let start = Instant::now();
+        self.trainer.task.validate(self.trainer.average());
+        let measurement = start.elapsed().as_secs_f64() / self.plan.validate_every as f64;
+        let made = (step - first + UNTIMED) as f64 * one;
+        let rest = (time.as_secs_f64() - made).max(0.0);
+        self.progress.steps = Some(step + (rest / (one + measurement)) as u64);
+        true
+    }
+
     fn validate(&mut self, observer: &mut dyn RunObserver<T>) -> Result<(), TrainError> {
         let network = self.trainer.average();
         // In 32 bits, so that JSON keeps it as it is.
         let loss = self.trainer.task.validate(network).map(|loss| loss as f32);
         if let Some(loss) = loss {
+            if !loss.is_finite() {
+                return Err(TrainError::Validation {
+                    step: self.progress.step,
+                    loss: f64::from(loss),
+                });
+            }
             self.log.write(&LogLine::Validation {
                 step: self.progress.step,
                 validation_loss: f64::from(loss),
@@ -237,9 +269,18 @@ impl<'a, T: Task> Run<'a, T> {
     }
 }
 
-/// The time that so many steps take.
-fn step_time(step: f64, count: u64) -> Duration {
-    Duration::from_secs_f64(step * count as f64)
+/// Keeps other processes out of the folder.
+fn lock(folder: &Path) -> Result<File, TrainError> {
+    let path = folder.join(".lock");
+    let file = File::create(&path).map_err(|reason| TrainError::io(&path, reason))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(TrainError::Busy {
+            path: folder.to_owned(),
+        }),
+        // Not every file system can; then nobody is kept out.
+        Err(TryLockError::Error(_)) => Ok(file),
+    }
 }
 
 /// Notes what a run is, or compares it with what was noted.

@@ -1,16 +1,16 @@
 //! A network in training, step by step.
 
 use burn::module::Module;
-use burn::optim::ModuleOptimizer;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
+use crate::adam::{self, Moments};
 use crate::average;
 use crate::error::TrainError;
 use crate::gradients;
 use crate::task::Task;
 
-/// A network, the average of its weights, and the optimiser: all that a step changes.
+/// A network, the average of its weights, and the optimiser's moments: all that a step changes.
 ///
 /// ```text
 /// step ──Task::learn──▶ loss, gradients ──cut──▶ AdamW ──▶ weights ──▶ average
@@ -28,7 +28,7 @@ pub(crate) struct State<M> {
     pub(crate) network: M,
     /// The moving average of its weights; not followed.
     pub(crate) average: M,
-    pub(crate) optimizer: ModuleOptimizer,
+    pub(crate) moments: Moments<M>,
 }
 
 /// What a step was like.
@@ -58,7 +58,7 @@ impl<'a, T: Task> Trainer<'a, T> {
             state: State {
                 step: 0,
                 network: tracked(average.clone()),
-                optimizer: task.optimization().optimizer(&average),
+                moments: adam::zeros(&average),
                 average,
             },
             task,
@@ -107,10 +107,17 @@ impl<'a, T: Task> Trainer<'a, T> {
         let State {
             network,
             average,
-            optimizer,
+            moments,
             ..
         } = &mut self.state;
-        *network = optimizer.step(report.learning_rate, network.clone(), gradients);
+        (*network, *moments) = adam::step(
+            network.clone(),
+            moments.clone(),
+            gradients,
+            optimization.adam(),
+            report.learning_rate,
+            step,
+        );
         *average = average::follow(average.clone(), network, optimization.decay(step));
         self.state.step += 1;
         Ok(report)

@@ -7,6 +7,7 @@ use lamogen_model::{Denoiser, MotionDiffuse};
 
 use crate::batches::Visit;
 use crate::example::Example;
+use crate::losses::Truth;
 use crate::tokens::CaptionTokens;
 
 /// The same noisy motions every time: every motion of a split that is no mirror image, under its first caption, at the timesteps
@@ -20,7 +21,7 @@ pub struct Validation<'a> {
 }
 
 impl<'a> Validation<'a> {
-    /// The motions of a split that have a length the network is made for. `None` if there are none.
+    /// The motions of a split that are as long as the network asks for; of longer ones the first frames. `None` if there are none.
     pub fn new(
         dataset: &'a Dataset,
         tokens: &'a CaptionTokens,
@@ -34,15 +35,16 @@ impl<'a> Validation<'a> {
             .indices(split)
             .filter(|&entry| !dataset.entries()[entry].mirror)
             .enumerate()
-            .filter(|&(_, entry)| lengths.contains(&dataset.entries()[entry].frames))
+            .filter(|&(_, entry)| dataset.entries()[entry].frames >= *lengths.start())
             .collect();
         entries.sort_by_key(|&(place, entry)| (dataset.entries()[entry].frames, place));
-        let longest = dataset.entries()[entries.last()?.1].frames;
+        let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
+        let longest = frames(entries.last()?.1);
         let at_once = (FRAMES / longest).max(1);
         let batches = (50..TRAINING_STEPS).step_by(100).flat_map(|timestep| {
             let visit = move |&(place, entry): &(usize, usize)| Visit {
                 entry,
-                frames: 0..dataset.entries()[entry].frames,
+                frames: 0..frames(entry),
                 caption: 0,
                 timestep,
                 noise: (TRAINING_STEPS * place + timestep) as u64,
@@ -63,20 +65,34 @@ impl<'a> Validation<'a> {
     /// Whatever the network predicts, the error is that of the clean motion its output speaks of, so that networks can be
     /// compared.
     pub fn loss(&self, network: &MotionDiffuse) -> f64 {
+        self.mean(network, |output, truth| {
+            truth.clean_of(output, network.prediction()) - truth.clean.clone()
+        })
+    }
+
+    /// The same of what the network predicts, in its own terms.
+    pub fn prediction_loss(&self, network: &MotionDiffuse) -> f64 {
+        self.mean(network, |output, truth| {
+            output - truth.target(network.prediction())
+        })
+    }
+
+    fn mean(&self, network: &MotionDiffuse, error: impl Fn(Tensor<3>, &Truth) -> Tensor<3>) -> f64 {
         let schedule = Schedule::linear();
         let mut errors = Vec::new();
         for visits in &self.batches {
             let Example { batch, truth } =
                 Example::new(self.dataset, self.tokens, &schedule, visits, &self.device);
-            let output = network.predict(batch);
-            let clean = truth.clean_of(output, network.prediction());
-            let mut squares = (clean - truth.clean.clone()).square();
+            let mut squares = error(network.predict(batch), &truth).square();
             if let Some(keep) = truth.mask.keep() {
                 squares = squares * keep;
             }
-            let [count, _, features] = squares.dims();
-            let sums: Tensor<2> = squares.sum_dim(2).sum_dim(1).reshape([count, 1]);
-            let sums: Vec<f32> = sums.try_into_vec_as().expect("floats convert to f32");
+            let [_, _, features] = squares.dims();
+            let sums: Vec<f32> = squares
+                .sum_dim(2)
+                .sum_dim(1)
+                .try_into_vec_as()
+                .expect("floats convert to f32");
             let lengths = truth.mask.lengths().iter();
             let means = sums.iter().zip(lengths);
             errors.extend(means.map(|(sum, frames)| f64::from(*sum) / (frames * features) as f64));

@@ -168,6 +168,9 @@ fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
     assert_eq!((ended.progress.resumed_at, ended.finished), (7, true));
     same(&whole, &lost, "lost");
 
+    let unfinished = lost.join("checkpoints/.step-00000010");
+    assert!(!unfinished.exists(), "what was half written is removed");
+
     // Nothing is left to do.
     let ended = sitting(&config, &data, &whole, None, NEVER).unwrap();
     assert!(ended.finished && ended.progress.resumed_at == 12);
@@ -209,12 +212,12 @@ fn a_damaged_checkpoint_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
     sitting(&config("sample"), &data, &out, Some(2), NEVER).unwrap();
-    let path = out.join("checkpoints/step-00000002/average.bpk");
+    let path = out.join("checkpoints/step-00000002/moment_2.bpk");
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
     assert!(matches!(error, TrainError::Checkpoint { .. }), "{error}");
-    assert!(error.to_string().contains("average.bpk"), "{error}");
+    assert!(error.to_string().contains("moment_2.bpk"), "{error}");
 }
 
 #[test]
@@ -327,13 +330,65 @@ fn motions_that_no_network_of_the_config_fits_are_an_error() {
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset);
     let mut config = config("sample");
-    config.model.num_frames = 39;
+    (config.model.num_frames, config.model.min_frames) = (900, Some(800));
     let Err(error) = Denoising::new(&dataset, &tokens, &config, &Device::flex()) else {
         panic!("expected an error");
     };
     let message = error.to_string();
     assert!(
-        message.contains("train") && message.contains("39"),
+        message.contains("train") && message.contains("800"),
         "{message}"
     );
+}
+
+#[test]
+fn a_folder_is_one_processs_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    fs::create_dir_all(&out).unwrap();
+    let lock = fs::File::create(out.join(".lock")).unwrap();
+    lock.lock().unwrap();
+    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    assert!(matches!(error, TrainError::Busy { .. }), "{error}");
+    drop(lock);
+    sitting(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
+}
+
+#[test]
+fn lines_of_losses_after_the_checkpoint_may_be_damaged_but_none_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("run"));
+    let whole = folder.path().join("whole");
+    sitting(&config("sample"), &data, &whole, None, NEVER).unwrap();
+    sitting(&config("sample"), &data, &out, Some(4), NEVER).unwrap();
+    let path = out.join("losses.jsonl");
+    let good = fs::read(&path).unwrap();
+    fs::write(
+        &path,
+        [&good[..], b"{\"step\":5,\"lo\0\0\0\n\xff\n"].concat(),
+    )
+    .unwrap();
+    sitting(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
+    fs::write(&path, &good[..good.len() / 2]).unwrap();
+    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    assert!(error.to_string().contains("losses.jsonl"), "{error}");
+    let restored = fs::read(whole.join("losses.jsonl")).unwrap();
+    fs::write(&path, restored).unwrap();
+    sitting(&config("sample"), &data, &out, None, NEVER).unwrap();
+    same(&whole, &out, "mended");
+}
+
+#[test]
+fn longer_motions_are_seen_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset);
+    let mut config = config("sample");
+    config.model.num_frames = 50;
+    let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+    assert_eq!(task.motions(), 12, "none is too long");
+    let mut trainer = Trainer::new(&task, &Device::flex());
+    let report = trainer.advance(None).unwrap();
+    assert!(report.frames <= 50 * report.motions);
+    assert!(task.validate(trainer.average()).unwrap().is_finite());
 }

@@ -211,6 +211,11 @@ fn add(
             1 => name.to_owned(),
             _ => format!("{name}_{}", window + 1),
         };
+        if entries.iter().any(|entry| entry.name == name) {
+            let reason = format!("another file, or a part of one, is also named {name}");
+            problems.add(name, ProblemKind::Twice, reason);
+            continue;
+        }
         let range = start + window * frames / windows..start + (window + 1) * frames / windows;
         if let Err((kind, reason)) = check_length(range.len(), limits) {
             problems.add(name, kind, reason);

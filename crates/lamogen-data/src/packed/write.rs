@@ -56,8 +56,9 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
     let path = new.path().join(CAPTIONS);
     captions(dataset, &used, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
 
-    let old = temporary()?;
-    let kept = old.path().join("old");
+    // Not removed by itself: what was there before must outlive every failure.
+    let old = temporary()?.keep();
+    let kept = old.join("old");
     let replaced = out.exists();
     if replaced {
         std::fs::rename(&out, &kept).map_err(DataError::write(&out))?;
@@ -65,13 +66,15 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
     std::fs::rename(new.path(), &out).map_err(|reason| {
         if replaced {
             // Nothing more can be done if even this fails; `kept` would then be what is left.
-            let _ = std::fs::rename(&kept, &out);
+            if std::fs::rename(&kept, &out).is_ok() {
+                let _ = std::fs::remove_dir(&old);
+            }
         }
         DataError::write(&out)(reason)
     })?;
     // It is no temporary folder any more.
     let _ = new.keep();
-    Ok(())
+    std::fs::remove_dir_all(&old).map_err(DataError::write(&old))
 }
 
 /// Whether a folder may be written: see [`write`].

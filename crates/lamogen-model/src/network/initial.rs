@@ -42,8 +42,7 @@ impl ModuleMapper for Initial {
     }
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        let path = self.path.clone();
-        let path: Vec<&str> = path.iter().map(String::as_str).collect();
+        let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         let shape: [usize; D] = param.lazy_shape().dims();
         let count = shape.iter().product();
         let numbers = match path[..] {
@@ -53,35 +52,6 @@ impl ModuleMapper for Initial {
             // Of stylization layers, and of the whole network.
             [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
             [.., "gamma"] => vec![1.0; count],
-            ["blocks", _, "self_attention", "query" | "key", "weight"]
-                if std::env::var("FOURIER").is_ok() =>
-            {
-                let gain: f32 = std::env::var("FOURIER").unwrap().parse().unwrap();
-                let mut w = self.uniform(0.3 * (shape[0] as f32).powf(-0.5), count);
-                let d = shape[1] / 8;
-                let half = shape[0] / 2;
-                let heads: [&[f64]; 6] = [
-                    &[48.0],
-                    &[96.0],
-                    &[11.0, 14.0],
-                    &[17.0, 20.0],
-                    &[23.5, 28.0],
-                    &[36.0, 60.0],
-                ];
-                for (h, periods) in heads.iter().enumerate() {
-                    let phases = d / periods.len();
-                    let a = if phases == d { 4.0 * gain } else { 2.0 * gain };
-                    for c in 0..d {
-                        let period: f64 = periods[c / phases];
-                        let phase = std::f32::consts::TAU * (c % phases) as f32 / phases as f32;
-                        let place = (period / 4.0).ln() / (392.0f64 / 4.0).ln() * (half - 1) as f64;
-                        let wave = place.round() as usize;
-                        w[wave * shape[1] + h * d + c] += a * phase.sin();
-                        w[(half + wave) * shape[1] + h * d + c] += a * phase.cos();
-                    }
-                }
-                w
-            }
             [.., "weight"] => self.uniform((shape[0] as f32).powf(-0.5), count),
             _ => vec![0.0; count],
         };

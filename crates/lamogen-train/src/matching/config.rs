@@ -1,4 +1,4 @@
-//! How an evaluator is trained: the file that `lamogen train-evaluator --config` reads.
+//! How an evaluator is trained: the file that `lamogen train --evaluator --config` reads.
 
 use std::path::Path;
 

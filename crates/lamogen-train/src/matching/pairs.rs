@@ -1,17 +1,15 @@
 //! Which pairs of text and motion a step sees.
-//!
-//! What is drawn at a step depends on the seed and the step alone, so that a run that goes on where it was stopped sees what it
-//! would have seen without a stop.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::{Range, RangeInclusive};
 
-use lamogen_data::{Dataset, Entry, Split};
+use lamogen_data::{Dataset, Entry};
 use lamogen_eval::{Batches, EvaluatorConfig};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 use super::config::EvaluatorTrainingConfig;
+use crate::sampling::{candidates, cut, stream};
 
 /// Deals out the motions of the training split, mirrored ones too.
 ///
@@ -68,23 +66,17 @@ impl Pairs {
     /// `None` if there are no two motions that may meet.
     pub(super) fn new(dataset: &Dataset, config: &EvaluatorTrainingConfig) -> Option<Self> {
         let lengths = lengths(&config.evaluator);
-        let entries: Vec<(usize, &Entry)> = dataset
-            .indices(Split::Train)
-            .map(|index| (index, &dataset.entries()[index]))
-            .filter(|(_, entry)| lengths.contains(&entry.frames))
-            .collect();
-        let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
-        for (_, entry) in &entries {
-            *counts.entry(entry.content.as_deref()).or_default() += 1.0;
-        }
         let mut known = HashMap::new();
-        let candidates = entries.into_iter().map(|(index, entry)| Candidate {
-            entry: index,
-            frames: entry.frames,
-            captions: entry.captions.len(),
-            // What is done often is seen less than its share, what is done rarely more.
-            weight: counts[&entry.content.as_deref()].powf(-0.5),
-            meanings: meanings(entry, &mut known),
+        let candidates = candidates(dataset, *lengths.start()).into_iter();
+        let candidates = candidates.map(|(index, weight)| {
+            let entry = &dataset.entries()[index];
+            Candidate {
+                entry: index,
+                frames: entry.frames,
+                captions: entry.captions.len(),
+                weight,
+                meanings: meanings(entry, &mut known),
+            }
         });
         let pairs = Pairs {
             seed: config.optimization.seed,
@@ -115,8 +107,7 @@ impl Pairs {
 
     /// The batch of a step.
     pub(super) fn draw(&self, step: u64) -> Draw {
-        let mut stream = ChaCha12Rng::seed_from_u64(self.seed);
-        stream.set_stream(step);
+        let mut stream = stream(self.seed, step);
         loop {
             let chosen = self.choose(&mut stream);
             // A motion that means the same as every other leaves room for none; then the others are asked.
@@ -125,7 +116,13 @@ impl Pairs {
             }
             let pairs = chosen.into_iter().map(|candidate| Pair {
                 entry: candidate.entry,
-                frames: self.cut(candidate.frames, &mut stream),
+                frames: cut(
+                    candidate.frames,
+                    self.crop,
+                    UNIT..=self.longest,
+                    UNIT,
+                    &mut stream,
+                ),
                 caption: stream.random_range(0..candidate.captions as u64) as usize,
             });
             return Draw {
@@ -160,15 +157,6 @@ impl Pairs {
             }
         }
         chosen
-    }
-
-    /// Some frames of a motion, most of them.
-    fn cut(&self, frames: usize, stream: &mut impl Rng) -> Range<usize> {
-        let least = ((frames as f64 * (1.0 - self.crop)).ceil() as usize).max(UNIT);
-        let length = stream.random_range(least.min(frames) as u64..=frames as u64) as usize;
-        let length = (length / UNIT * UNIT).min(self.longest);
-        let start = stream.random_range(0..=(frames - length) as u64) as usize;
-        start..start + length
     }
 }
 

@@ -476,7 +476,7 @@ pub struct Train {
     #[arg(long, default_value_t = 5.0, value_name = "MINUTES", value_parser = minutes)]
     pub checkpoint_minutes: f64,
     /// Sentence for the sample pictures, several times for several; usually captions of the data.
-    #[arg(long, value_name = "SENTENCE")]
+    #[arg(long, value_name = "SENTENCE", conflicts_with = "evaluator")]
     pub sample: Vec<String>,
     /// Licence of the weights, as an SPDX identifier; it travels in the file.
     #[arg(long)]

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use lamogen::FRAMES_PER_SECOND;
-use lamogen_data::{Dataset, PackOptions, Split, pack};
+use lamogen_data::{Dataset, PackOptions, Problems, Split, pack};
 use serde_json::{Map, json};
 
 use crate::arguments::Pack;
@@ -32,15 +32,7 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
     bar.finish_and_clear();
     let data = packed?;
     let folder = options.out.display();
-    for problem in data.problems().broken().take(NAMED) {
-        let (name, reason) = (&problem.name, &problem.reason);
-        console.notice(format!("left out: {name}: {reason}"));
-    }
-    let broken = data.problems().broken().count();
-    if broken > NAMED {
-        let more = broken - NAMED;
-        console.notice(format!("left out: {more} more; --json names them all"));
-    }
+    tell_problems(data.problems(), console);
     for group in data.unchanging() {
         console.notice(format!(
             "{} never changes in the motions for training",
@@ -50,6 +42,24 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
     match console.json {
         true => console.say(report(options, &data)),
         false => console.say(format!("{folder}\n{}", summary(&data))),
+    }
+}
+
+/// Names motions that are broken, and says how many were left out for which reason.
+pub fn tell_problems(problems: &Problems, console: &Console) {
+    for problem in problems.broken().take(NAMED) {
+        let (name, reason) = (&problem.name, &problem.reason);
+        console.notice(format!("left out: {name}: {reason}"));
+    }
+    let broken = problems.broken().count();
+    if broken > NAMED {
+        console.notice(format!("left out: {} more that are broken", broken - NAMED));
+    }
+    let counts = problems.counts();
+    if !counts.is_empty() {
+        let counts = counts.iter().map(|(kind, count)| format!("{count} {kind}"));
+        let counts: Vec<String> = counts.collect();
+        console.notice(format!("left out in all: {}", counts.join(", ")));
     }
 }
 

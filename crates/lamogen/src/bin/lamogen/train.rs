@@ -17,11 +17,12 @@ use std::time::Duration;
 use lamogen::model::{Tokenizer, learn};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_train::{CaptionTokens, Ended, Length, Plan, TrainError, TrainingConfigError};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
+use crate::pack::tell_problems;
 use watch::Watch;
 
 /// The vocabulary of CLIP, whose tokenizer is part of the program.
@@ -66,14 +67,7 @@ fn open(options: &Train, console: &Console) -> Result<Dataset, Failure> {
     });
     bar.finish_and_clear();
     let dataset = dataset?;
-    let broken: Vec<_> = dataset.problems().broken().collect();
-    for problem in broken.iter().take(20) {
-        console.notice(format!("left out: {}: {}", problem.name, problem.reason));
-    }
-    if broken.len() > 20 {
-        let more = broken.len() - 20;
-        console.notice(format!("left out: {more} more"));
-    }
+    tell_problems(dataset.problems(), console);
     Ok(dataset)
 }
 
@@ -130,8 +124,14 @@ fn tokens(
     Ok(tokens)
 }
 
-/// Says how a run ended; `hint` is what to do with its model.
-fn ended(options: &Train, ended: &Ended, hint: &str, console: &Console) -> Result<(), Failure> {
+/// Says how a run ended; `hint` is what to do with its model, `measured` what is known of it beside losses.
+fn ended(
+    options: &Train,
+    ended: &Ended,
+    hint: &str,
+    measured: &[Value],
+    console: &Console,
+) -> Result<(), Failure> {
     let folder = options.out.join("model");
     if console.json {
         return console.say(
@@ -142,6 +142,7 @@ fn ended(options: &Train, ended: &Ended, hint: &str, console: &Console) -> Resul
                 "steps": ended.progress.steps,
                 "validation_loss": ended.last,
                 "best_validation_loss": ended.best,
+                "measured": measured,
                 "model": ended.finished.then(|| folder.to_string_lossy()),
             })
             .to_string(),
@@ -175,8 +176,11 @@ impl From<TrainError> for Failure {
             TrainError::NoMotions { .. } => Failure::new(Code::Input, error),
             TrainError::NotFinite { .. } => Failure::new(Code::Run, error),
             TrainError::OtherRun { .. } => Failure::new(Code::Usage, error),
-            TrainError::Checkpoint { .. } => Failure::new(Code::Input, error)
-                .hint("the checkpoint before it is in the same folder; remove the damaged one to go on from there"),
+            TrainError::Captions { .. } | TrainError::Busy { .. } => Failure::new(Code::Usage, error),
+            TrainError::Validation { .. } => Failure::new(Code::Run, error),
+            TrainError::Checkpoint { .. } => Failure::new(Code::Input, error).hint(
+                "a checkpoint before it is in the same folder; without the damaged one, the run goes on from there",
+            ),
             _ => Failure::new(Code::Output, error),
         }
     }

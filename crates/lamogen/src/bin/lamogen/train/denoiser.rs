@@ -5,7 +5,7 @@ use std::fs;
 use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
-use lamogen_train::{CaptionTokens, Denoising, TrainingConfig, identity, run as train};
+use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, identity, run as train};
 use lamogen_view::{Row, save, strip};
 
 use super::{Vocabulary, ended, metadata, open, plan, tokens};
@@ -53,6 +53,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         device: &device,
         sentences,
     };
+    samples.check(task.start(&device))?;
     let mut watch = super::Watch::new(options, console, |step, network| {
         samples.draw(step, network)
     })?;
@@ -61,7 +62,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     watch.finish()?;
     let model = options.out.join("model");
     let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
-    ended(options, &result?, &hint, console)
+    ended(options, &result?, &hint, &[], console)
 }
 
 /// Strips of what the averaged network generates.
@@ -74,18 +75,37 @@ struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    fn draw(&self, step: u64, network: &MotionDiffuse) -> Result<(), Failure> {
+    fn model(&self, network: MotionDiffuse) -> LaMoGen {
+        let normalization = self.dataset.normalization(self.device);
+        LaMoGen::new(network, self.tokens.tokenizer().clone(), normalization)
+    }
+
+    fn requests(&self, model: &LaMoGen) -> Vec<Request> {
         const STEPS: usize = 50;
         const SECONDS: f32 = 4.0;
-        const POSES: usize = 12;
         let seconds = |frames: usize| frames as f32 / FRAMES_PER_SECOND;
-        let config = network.config();
+        let config = model.config();
         let seconds = SECONDS.clamp(seconds(config.shortest()), seconds(config.num_frames));
-        let normalization = self.dataset.normalization(self.device);
-        let tokenizer = self.tokens.tokenizer().clone();
-        let model = LaMoGen::new(network.clone(), tokenizer, normalization);
         let request = |sentence| Request::new(sentence).seconds(seconds).steps(STEPS);
-        let requests: Vec<Request> = self.sentences.iter().map(request).collect();
+        self.sentences.iter().map(request).collect()
+    }
+
+    /// Whether the network will be able to draw all sentences: better asked before the first step.
+    fn check(&self, network: MotionDiffuse) -> Result<(), Failure> {
+        let model = self.model(network);
+        let requests = self.requests(&model);
+        for (sentence, request) in self.sentences.iter().zip(&requests) {
+            model.check(request).map_err(|problem| {
+                Failure::new(Code::Usage, format!("--sample {sentence:?}: {problem}"))
+            })?;
+        }
+        Ok(())
+    }
+
+    fn draw(&self, step: u64, network: &MotionDiffuse) -> Result<(), Failure> {
+        const POSES: usize = 12;
+        let model = self.model(network.clone());
+        let requests = self.requests(&model);
         let motions = model.generate_all(&requests)?;
         let rows = self
             .sentences

@@ -1,7 +1,7 @@
 //! Training an evaluator.
 
 use lamogen_data::Split;
-use lamogen_eval::{CaptionedMotions, Judge, TextForm, real_motions};
+use lamogen_eval::{CaptionedMotions, Estimate, Judge, TextForm, real_motions};
 use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity, run as train};
 use serde_json::json;
 
@@ -49,6 +49,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let result = train(&task, &options.out, &identity, &plan, &device, &mut watch);
     watch.finish()?;
     let result = result?;
+    let mut measured = Vec::new();
     let folder = options.out.join("best");
     if result.finished && folder.exists() {
         let judge =
@@ -65,25 +66,23 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
                 let estimate = &found.r_precision[place];
                 format!("{:.3} ± {:.3}", estimate.mean, estimate.interval)
             };
-            match console.json {
-                true => console.say(
-                    json!({
-                        "split": split.name(),
-                        "motions": found.motions,
-                        "r_precision": found.r_precision.iter().map(|top| json!({ "mean": top.mean, "interval": top.interval })).collect::<Vec<_>>(),
-                        "distance": { "mean": found.distance.mean, "interval": found.distance.interval },
-                    })
-                    .to_string(),
-                )?,
-                false => console.say(format!(
+            let estimate = |estimate: &Estimate| json!({ "mean": estimate.mean, "interval": estimate.interval });
+            measured.push(json!({
+                "split": split.name(),
+                "motions": found.motions,
+                "r_precision": found.r_precision.iter().map(estimate).collect::<Vec<_>>(),
+                "distance": estimate(&found.distance),
+            }));
+            if !console.json {
+                console.say(format!(
                     "{split}: R-precision of {} real motions, top 1 {}, top 2 {}, top 3 {}",
                     found.motions,
                     text(0),
                     text(1),
                     text(2)
-                ))?,
+                ))?;
             }
         }
     }
-    ended(options, &result, "", console)
+    ended(options, &result, "", &measured, console)
 }

@@ -61,7 +61,7 @@ impl<'a, T: Task> Watch<'a, T> {
         })
     }
 
-    /// Removes the bar. What could not be drawn on the way is an error now.
+    /// Removes the bar. What could not be drawn on the way is an error now that the run is over.
     pub fn finish(self) -> Result<(), Failure> {
         self.bar.finish_and_clear();
         self.failed.map_or(Ok(()), Err)
@@ -85,7 +85,7 @@ impl<T: Task> RunObserver<T> for Watch<'_, T> {
             .options
             .sitting
             .is_some_and(|sitting| minutes > sitting);
-        match over || self.stopped.load(Ordering::Relaxed) || self.failed.is_some() {
+        match over || self.stopped.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }
@@ -106,8 +106,13 @@ impl<T: Task> RunObserver<T> for Watch<'_, T> {
         let step = progress.step;
         let line = format!("step {step}{all}:{training} {validation}, {rate:.2} steps/s");
         self.bar.suspend(|| self.console.notice(line));
+        // Hours of training are worth more than a picture: its failure is told, and the run goes on.
         let drawn = plot(&self.options.out).and_then(|()| (self.look)(step, network));
-        self.failed = self.failed.take().or(drawn.err());
+        if let (Err(failure), None) = (drawn, &self.failed) {
+            let line = format!("no picture: {}", failure.message);
+            self.bar.suspend(|| self.console.notice(line));
+            self.failed = Some(failure);
+        }
     }
 }
 

@@ -1,0 +1,121 @@
+//! Networks before their training.
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use lamogen_model::{
+    ClipTextConfig, FrameMask, ModelConfig, MotionDiffuse, Prediction, TrainingBatch,
+};
+
+fn config() -> ModelConfig {
+    ModelConfig {
+        input_feats: 20,
+        num_frames: 50,
+        min_frames: None,
+        latent_dim: 32,
+        ff_size: 48,
+        num_layers: 2,
+        num_heads: 4,
+        text_latent_dim: 16,
+        text_ff_size: 24,
+        text_num_heads: 2,
+        num_text_layers: 1,
+        clip: ClipTextConfig {
+            vocab_size: 40,
+            context_length: 6,
+            width: 16,
+            heads: 2,
+            layers: 1,
+        },
+        prediction: Prediction::Sample,
+    }
+}
+
+/// Every number of a network, by path.
+#[derive(Default)]
+struct Numbers {
+    path: Vec<String>,
+    found: Vec<(String, Vec<f32>)>,
+}
+
+impl ModuleVisitor for Numbers {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let numbers = param.val().try_into_vec_as().unwrap();
+        self.found.push((self.path.join("."), numbers));
+    }
+}
+
+fn numbers(network: &MotionDiffuse) -> Vec<(String, Vec<f32>)> {
+    let mut numbers = Numbers::default();
+    network.visit(&mut numbers);
+    numbers.found
+}
+
+#[test]
+fn a_seed_means_the_same_network_and_another_seed_another() {
+    let [a, again, other] = [1, 1, 2].map(|seed| {
+        let network = MotionDiffuse::initial(&config(), seed, &Device::flex());
+        numbers(&network)
+    });
+    assert_eq!(a, again);
+    assert_ne!(a, other);
+    // Nothing is left as burn's own generator drew it, and nothing was forgotten.
+    for ((path, a), (_, other)) in a.iter().zip(&other) {
+        let is_drawn = a != other;
+        let is_constant = a.iter().all(|x| x == &a[0]) && [0.0, 1.0].contains(&a[0]);
+        assert!(
+            is_drawn || is_constant || path == "frame_embedding",
+            "{path}"
+        );
+    }
+    // The first weight of all, written down once.
+    let (path, first) = &a[0];
+    assert_eq!(
+        (path.as_str(), first[0]),
+        ("text.clip.token_embedding.weight", PINNED)
+    );
+}
+
+const PINNED: f32 = 0.033_272_542;
+
+#[test]
+fn at_first_the_network_says_zero_whatever_it_sees() {
+    let network = MotionDiffuse::initial(&config(), 3, &Device::flex());
+    let tokens = TensorData::new(vec![1, 2, 39, 0, 0, 0], [1, 6]);
+    let x_t: Vec<f32> = (0..30 * 20).map(|i| (i as f32).sin()).collect();
+    let output = network.predict(TrainingBatch {
+        tokens: Tensor::<2, Int>::from_data(tokens, &Device::flex()),
+        captions: vec![0],
+        x_t: Tensor::from_data(TensorData::new(x_t, [1, 30, 20]), &Device::flex()),
+        timesteps: vec![400],
+        mask: FrameMask::new(&[30], 30, &Device::flex()),
+    });
+    let output: Vec<f32> = output.try_into_vec_as().unwrap();
+    assert!(output.iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn neighbouring_frames_are_alike_and_all_frames_differ() {
+    let network = MotionDiffuse::initial(&config(), 3, &Device::flex());
+    let all = numbers(&network);
+    let (_, waves) = all
+        .iter()
+        .find(|(path, _)| path == "frame_embedding")
+        .unwrap();
+    let row = |frame: usize| &waves[frame * 32..][..32];
+    let alike = |a: usize, b: usize| -> f32 {
+        row(a).iter().zip(row(b)).map(|(a, b)| a * b).sum::<f32>() / 16.0
+    };
+    for frame in 0..49 {
+        assert!((alike(frame, frame) - 1.0).abs() < 1e-5);
+        assert!(alike(frame, frame + 1) > 0.5);
+        for other in frame + 1..50 {
+            assert!(alike(frame, other) < 0.95, "{frame} {other}");
+        }
+    }
+}
