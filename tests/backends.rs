@@ -2,8 +2,14 @@
 
 use std::path::Path;
 
+use std::ops::ControlFlow;
+use std::time::Duration;
+
 use lamogen::{DeviceName, LaMoGen, Request};
+use lamogen_model::ModelConfig;
+use lamogen_train::{Length, LogLine, Plan, RunObserver, RunProgress, StepReport, run};
 use xtask::parity::{Distance, Short, short};
+use xtask::training::Practice;
 
 /// Every backend of this build, the software driver before a graphics processor.
 fn devices() -> Vec<DeviceName> {
@@ -86,5 +92,62 @@ fn joints_agree_to_a_hundredth_of_a_millimetre_after_fifty_steps() {
         });
         println!("{name}: {:.2e} mm", 1000.0 * distance);
         assert!(distance < 1e-5, "{name}: {distance} m");
+    }
+}
+
+/// Stops after three steps of a sitting.
+struct Three;
+
+impl RunObserver<Practice> for Three {
+    fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
+        match progress.step - progress.resumed_at {
+            3 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+}
+
+#[test]
+fn training_stops_and_goes_on_with_the_same_losses_everywhere() {
+    let config = serde_json::json!({
+        "input_feats": 21, "num_frames": 24, "latent_dim": 16, "ff_size": 24, "num_layers": 2, "num_heads": 2,
+        "text_latent_dim": 16, "text_ff_size": 16, "text_num_heads": 2, "num_text_layers": 1,
+        "clip": { "vocab_size": 30, "context_length": 6, "width": 16, "heads": 2, "layers": 1 },
+        "prediction": "sample",
+    });
+    let config = ModelConfig::from_json(config.to_string().as_bytes(), "test").unwrap();
+    let losses = |name: &DeviceName| -> Vec<[f64; 2]> {
+        let device = name.open().unwrap();
+        let task = Practice::new(config.clone(), 4, 24, &device);
+        let folder = tempfile::tempdir().unwrap();
+        let plan = Plan {
+            length: Length::Steps(6),
+            validate_every: 100,
+            checkpoint_every: Duration::from_secs(3600),
+        };
+        let what = serde_json::json!({ "what": "practice" });
+        for finished in [false, true] {
+            let ended = run(&task, folder.path(), &what, &plan, &device, &mut Three).unwrap();
+            assert_eq!(ended.finished, finished, "{name}");
+        }
+        let lines = LogLine::read(folder.path().join("losses.jsonl")).unwrap();
+        let reports = lines.into_iter().map(|line| match line {
+            LogLine::Step(report) => [report.loss, report.gradient_norm],
+            LogLine::Validation { .. } => panic!("there is nothing to validate on"),
+        });
+        reports.collect()
+    };
+    let devices = devices();
+    let expected = losses(&devices[0]);
+    assert!(expected.len() == 6 && expected[5] != expected[0]);
+    for name in &devices[1..] {
+        for (found, expected) in losses(name).into_iter().zip(&expected) {
+            for (found, expected) in found.into_iter().zip(expected) {
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-3,
+                    "{name}: {found} {expected}"
+                );
+            }
+        }
     }
 }

@@ -38,13 +38,12 @@ pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
         Size::Compact => TrainingConfig::compact().model,
         Size::Full => ModelConfig::motion_diffuse(),
     };
-    let task = Timed {
-        batch: options.batch as usize,
-        frames: options.frames as usize,
-        device: device.clone(),
-        optimization: Optimization::default(),
+    let task = Practice::new(
         config,
-    };
+        options.batch as usize,
+        options.frames as usize,
+        device,
+    );
     let mut trainer = Trainer::new(&task, device);
     let mut times = Vec::new();
     for _ in 0..3 + options.repeat {
@@ -58,8 +57,8 @@ pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
     Ok(times[times.len() / 2])
 }
 
-/// Steps on noise.
-struct Timed {
+/// Training on motions that are noise themselves.
+pub struct Practice {
     batch: usize,
     frames: usize,
     device: Device,
@@ -67,7 +66,20 @@ struct Timed {
     config: ModelConfig,
 }
 
-impl Task for Timed {
+impl Practice {
+    /// Batches of so many motions of so many frames.
+    pub fn new(config: ModelConfig, batch: usize, frames: usize, device: &Device) -> Self {
+        Practice {
+            batch,
+            frames,
+            device: device.clone(),
+            optimization: Optimization::default(),
+            config,
+        }
+    }
+}
+
+impl Task for Practice {
     type Network = MotionDiffuse;
 
     fn optimization(&self) -> &Optimization {
@@ -98,7 +110,7 @@ impl Task for Timed {
         let row = |motion: usize| {
             (1..=clip.context_length).map(move |i| match i == clip.context_length {
                 true => clip.vocab_size as i32 - 1,
-                false => ((i * 31 + motion * 7) % 997) as i32,
+                false => ((i * 31 + motion * 7) % (clip.vocab_size - 1)) as i32,
             })
         };
         let tokens: Vec<i32> = (0..self.batch).flat_map(row).collect();

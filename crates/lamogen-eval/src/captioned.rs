@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::{Batches, Embeddings, Judge, JudgeError, Matching, MetricError};
+use crate::{Batches, Embeddings, Judge, JudgeError, MatchingScore, MetricError};
 
 /// Motions and all of their captions in a judge's space, to be compared in different pairs again and again.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct CaptionedMotions {
 /// A matching, and of how many batches it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Drawn {
-    pub(crate) matching: Matching,
+    pub(crate) matching: MatchingScore,
     pub(crate) batches: usize,
 }
 
@@ -95,7 +95,7 @@ impl CaptionedMotions {
     /// # Panics
     ///
     /// If the size is 0.
-    pub fn matching(&self, size: usize, seed: u64) -> Result<Matching, MetricError> {
+    pub fn matching(&self, size: usize, seed: u64) -> Result<MatchingScore, MetricError> {
         Ok(self.draw(size, seed)?.matching)
     }
 
@@ -122,7 +122,7 @@ impl CaptionedMotions {
         let rows = self.first.iter().zip(&chosen);
         let texts = self.texts.select(rows.map(|(first, one)| first + one));
         Ok(Drawn {
-            matching: Matching::of(&texts, &self.motions, &batches)?,
+            matching: MatchingScore::of(&texts, &self.motions, &batches)?,
             batches: batches.len(),
         })
     }

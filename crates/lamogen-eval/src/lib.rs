@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! text ──WordVectors or Tokenizer──▶ TextBatch ──embed_text──┐
-//!                                                            ├─▶ Embeddings ──▶ Matching, fid, diversity, multimodality
+//!                                                            ├─▶ Embeddings ──▶ MatchingScore, fid, diversity, multimodality
 //! pose features, lengths ────────────────────embed_motion────┘
 //! ```
 //!
@@ -32,7 +32,7 @@ pub use evaluator::Evaluator;
 pub use judge::Judge;
 pub use loss::{contrastive_loss, contrastive_loss_of_all, random_shift};
 pub use metrics::{
-    Batches, Embeddings, Gaussian, Matching, MetricError, diversity, fid, multimodality,
+    Batches, Embeddings, Gaussian, MatchingScore, MetricError, diversity, fid, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, real_motions};

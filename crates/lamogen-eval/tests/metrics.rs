@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lamogen_eval::{Embeddings, Gaussian, Matching, diversity, fid};
+use lamogen_eval::{Embeddings, Gaussian, MatchingScore, diversity, fid};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -69,7 +69,7 @@ fn r_precision_and_matching_score_are_numpys() {
     let texts = Embeddings::new(case.texts, case.width).unwrap();
     let motions = Embeddings::new(case.motions, case.width).unwrap();
     let batch: Vec<usize> = (0..texts.len()).collect();
-    let found = Matching::of(&texts, &motions, &[batch]).unwrap();
+    let found = MatchingScore::of(&texts, &motions, &[batch]).unwrap();
     assert_eq!(found.r_precision, case.r_precision);
     assert!((found.distance - case.distance).abs() < 1e-9);
 }

@@ -5,7 +5,7 @@ use super::{Embeddings, MetricError};
 
 /// How well texts and motions belong together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Matching {
+pub struct MatchingScore {
     /// R-precision: the share of texts, 0 to 1, whose own motion is the nearest, among the two nearest, among the three
     /// nearest of its batch. By chance it is 1, 2, 3 over the size of a batch.
     pub r_precision: [f64; 3],
@@ -15,7 +15,7 @@ pub struct Matching {
     pub pairs: usize,
 }
 
-impl Matching {
+impl MatchingScore {
     /// Compares every text with the motions of its batch, by Euclidean distance. Of motions equally near, the earlier
     /// in the batch counts as nearer.
     ///
@@ -30,7 +30,7 @@ impl Matching {
         texts: &Embeddings,
         motions: &Embeddings,
         batches: &[Vec<usize>],
-    ) -> Result<Matching, MetricError> {
+    ) -> Result<MatchingScore, MetricError> {
         texts.check_width(motions)?;
         if texts.len() != motions.len() {
             return Err(MetricError::Mismatch {
@@ -63,7 +63,7 @@ impl Matching {
                 needed: 1,
                 found: 0,
             }),
-            pairs => Ok(Matching {
+            pairs => Ok(MatchingScore {
                 r_precision: within.map(|count| count as f64 / pairs as f64),
                 distance: sum / pairs as f64,
                 pairs,
@@ -85,24 +85,24 @@ mod tests {
         // Text 0 is nearest to its own motion, text 1 to the motion of 2, text 2 to those of 1 and 3.
         let texts = embeddings(&[0.0, 10.0, 20.0, 30.0]);
         let motions = embeddings(&[0.5, 18.0, 11.0, 24.0]);
-        let all = Matching::of(&texts, &motions, &[vec![0, 1, 2, 3]]).unwrap();
+        let all = MatchingScore::of(&texts, &motions, &[vec![0, 1, 2, 3]]).unwrap();
         assert_eq!(all.r_precision, [0.5, 0.75, 1.0]);
         assert_eq!(all.distance, (0.5 + 8.0 + 9.0 + 6.0) / 4.0);
-        let apart = Matching::of(&texts, &motions, &[vec![0, 1], vec![2, 3]]).unwrap();
+        let apart = MatchingScore::of(&texts, &motions, &[vec![0, 1], vec![2, 3]]).unwrap();
         assert_eq!(apart.r_precision, [0.75, 1.0, 1.0]);
     }
 
     #[test]
     fn a_network_that_says_the_same_of_everything_is_as_good_as_chance() {
         let same = embeddings(&[1.0; 32]);
-        let found = Matching::of(&same, &same, &[(0..32).collect()]).unwrap();
+        let found = MatchingScore::of(&same, &same, &[(0..32).collect()]).unwrap();
         assert_eq!(found.r_precision, [1.0 / 32.0, 2.0 / 32.0, 3.0 / 32.0]);
     }
 
     #[test]
     fn sets_that_do_not_belong_together_are_refused() {
         let (three, four) = (embeddings(&[0.0; 3]), embeddings(&[0.0; 4]));
-        assert!(Matching::of(&three, &four, &[vec![0]]).is_err());
-        assert!(Matching::of(&three, &three, &[]).is_err());
+        assert!(MatchingScore::of(&three, &four, &[vec![0]]).is_err());
+        assert!(MatchingScore::of(&three, &three, &[]).is_err());
     }
 }

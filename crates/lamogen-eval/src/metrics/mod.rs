@@ -12,7 +12,7 @@ mod spread;
 pub use batches::Batches;
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
-pub use matching::Matching;
+pub use matching::MatchingScore;
 pub use spread::{diversity, multimodality};
 
 /// What keeps a metric from being computed.

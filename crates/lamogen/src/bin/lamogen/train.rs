@@ -11,6 +11,7 @@ mod watch;
 
 use std::collections::HashMap;
 use std::fs;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -59,9 +60,19 @@ fn plan(options: &Train) -> Plan {
     }
 }
 
-fn open(options: &Train, console: &Console) -> Result<Dataset, Failure> {
+/// The data, with all motions that have one of the lengths; longer ones are seen in parts.
+fn open(
+    options: &Train,
+    lengths: RangeInclusive<usize>,
+    console: &Console,
+) -> Result<Dataset, Failure> {
+    let usual = LoadOptions::default();
+    let limits = LoadOptions {
+        min_frames: *lengths.start(),
+        max_frames: usual.max_frames.max(*lengths.end()),
+    };
     let bar = console.bar("files");
-    let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |progress| {
+    let dataset = Dataset::open(&options.data, &limits, &mut |progress| {
         bar.set_length(progress.all as u64);
         bar.set_position(progress.done as u64);
     });

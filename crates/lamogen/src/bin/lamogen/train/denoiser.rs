@@ -28,7 +28,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
             model.input_feats, model.latent_dim
         ));
     }
-    let dataset = open(options, console)?;
+    let dataset = open(options, model.shortest()..=model.num_frames, console)?;
     let vocabulary = Vocabulary {
         size: model.clip.vocab_size,
         context_length: model.clip.context_length,

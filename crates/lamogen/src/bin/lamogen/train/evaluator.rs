@@ -1,6 +1,6 @@
 //! Training an evaluator.
 
-use lamogen_data::Split;
+use lamogen_data::{LoadOptions, Split};
 use lamogen_eval::{CaptionedMotions, Estimate, Judge, TextForm, real_motions};
 use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity, run as train};
 use serde_json::json;
@@ -33,7 +33,9 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         size: vocab_size,
         context_length,
     };
-    let dataset = open(options, console)?;
+    let usual = LoadOptions::default();
+    let longest = config.evaluator.max_motion_length;
+    let dataset = open(options, usual.min_frames..=longest, console)?;
     let tokens = tokens(options, vocabulary, &dataset, console)?;
     let failed = |error| Failure::new(Code::Input, error);
     let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
