@@ -8,6 +8,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_guide::{Schedule, noise};
 use lamogen_model::{FrameMask, ModelConfig, MotionDiffuse, TrainingBatch};
 use lamogen_train::{Lesson, Optimization, Task, TrainError, Trainer, TrainingConfig};
+use rayon::prelude::*;
 
 use crate::bench::Size;
 
@@ -94,9 +95,11 @@ impl Task for Practice {
         let features = self.config.input_feats;
         let shape = [self.batch, self.frames, features];
         let drawn = |seed: u64| {
-            let motions = (0..self.batch as u64)
-                .flat_map(|motion| noise(seed * 10_000 + motion, self.frames, features));
-            let data = TensorData::new(motions.collect::<Vec<f32>>(), shape);
+            let motions = (0..self.batch as u64).into_par_iter();
+            let motions =
+                motions.map(|motion| noise(seed * 10_000 + motion, self.frames, features));
+            let motions: Vec<Vec<f32>> = motions.collect();
+            let data = TensorData::new(motions.concat(), shape);
             Tensor::<3>::from_data(data, &self.device)
         };
         let (clean, noise) = (drawn(2 * step), drawn(2 * step + 1));
