@@ -84,7 +84,7 @@ pub enum TrainingConfigError {
 }
 
 impl TrainingConfig {
-    /// The recipe of the embedded model.
+    /// A recipe for a network as large as the embedded one.
     pub fn compact() -> Self {
         let file = include_bytes!("../configs/compact.json");
         Self::from_json(file, "compact.json").expect("checked by a test")

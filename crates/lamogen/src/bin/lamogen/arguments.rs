@@ -448,7 +448,7 @@ pub struct Train {
     /// Folder of the data: packed by lamogen pack, or HumanML3D's.
     #[arg(long, value_name = "FOLDER")]
     pub data: PathBuf,
-    /// What to train, and how: compact, the recipe of the embedded model, or a JSON file.
+    /// What to train, and how: compact, a recipe for a network as large as the embedded one, or a JSON file.
     #[arg(long, default_value = "compact", value_name = "FILE")]
     pub config: PathBuf,
     /// Folder of the run. If a run was stopped there, the same command goes on with it.

@@ -1,0 +1,122 @@
+//! What a network predicts makes no difference to the motion, if it knows the same.
+
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_guide::{Batch, Guidance, Sampler, Schedule, noise};
+use lamogen_laban::Scale;
+use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
+use lamogen_motion::{Normalization, POSE_FEATURES};
+
+const FRAMES: usize = 40;
+
+/// Knows a motion, whose size the embedding sets, and says so in the terms of its prediction.
+struct Knowing {
+    prediction: Prediction,
+    motion: Tensor<3>,
+}
+
+impl Knowing {
+    fn new(prediction: Prediction) -> Self {
+        let swing = |i: usize| 0.2 * ((i / POSE_FEATURES) as f32 * 0.4 + (i % 7) as f32).sin();
+        let numbers: Vec<f32> = (0..FRAMES * POSE_FEATURES).map(swing).collect();
+        let motion = Tensor::<1>::from_floats(&numbers[..], &Device::flex());
+        Knowing {
+            prediction,
+            motion: motion.reshape([1, FRAMES, POSE_FEATURES]),
+        }
+    }
+}
+
+impl Denoiser for Knowing {
+    type Context = ();
+
+    fn prediction(&self) -> Prediction {
+        self.prediction
+    }
+
+    fn pose_features(&self) -> usize {
+        POSE_FEATURES
+    }
+
+    fn max_frames(&self) -> usize {
+        FRAMES
+    }
+
+    fn device(&self) -> Device {
+        Device::flex()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+        Prompt {
+            embedding: tokens.float(),
+            context: (),
+        }
+    }
+
+    /// `ᾱ` of each timestep.
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        let schedule = Schedule::linear();
+        let alphas = timesteps.iter().map(|&t| schedule.alphas_cumprod()[t] as f32);
+        let alphas: Vec<f32> = alphas.collect();
+        Tensor::<1>::from_floats(&alphas[..], &self.device()).reshape([timesteps.len(), 1])
+    }
+
+    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+        let alpha = input.time.unsqueeze_dim::<3>(2);
+        let rest: Tensor<3> = 1.0 - alpha.clone();
+        let (signal, rest) = (alpha.sqrt(), rest.sqrt());
+        let clean = self.motion.clone() * input.embedding.unsqueeze_dim::<3>(2);
+        let noise = (input.x_t - clean.clone() * signal.clone()) / rest.clone();
+        match self.prediction {
+            Prediction::Sample => clean,
+            Prediction::Epsilon => noise,
+            Prediction::V => noise * signal - clean * rest,
+        }
+    }
+}
+
+fn batch() -> Batch<()> {
+    let device = Device::flex();
+    let start = noise(3, FRAMES, POSE_FEATURES);
+    let start = Tensor::<1>::from_floats(&start[..], &device);
+    Batch {
+        prompt: Prompt {
+            embedding: Tensor::from_floats([[1.0]], &device),
+            context: (),
+        },
+        noise: start.reshape([1, FRAMES, POSE_FEATURES]),
+        lengths: vec![FRAMES],
+    }
+}
+
+fn largest(tensor: Tensor<3>) -> f32 {
+    tensor.abs().max().into_scalar()
+}
+
+#[test]
+fn noise_clean_motion_and_v_lead_to_the_same_motions() {
+    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
+    let normalization = Normalization::from_slices(&mean, &std, &Device::flex()).unwrap();
+    let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).unwrap();
+    let mut found: Vec<[Tensor<3>; 2]> = Vec::new();
+    for prediction in [Prediction::Sample, Prediction::Epsilon, Prediction::V] {
+        let network = Knowing::new(prediction);
+        let sampler = Sampler::new(&network, &normalization, 20).unwrap();
+        let batch = batch();
+        let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+        let known = largest(baseline.clone() - network.motion.clone());
+        assert!(known < 2e-4, "{prediction:?}: {known}");
+        let guidance = Guidance::fast();
+        let guided = sampler.guided(&batch, baseline.clone(), &[scale.into()], &guidance, &mut ());
+        let guided = guided.unwrap().motion;
+        assert!(largest(guided.clone() - baseline.clone()) > 1e-2, "{prediction:?}");
+        found.push([baseline, guided]);
+    }
+    let [sample, others @ ..] = &found[..] else {
+        unreachable!()
+    };
+    for other in others {
+        for (a, b) in sample.iter().zip(other) {
+            assert!(largest(a.clone() - b.clone()) < 2e-3);
+        }
+    }
+}
