@@ -55,7 +55,9 @@ impl Denoiser for Knowing {
     /// `ᾱ` of each timestep.
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
         let schedule = Schedule::linear();
-        let alphas = timesteps.iter().map(|&t| schedule.alphas_cumprod()[t] as f32);
+        let alphas = timesteps
+            .iter()
+            .map(|&t| schedule.alphas_cumprod()[t] as f32);
         let alphas: Vec<f32> = alphas.collect();
         Tensor::<1>::from_floats(&alphas[..], &self.device()).reshape([timesteps.len(), 1])
     }
@@ -106,9 +108,18 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
         let known = largest(baseline.clone() - network.motion.clone());
         assert!(known < 2e-4, "{prediction:?}: {known}");
         let guidance = Guidance::fast();
-        let guided = sampler.guided(&batch, baseline.clone(), &[scale.into()], &guidance, &mut ());
+        let guided = sampler.guided(
+            &batch,
+            baseline.clone(),
+            &[scale.into()],
+            &guidance,
+            &mut (),
+        );
         let guided = guided.unwrap().motion;
-        assert!(largest(guided.clone() - baseline.clone()) > 1e-2, "{prediction:?}");
+        assert!(
+            largest(guided.clone() - baseline.clone()) > 1e-2,
+            "{prediction:?}"
+        );
         found.push([baseline, guided]);
     }
     let [sample, others @ ..] = &found[..] else {
