@@ -98,7 +98,7 @@ fn largest(tensor: Tensor<3>) -> f32 {
 fn noise_clean_motion_and_v_lead_to_the_same_motions() {
     let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
     let normalization = Normalization::from_slices(&mean, &std, &Device::flex()).unwrap();
-    let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).unwrap();
+    let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     let mut found: Vec<[Tensor<3>; 2]> = Vec::new();
     for prediction in [Prediction::Sample, Prediction::Epsilon, Prediction::V] {
         let network = Knowing::new(prediction);
@@ -107,7 +107,10 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
         let baseline = sampler.baseline(&batch, &mut ()).unwrap();
         let known = largest(baseline.clone() - network.motion.clone());
         assert!(known < 2e-4, "{prediction:?}: {known}");
-        let guidance = Guidance::fast();
+        let guidance = Guidance {
+            emphasis: 1e4,
+            ..Guidance::fast()
+        };
         let guided = sampler.guided(
             &batch,
             baseline.clone(),
