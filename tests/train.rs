@@ -251,7 +251,7 @@ fn what_goes_wrong_has_a_code_and_a_reason() {
         "--steps",
         "2",
     ];
-    fails(folder, &long, 3, &["train split", "800"]);
+    fails(folder, &long, 3, &["too short", "800"]);
 }
 
 #[test]
