@@ -1,31 +1,23 @@
 //! The command `lamogen` as people and scripts use it.
 
+mod running;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
-/// Runs the command; few steps, so that it takes a moment.
 fn lamogen(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lamogen"));
-    command.current_dir(folder).args(arguments);
-    command.output().expect("the command starts")
+    let output = running::lamogen(folder, arguments).output();
+    output.expect("the command starts")
 }
 
 fn succeeds(folder: &Path, arguments: &[&str]) -> String {
-    let output = lamogen(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {errors}");
-    String::from_utf8(output.stdout).expect("results are UTF-8")
+    running::succeeds(folder, arguments).0
 }
 
-/// Fails with a code, and says `part` on stderr and nothing on stdout.
 fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
-    let output = lamogen(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
-    assert!(errors.contains(part), "{arguments:?}: {errors}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
+    running::fails(folder, arguments, code, &[part]);
 }
 
 fn json(text: &str) -> Value {

@@ -1,35 +1,20 @@
 //! `lamogen pack` as people and scripts use it.
 
+mod running;
+
 use std::path::Path;
-use std::process::{Command, Output};
 
 use lamogen::motion::{RestPose, npy};
 use lamogen::{Joint, Motion, files};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use serde_json::Value;
 
-fn lamogen(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lamogen"));
-    let command = command.current_dir(folder).arg("pack").args(arguments);
-    command.output().expect("the command starts")
-}
-
-/// What is printed to stdout and to stderr.
 fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
-    let output = lamogen(folder, arguments);
-    let texts = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    let [result, notices] = texts;
-    assert!(output.status.success(), "{arguments:?}: {notices}");
-    (result, notices)
+    running::succeeds(folder, &[&["pack"], arguments].concat())
 }
 
-/// Fails with a code, and says `part` on stderr and nothing on stdout.
 fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
-    let output = lamogen(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
-    assert!(errors.contains(part), "{arguments:?}: {errors}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
+    running::fails(folder, &[&["pack"], arguments].concat(), code, &[part]);
 }
 
 /// A body that walks in a curve, so that every feature changes.

@@ -1,43 +1,22 @@
 //! `lamogen train` as people and scripts use it.
 
+mod running;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use lamogen::motion::{POSE_FEATURES, npy};
 use lamogen::{Device, LaMoGen, Request};
 use serde_json::Value;
 
-fn lamogen(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lamogen"));
-    command.current_dir(folder).arg("train").args(arguments);
-    command
-}
-
-fn finish(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = lamogen(folder, arguments);
-    command.output().expect("the command starts")
-}
-
-/// What is printed to stdout and to stderr.
 fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
-    let output = finish(folder, arguments);
-    let texts = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    let [result, notices] = texts;
-    assert!(output.status.success(), "{arguments:?}: {notices}");
-    (result, notices)
+    running::succeeds(folder, &[&["train"], arguments].concat())
 }
 
-/// Fails with a code, and says each of `parts` on stderr and nothing on stdout.
 fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
-    let output = finish(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
-    for part in parts {
-        assert!(errors.contains(part), "{arguments:?}: {errors}");
-    }
-    assert!(output.stdout.is_empty(), "{arguments:?}");
+    running::fails(folder, &[&["train"], arguments].concat(), code, parts);
 }
 
 /// HumanML3D's folder with a few motions that swing.
@@ -150,7 +129,7 @@ fn an_interrupt_leaves_a_checkpoint() {
     let folder = folder.path();
     data(folder);
     let more = ["--steps", "1000000", "--quiet", "--json"];
-    let mut command = lamogen(folder, &with(&more));
+    let mut command = running::lamogen(folder, &[&["train"], &with(&more)[..]].concat());
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let child = child.spawn().unwrap();
     let losses = folder.join("run/losses.jsonl");

@@ -94,8 +94,7 @@ pub fn run(
             .collect();
         let made = model.generate_all(&requests)?;
         let made: Vec<Motion> = made.into_iter().map(|made| made.guided).collect();
-        let (figures, found) = judged(&judge, &entries, &made, Some(seed))?;
-        let mut figures = figures;
+        let (mut figures, found) = judged(&judge, &entries, &made, Some(seed))?;
         figures.insert("fid", fid(embedded.motions(), found.motions())?);
         tell(format!("seed {seed}: {figures:.4?}"));
         generated.push(figures);
@@ -144,35 +143,23 @@ fn judged(
     });
     let found = CaptionedMotions::embed(judge, pairs)?;
     let precision = real_motions(&found, DRAWS, 0)?;
-    let mean = |of: &dyn Fn(&Motion) -> f32| {
-        motions
-            .iter()
-            .map(|motion| f64::from(of(motion)))
-            .sum::<f64>()
-            / motions.len() as f64
-    };
-    let figures = [
+    let mut figures = Figures::from([
         ("r_precision_1", precision.r_precision[0].mean),
         ("r_precision_2", precision.r_precision[1].mean),
         ("r_precision_3", precision.r_precision[2].mean),
         ("distance", precision.distance.mean),
-        (
-            "sliding_share",
-            mean(&|motion| FootSliding::of(motion).ratio),
-        ),
-        (
-            "sliding_speed_m_s",
-            mean(&|motion| FootSliding::of(motion).speed),
-        ),
-        (
-            "jitter_ankles_mm",
-            mean(&|motion| Jitter::of(motion).ankles),
-        ),
-        ("jerk_m_s3", mean(&|motion| Jitter::of(motion).jerk)),
-        (
-            "bone_drift_m",
-            mean(&|motion| BoneDrift::of(motion).largest()),
-        ),
-    ];
-    Ok((figures.into(), found))
+    ]);
+    for motion in motions {
+        let (sliding, jitter) = (FootSliding::of(motion), Jitter::of(motion));
+        for (name, value) in [
+            ("sliding_share", sliding.ratio),
+            ("sliding_speed_m_s", sliding.speed),
+            ("jitter_ankles_mm", jitter.ankles),
+            ("jerk_m_s3", jitter.jerk),
+            ("bone_drift_m", BoneDrift::of(motion).largest()),
+        ] {
+            *figures.entry(name).or_default() += f64::from(value) / motions.len() as f64;
+        }
+    }
+    Ok((figures, found))
 }

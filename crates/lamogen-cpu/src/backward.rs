@@ -29,7 +29,10 @@ struct Trace {
 }
 
 /// Passages whose gradients of weights are summed up in one place.
-type Shared<'a> = (&'a mut [Passage], &'a mut Option<Decoder<Vec<f32>>>);
+type Shared<'a> = (&'a mut [Passage], &'a mut Ledger);
+
+/// Where gradients of weights are summed up, if they are asked for.
+pub(crate) type Ledger = Option<Decoder<Vec<f32>>>;
 
 /// All that the first half of a block needs on the way back.
 struct After {
@@ -50,8 +53,7 @@ impl<S: Numbers> Decoder<S> {
     pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
         on_the_pool(|| {
-            let mut nobody: Vec<Option<Decoder<Vec<f32>>>> =
-                tape.passages.iter().map(|_| None).collect();
+            let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
             let modulations = self.unroll(input, tape, gradient, &mut nobody, &mut []);
             self.modulations
                 .modulate_backward(input.condition, &modulations)
@@ -87,7 +89,7 @@ impl<S: Numbers> Decoder<S> {
         input: Input<'_>,
         tape: Tape,
         gradient: &[f32],
-        ledgers: &mut [Option<Decoder<Vec<f32>>>],
+        ledgers: &mut [Ledger],
         texts: &mut [Vec<f32>],
     ) -> Vec<f32> {
         let Tape {
@@ -157,7 +159,7 @@ impl<S: Numbers> Decoder<S> {
         passage: &mut Passage,
         input: Input<'_>,
         gradient: &[f32],
-        ledger: &mut Option<Decoder<Vec<f32>>>,
+        ledger: &mut Ledger,
     ) {
         let gradient = &gradient[self.place(&passage.chunk, input)];
         if let Some(ledger) = ledger {
@@ -166,12 +168,7 @@ impl<S: Numbers> Decoder<S> {
         self.output.weight.pull(gradient, &mut passage.hidden);
     }
 
-    fn enter_backward(
-        &self,
-        passage: &Passage,
-        input: Input<'_>,
-        ledger: &mut Option<Decoder<Vec<f32>>>,
-    ) {
+    fn enter_backward(&self, passage: &Passage, input: Input<'_>, ledger: &mut Ledger) {
         let Passage { chunk, hidden, .. } = passage;
         if let Some(ledger) = ledger {
             let x_t = &input.x_t[self.place(chunk, input)];
@@ -188,7 +185,7 @@ impl<S: Numbers> Decoder<S> {
         block: usize,
         text: &[f32],
         [first, second, third]: &[Style; LAYERS],
-        ledger: &mut Option<Decoder<Vec<f32>>>,
+        ledger: &mut Ledger,
     ) -> Trace {
         let heads = self.heads();
         let weights = &self.blocks[block];
@@ -306,7 +303,7 @@ impl<S: Numbers> Decoder<S> {
         block: usize,
         after: &After,
         trace: &Trace,
-        ledger: &mut Option<Decoder<Vec<f32>>>,
+        ledger: &mut Ledger,
     ) {
         let heads = self.heads();
         let attention = &self.blocks[block].self_attention;

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::Numbers;
+use crate::backward::Ledger;
 use crate::decoder::{Block, CrossAttention, FeedForward, SelfAttention};
 use crate::decoder::{Decoder, Input, on_the_pool};
 use crate::linear::{Linear, product, rows, rows_mut};
@@ -131,7 +132,7 @@ impl<S: Numbers> Decoder<S> {
 }
 
 /// The sum of all ledgers, in their order.
-fn total(ledgers: Vec<Option<Decoder<Vec<f32>>>>) -> Decoder<Vec<f32>> {
+fn total(ledgers: Vec<Ledger>) -> Decoder<Vec<f32>> {
     let mut ledgers: Vec<Decoder<Vec<f32>>> = ledgers.into_iter().flatten().collect();
     let mut lists: Vec<_> = ledgers.iter_mut().map(Decoder::parts).collect();
     let first = lists.remove(0);

@@ -10,6 +10,7 @@
 //! A [`Dataset`] holds all rows in memory, 16 bits a number. What cannot be used is left out and listed in
 //! [`Dataset::problems`]. Features are those of [`lamogen_motion`]: 263 a frame, 20 frames a second, metres.
 
+mod checksum;
 mod dataset;
 mod entry;
 mod error;
@@ -27,6 +28,7 @@ mod statistics;
 #[cfg(test)]
 mod testing;
 
+pub use checksum::Checksum;
 pub use dataset::Dataset;
 pub use entry::{Caption, Entry};
 pub use error::DataError;

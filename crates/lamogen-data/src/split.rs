@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::checksum::Checksum;
+
 /// What an entry is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Split {
@@ -21,12 +23,10 @@ impl Split {
     /// The split of a recording by its name alone: 80 % of names are for training, 5 % for validation, 15 % for
     /// tests, as in HumanML3D. Other names do not change it.
     pub(crate) fn by_hash(trial: &str, seed: u64) -> Split {
-        // FNV-1a, then the finish of SplitMix64, which spreads names that differ in one letter.
-        let mut hash = trial
-            .bytes()
-            .fold(0xcbf2_9ce4_8422_2325 ^ seed, |hash: u64, byte| {
-                (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-            });
+        let mut sum = Checksum::new(seed);
+        sum.add(trial.as_bytes());
+        let mut hash = sum.value();
+        // The finish of SplitMix64, which spreads names that differ in one letter.
         hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         match (hash ^ (hash >> 31)) % 100 {

@@ -19,4 +19,4 @@ pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precis
 pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens, learn};
-pub use network::{CrossAttentionContext, MotionDiffuse, Trained, TrainingBatch};
+pub use network::{CrossAttentionContext, Draw, MotionDiffuse, Trained, TrainingBatch, initialize};

@@ -48,23 +48,21 @@ impl Checkpoints {
 
     /// The newest complete checkpoint.
     pub(crate) fn newest(&self) -> Result<Option<PathBuf>, TrainError> {
-        Ok(self.all()?.pop())
+        Ok(self.named("step-")?.pop())
     }
 
-    /// Complete checkpoints, the oldest first.
-    fn all(&self) -> Result<Vec<PathBuf>, TrainError> {
+    /// What has a name that begins so, in order. Checkpoints that are not finished begin with a dot.
+    fn named(&self, start: &str) -> Result<Vec<PathBuf>, TrainError> {
+        let io = |reason| TrainError::io(&self.folder, reason);
         let entries = match fs::read_dir(&self.folder) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-            entries => entries.map_err(|reason| TrainError::io(&self.folder, reason))?,
+            entries => entries.map_err(io)?,
         };
         let mut found = Vec::new();
         for entry in entries {
-            let path = entry
-                .map_err(|reason| TrainError::io(&self.folder, reason))?
-                .path();
+            let path = entry.map_err(io)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            // Unfinished ones have another name.
-            if name.starts_with("step-") {
+            if name.starts_with(start) {
                 found.push(path);
             }
         }
@@ -85,7 +83,8 @@ impl Checkpoints {
         }
         let temporary = self.folder.join(format!(".{name}"));
         let io = |reason| TrainError::io(&temporary, reason);
-        self.remove_unfinished()?;
+        // What a lost machine left half written.
+        remove(&self.named(".step-")?)?;
         fs::create_dir_all(&temporary).map_err(io)?;
         let State {
             network,
@@ -107,28 +106,16 @@ impl Checkpoints {
         fs::File::open(&self.folder)
             .and_then(|folder| folder.sync_all())
             .map_err(io)?;
-        let all = self.all()?;
-        for old in &all[..all.len().saturating_sub(KEPT)] {
-            fs::remove_dir_all(old).map_err(|reason| TrainError::io(old, reason))?;
-        }
-        Ok(())
+        let all = self.named("step-")?;
+        remove(&all[..all.len().saturating_sub(KEPT)])
     }
 }
 
-impl Checkpoints {
-    /// Removes what a lost machine left half written.
-    fn remove_unfinished(&self) -> Result<(), TrainError> {
-        let io = |reason| TrainError::io(&self.folder, reason);
-        fs::create_dir_all(&self.folder).map_err(io)?;
-        for entry in fs::read_dir(&self.folder).map_err(io)? {
-            let path = entry.map_err(io)?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with(".step-") {
-                fs::remove_dir_all(&path).map_err(|reason| TrainError::io(&path, reason))?;
-            }
-        }
-        Ok(())
+fn remove(folders: &[PathBuf]) -> Result<(), TrainError> {
+    for folder in folders {
+        fs::remove_dir_all(folder).map_err(|reason| TrainError::io(folder, reason))?;
     }
+    Ok(())
 }
 
 /// Reads what a checkpoint says of its run.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::ModelConfig;
 use lamogen_motion::POSE_FEATURES;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::losses::Losses;
@@ -96,12 +97,7 @@ impl TrainingConfig {
     ///
     /// If it cannot be read, is no training config, or a value makes no sense.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
-        let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
-            path: path.to_owned(),
-            reason,
-        })?;
-        Self::from_json(&bytes, path)
+        read_file(path.as_ref(), Self::problem)
     }
 
     /// Reads a config from JSON; `name` stands in error messages.
@@ -110,19 +106,7 @@ impl TrainingConfig {
     ///
     /// If it is no training config or a value makes no sense.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
-        let path = || name.as_ref().to_owned();
-        let config: TrainingConfig =
-            serde_json::from_slice(json).map_err(|reason| TrainingConfigError::Json {
-                path: path(),
-                reason,
-            })?;
-        match config.problem() {
-            None => Ok(config),
-            Some(problem) => Err(TrainingConfigError::Value {
-                path: path(),
-                problem,
-            }),
-        }
+        read_json(json, name.as_ref(), Self::problem)
     }
 
     /// Why this cannot be trained, if it cannot.
@@ -136,6 +120,35 @@ impl TrainingConfig {
             .map(|problem| format!("model.{problem}"))
             .or_else(|| self.denoising.problem())
             .or_else(|| self.optimization.problem())
+    }
+}
+
+/// Reads a config of any kind from a file; `problem` says what makes no sense in it.
+pub(crate) fn read_file<C: DeserializeOwned>(
+    path: &Path,
+    problem: fn(&C) -> Option<String>,
+) -> Result<C, TrainingConfigError> {
+    let bytes = std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
+        path: path.to_owned(),
+        reason,
+    })?;
+    read_json(&bytes, path, problem)
+}
+
+/// Reads a config of any kind from JSON; `name` stands in error messages.
+pub(crate) fn read_json<C: DeserializeOwned>(
+    json: &[u8],
+    name: &Path,
+    problem: fn(&C) -> Option<String>,
+) -> Result<C, TrainingConfigError> {
+    let path = name.to_owned();
+    let config: C = match serde_json::from_slice(json) {
+        Ok(config) => config,
+        Err(reason) => return Err(TrainingConfigError::Json { path, reason }),
+    };
+    match problem(&config) {
+        None => Ok(config),
+        Some(problem) => Err(TrainingConfigError::Value { path, problem }),
     }
 }
 

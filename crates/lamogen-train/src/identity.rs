@@ -1,6 +1,6 @@
 //! What a run is, so that a folder is not gone on with by another.
 
-use lamogen_data::Dataset;
+use lamogen_data::{Checksum, Dataset};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -14,14 +14,14 @@ pub fn identity(
     dataset: &Dataset,
     tokens: &CaptionTokens,
 ) -> Value {
-    let mut sum = Checksum::new();
+    let mut sum = Checksum::new(0);
     for (place, entry) in dataset.entries().iter().enumerate() {
-        sum.add_text(&entry.name);
-        sum.add_text(entry.split.name());
+        add_text(&mut sum, &entry.name);
+        add_text(&mut sum, entry.split.name());
         sum.add(&[u8::from(entry.mirror)]);
         sum.add(&(entry.frames as u64).to_le_bytes());
         for word in [&entry.content, &entry.style] {
-            sum.add_text(word.as_deref().unwrap_or_default());
+            add_text(&mut sum, word.as_deref().unwrap_or_default());
         }
         for caption in 0..entry.captions.len() {
             for id in tokens.of(place, caption) {
@@ -37,26 +37,12 @@ pub fn identity(
         "config": config,
         "entries": dataset.entries().len(),
         "frames": dataset.entries().iter().map(|entry| entry.frames).sum::<usize>(),
-        "checksum": format!("{:016x}", sum.0),
+        "checksum": format!("{:016x}", sum.value()),
     })
 }
 
-/// FNV-1a in 64 bits: the same on every machine and for ever.
-struct Checksum(u64);
-
-impl Checksum {
-    fn new() -> Self {
-        Checksum(0xcbf2_9ce4_8422_2325)
-    }
-
-    fn add_text(&mut self, text: &str) {
-        self.add(&(text.len() as u64).to_le_bytes());
-        self.add(text.as_bytes());
-    }
-
-    fn add(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-    }
+/// Adds a text so that it does not run into the next.
+fn add_text(sum: &mut Checksum, text: &str) {
+    sum.add(&(text.len() as u64).to_le_bytes());
+    sum.add(text.as_bytes());
 }

@@ -1,19 +1,21 @@
 //! Training small denoisers on motions made here.
 
+mod sittings;
+
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
 use burn::tensor::Device;
 use lamogen_data::{Dataset, LoadOptions};
-use lamogen_model::{Checkpoint, MotionDiffuse, Prediction, Tokenizer, learn};
+use lamogen_model::{Checkpoint, MotionDiffuse, Prediction};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES, npy};
 use lamogen_train::{
-    CaptionTokens, Denoising, Ended, Length, LogLine, Losses, Plan, RunObserver, RunProgress,
-    StepReport, Task, TrainError, Trainer, TrainingConfig, identity, run,
+    Denoising, Ended, Length, LogLine, Losses, Plan, StepReport, Task, TrainError, Trainer,
+    TrainingConfig, identity, run,
 };
 use serde_json::json;
+use sittings::{StopAfter, tokens};
 
 /// What the motions swing with, and how that is called.
 const KINDS: [(&str, f32); 3] = [("slow", 0.1), ("quick", 0.4), ("very quick", 0.9)];
@@ -65,26 +67,6 @@ fn config(prediction: &str) -> TrainingConfig {
     TrainingConfig::from_json(config.to_string().as_bytes(), "test").unwrap()
 }
 
-fn tokens(dataset: &Dataset) -> CaptionTokens {
-    let captions = dataset.entries().iter().flat_map(|entry| &entry.captions);
-    let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
-    let json = learn(texts.into_iter(), 300).unwrap();
-    let tokenizer = Tokenizer::from_json(&json, "learned", 300, 12).unwrap();
-    CaptionTokens::new(dataset, tokenizer, Some(json)).unwrap()
-}
-
-/// Stops a run after some steps of a sitting, if it is told to.
-struct StopAfter(Option<u64>);
-
-impl RunObserver<Denoising<'_>> for StopAfter {
-    fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
-        match self.0 == Some(progress.step - progress.resumed_at) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    }
-}
-
 fn sitting(
     config: &TrainingConfig,
     data: &Path,
@@ -93,7 +75,7 @@ fn sitting(
     every: Duration,
 ) -> Result<Ended, TrainError> {
     let dataset = dataset(data);
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     let device = Device::flex();
     let task = Denoising::new(&dataset, &tokens, config, &device)?;
     let plan = Plan {
@@ -224,7 +206,7 @@ fn a_damaged_checkpoint_is_named() {
 fn every_kind_of_prediction_learns_the_clean_motion() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     for prediction in ["sample", "v_prediction", "epsilon"] {
         let config = config(prediction);
         let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
@@ -248,7 +230,7 @@ fn every_kind_of_prediction_learns_the_clean_motion() {
 fn losses_of_motion_fall_too() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     let none = Losses::default();
     let parts = [
         (
@@ -311,7 +293,7 @@ fn what_a_run_leaves_is_a_model() {
     assert_eq!(sizes.prediction, Prediction::V);
     let network: MotionDiffuse = checkpoint.load(&sizes, &Device::flex()).unwrap();
     let dataset = dataset(&data);
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
     let lines = LogLine::read(out.join("losses.jsonl")).unwrap();
     assert_eq!(lines.len(), 12 + 3);
@@ -328,7 +310,7 @@ fn what_a_run_leaves_is_a_model() {
 fn motions_that_no_network_of_the_config_fits_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     let mut config = config("sample");
     (config.model.num_frames, config.model.min_frames) = (900, Some(800));
     let Err(error) = Denoising::new(&dataset, &tokens, &config, &Device::flex()) else {
@@ -382,7 +364,7 @@ fn lines_of_losses_after_the_checkpoint_may_be_damaged_but_none_before() {
 fn longer_motions_are_seen_in_parts() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    let tokens = tokens(&dataset);
+    let tokens = tokens(&dataset, 12);
     let mut config = config("sample");
     config.model.num_frames = 50;
     let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();

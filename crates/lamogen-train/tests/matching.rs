@@ -1,9 +1,9 @@
 //! Training small evaluators on motions made here.
 
 mod common;
+mod sittings;
 
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use burn::tensor::Device;
 use common::{Clip, packed};
 use lamogen_data::{Dataset, Split};
 use lamogen_eval::{CaptionedMotions, Judge, real_motions};
-use lamogen_model::{Tokenizer, learn};
 use lamogen_motion::POSE_FEATURES;
 use lamogen_train::{
-    CaptionTokens, Ended, EvaluatorTrainingConfig, Length, Matching, MatchingError, Others, Plan,
-    RunObserver, RunProgress, StepReport, Task, TrainError, Trainer, captioned, identity, run,
+    Ended, EvaluatorTrainingConfig, Length, Matching, MatchingError, Others, Plan, StepReport,
+    Task, TrainError, Trainer, captioned, identity, run,
 };
 use serde_json::json;
+use sittings::{StopAfter, tokens};
 
 const PACES: [(&str, f32); 4] = [
     ("slowly", 0.1),
@@ -62,14 +62,6 @@ fn config() -> EvaluatorTrainingConfig {
         "optimization": { "learning_rate": 4e-3, "warm_up_steps": 5, "average_decay": 0.9 },
     });
     EvaluatorTrainingConfig::from_json(config.to_string().as_bytes(), "test").unwrap()
-}
-
-fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
-    let captions = dataset.entries().iter().flat_map(|entry| &entry.captions);
-    let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
-    let json = learn(texts.into_iter(), 300).unwrap();
-    let tokenizer = Tokenizer::from_json(&json, "learned", 300, context_length).unwrap();
-    CaptionTokens::new(dataset, tokenizer, Some(json)).unwrap()
 }
 
 #[test]
@@ -135,18 +127,6 @@ fn a_seed_means_one_network() {
     let first = train(1);
     assert!(first == train(1), "the same seed gives other weights");
     assert!(first != train(2), "another seed gives the same weights");
-}
-
-/// Stops a run after some steps of a sitting, if it is told to.
-struct StopAfter(Option<u64>);
-
-impl RunObserver<Matching<'_>> for StopAfter {
-    fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
-        match self.0 == Some(progress.step - progress.resumed_at) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    }
 }
 
 fn sitting(data: &Path, out: &Path, stop: Option<u64>) -> Result<Ended, TrainError> {

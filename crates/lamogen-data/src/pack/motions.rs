@@ -70,7 +70,12 @@ pub(super) fn read(
         files[place].1.push(index);
     }
     let names = names(&takes);
-    let (mut rows, mut entries) = (Rows::new(), Vec::new());
+    let mut packed = Packed {
+        rows: Rows::new(),
+        entries: Vec::new(),
+        names: HashSet::new(),
+        problems,
+    };
     let mut done = 0;
     for some in files.chunks(TOGETHER) {
         let read: Vec<Result<Body, Problem>> = { some.par_iter() }
@@ -80,7 +85,7 @@ pub(super) fn read(
             let body = match body {
                 Ok(body) => body,
                 Err(problem) => {
-                    problems.extend([problem]);
+                    packed.problems.extend([problem]);
                     continue;
                 }
             };
@@ -88,14 +93,7 @@ pub(super) fn read(
             for &index in indices {
                 let (take, name) = (&takes[index], &names[index]);
                 let split = take.said.split.unwrap_or(split);
-                add(
-                    &body,
-                    (take, name, split),
-                    &limits,
-                    &mut rows,
-                    &mut entries,
-                    &mut problems,
-                );
+                packed.add(&body, (take, name, split), &limits);
             }
         }
         done += some.len();
@@ -104,6 +102,12 @@ pub(super) fn read(
             all: files.len(),
         });
     }
+    let Packed {
+        rows,
+        mut entries,
+        problems,
+        ..
+    } = packed;
     if options.mirror {
         let mirrored = mirrored(&entries);
         entries.extend(mirrored);
@@ -189,65 +193,75 @@ impl Body {
     }
 }
 
-/// Adds a take, in windows if it is long.
-fn add(
-    body: &Body,
-    (take, name, split): (&Take, &str, Split),
-    limits: &LoadOptions,
-    rows: &mut Rows,
-    entries: &mut Vec<Entry>,
-    problems: &mut Problems,
-) {
-    let frame = |seconds: f64| (seconds * f64::from(FRAMES_PER_SECOND)).round() as usize;
-    let end = take
-        .end
-        .map_or(body.len(), |end| frame(end).min(body.len()));
-    let calibrated = take.start.is_none() && body.begins_with_calibration();
-    let start = take.start.map_or(usize::from(calibrated), frame).min(end);
-    let frames = end - start;
-    let windows = frames.div_ceil(limits.max_frames).max(1);
-    for window in 0..windows {
-        let name = match windows {
-            1 => name.to_owned(),
-            _ => format!("{name}_{}", window + 1),
-        };
-        if entries.iter().any(|entry| entry.name == name) {
-            let reason = format!("another file, or a part of one, is also named {name}");
-            problems.add(name, ProblemKind::Twice, reason);
-            continue;
-        }
-        let range = start + window * frames / windows..start + (window + 1) * frames / windows;
-        if let Err((kind, reason)) = check_length(range.len(), limits) {
-            problems.add(name, kind, reason);
-            continue;
-        }
-        let values = match body.rows(range.clone()) {
-            Ok(values) => values,
-            Err(reason) => {
-                problems.add(name, ProblemKind::NotFinite, reason);
+/// What is packed so far.
+struct Packed {
+    rows: Rows,
+    entries: Vec<Entry>,
+    /// Those of the entries.
+    names: HashSet<String>,
+    problems: Problems,
+}
+
+impl Packed {
+    /// Adds a take, in windows if it is long.
+    fn add(
+        &mut self,
+        body: &Body,
+        (take, name, split): (&Take, &str, Split),
+        limits: &LoadOptions,
+    ) {
+        let frame = |seconds: f64| (seconds * f64::from(FRAMES_PER_SECOND)).round() as usize;
+        let end = take
+            .end
+            .map_or(body.len(), |end| frame(end).min(body.len()));
+        let calibrated = take.start.is_none() && body.begins_with_calibration();
+        let start = take.start.map_or(usize::from(calibrated), frame).min(end);
+        let frames = end - start;
+        let windows = frames.div_ceil(limits.max_frames).max(1);
+        for window in 0..windows {
+            let name = match windows {
+                1 => name.to_owned(),
+                _ => format!("{name}_{}", window + 1),
+            };
+            if self.names.contains(&name) {
+                let reason = format!("another file, or a part of one, is also named {name}");
+                self.problems.add(name, ProblemKind::Twice, reason);
                 continue;
             }
-        };
-        entries.push(Entry {
-            name,
-            split,
-            frames: range.len(),
-            mirror: false,
-            content: take.said.content.clone(),
-            style: take.said.style.clone(),
-            source: take.said.source.clone(),
-            trial: Some(take.file.clone()),
-            note: note(calibrated, windows, window),
-            captions: { take.said.captions.iter() }
-                .map(|text| Caption {
-                    text: text.clone(),
-                    tokens: None,
-                })
-                .collect(),
-            clip: rows.clips(),
-            start: rows.len(),
-        });
-        rows.push(&values);
+            let range = start + window * frames / windows..start + (window + 1) * frames / windows;
+            if let Err((kind, reason)) = check_length(range.len(), limits) {
+                self.problems.add(name, kind, reason);
+                continue;
+            }
+            let values = match body.rows(range.clone()) {
+                Ok(values) => values,
+                Err(reason) => {
+                    self.problems.add(name, ProblemKind::NotFinite, reason);
+                    continue;
+                }
+            };
+            self.names.insert(name.clone());
+            self.entries.push(Entry {
+                name,
+                split,
+                frames: range.len(),
+                mirror: false,
+                content: take.said.content.clone(),
+                style: take.said.style.clone(),
+                source: take.said.source.clone(),
+                trial: Some(take.file.clone()),
+                note: note(calibrated, windows, window),
+                captions: { take.said.captions.iter() }
+                    .map(|text| Caption {
+                        text: text.clone(),
+                        tokens: None,
+                    })
+                    .collect(),
+                clip: self.rows.clips(),
+                start: self.rows.len(),
+            });
+            self.rows.push(&values);
+        }
     }
 }
 

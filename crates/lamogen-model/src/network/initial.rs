@@ -20,19 +20,73 @@ impl MotionDiffuse {
     ///
     /// If the sizes make no network (see [`ModelConfig::problem`]).
     pub fn initial(config: &ModelConfig, seed: u64, device: &Device) -> Self {
-        MotionDiffuse::new(config, device).map(&mut Initial {
-            path: Vec::new(),
-            generator: ChaCha12Rng::seed_from_u64(seed),
+        let network = MotionDiffuse::new(config, device);
+        initialize(network, seed, |path, shape, draw| {
+            let count = shape.iter().product();
+            match *path {
+                [.., "frame_embedding"] => waves(shape[0], shape[1]),
+                [.., "positional_embedding"] => draw.normal(0.01, count),
+                [.., "token_embedding", "weight"] => draw.normal(0.02, count),
+                // Of stylization layers, and of the whole network.
+                [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
+                [.., "gamma"] => vec![1.0; count],
+                [.., "weight"] => draw.uniform((shape[0] as f32).powf(-0.5), count),
+                _ => vec![0.0; count],
+            }
         })
     }
 }
 
-struct Initial {
-    path: Vec<String>,
-    generator: ChaCha12Rng,
+/// Gives every weight of a network the numbers that a function makes of its path in the network and its shape, in the order of the
+/// weights. What it draws is drawn on the host, so that a seed means the same network on every device.
+///
+/// # Panics
+///
+/// If the function gives another count of numbers than the shape asks for.
+pub fn initialize<M: Module>(
+    network: M,
+    seed: u64,
+    numbers: impl FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>,
+) -> M {
+    network.map(&mut Initialize {
+        path: Vec::new(),
+        draw: Draw(ChaCha12Rng::seed_from_u64(seed)),
+        numbers,
+    })
 }
 
-impl ModuleMapper for Initial {
+/// Draws numbers on the host.
+pub struct Draw(ChaCha12Rng);
+
+impl Draw {
+    /// Normally distributed around 0.
+    ///
+    /// # Panics
+    ///
+    /// If the deviation is not finite.
+    pub fn normal(&mut self, deviation: f32, count: usize) -> Vec<f32> {
+        let normal = Normal::new(0.0, deviation).expect("a finite deviation");
+        normal.sample_iter(&mut self.0).take(count).collect()
+    }
+
+    /// Evenly distributed from `-largest` to `largest`.
+    ///
+    /// # Panics
+    ///
+    /// If the largest is not finite, or below 0.
+    pub fn uniform(&mut self, largest: f32, count: usize) -> Vec<f32> {
+        let uniform = Uniform::new_inclusive(-largest, largest).expect("a finite range");
+        uniform.sample_iter(&mut self.0).take(count).collect()
+    }
+}
+
+struct Initialize<F> {
+    path: Vec<String>,
+    draw: Draw,
+    numbers: F,
+}
+
+impl<F: FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>> ModuleMapper for Initialize<F> {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -44,36 +98,8 @@ impl ModuleMapper for Initial {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         let shape: [usize; D] = param.lazy_shape().dims();
-        let count = shape.iter().product();
-        let numbers = match path[..] {
-            [.., "frame_embedding"] => waves(shape[0], shape[1]),
-            [.., "positional_embedding"] => self.normal(0.01, count),
-            [.., "token_embedding", "weight"] => self.normal(0.02, count),
-            // Of stylization layers, and of the whole network.
-            [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
-            [.., "gamma"] => vec![1.0; count],
-            [.., "weight"] => self.uniform((shape[0] as f32).powf(-0.5), count),
-            _ => vec![0.0; count],
-        };
+        let numbers = (self.numbers)(&path, &shape, &mut self.draw);
         param.map(|tensor| Tensor::from_data(TensorData::new(numbers, shape), &tensor.device()))
-    }
-}
-
-impl Initial {
-    fn normal(&mut self, deviation: f32, count: usize) -> Vec<f32> {
-        let normal = Normal::new(0.0, deviation).expect("a finite deviation");
-        normal
-            .sample_iter(&mut self.generator)
-            .take(count)
-            .collect()
-    }
-
-    fn uniform(&mut self, largest: f32, count: usize) -> Vec<f32> {
-        let uniform = Uniform::new_inclusive(-largest, largest).expect("a finite range");
-        uniform
-            .sample_iter(&mut self.generator)
-            .take(count)
-            .collect()
     }
 }
 

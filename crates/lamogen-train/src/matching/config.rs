@@ -5,7 +5,7 @@ use std::path::Path;
 use lamogen_eval::{EvaluatorConfig, TextForm};
 use serde::{Deserialize, Serialize};
 
-use crate::config::TrainingConfigError;
+use crate::config::{TrainingConfigError, read_file, read_json};
 use crate::optimization::Optimization;
 
 /// An evaluator and how it is trained.
@@ -81,12 +81,7 @@ impl EvaluatorTrainingConfig {
     ///
     /// If it cannot be read, is no such config, or a value makes no sense.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
-        let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
-            path: path.to_owned(),
-            reason,
-        })?;
-        Self::from_json(&bytes, path)
+        read_file(path.as_ref(), Self::problem)
     }
 
     /// Reads a config from JSON; `name` stands in error messages.
@@ -95,19 +90,7 @@ impl EvaluatorTrainingConfig {
     ///
     /// If it is no such config or a value makes no sense.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
-        let path = || name.as_ref().to_owned();
-        let config: EvaluatorTrainingConfig =
-            serde_json::from_slice(json).map_err(|reason| TrainingConfigError::Json {
-                path: path(),
-                reason,
-            })?;
-        match config.problem() {
-            None => Ok(config),
-            Some(problem) => Err(TrainingConfigError::Value {
-                path: path(),
-                problem,
-            }),
-        }
+        read_json(json, name.as_ref(), Self::problem)
     }
 
     /// Why this cannot be trained, if it cannot.

@@ -15,9 +15,10 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use lamogen::Device;
 use lamogen::model::{Tokenizer, learn};
 use lamogen_data::{Dataset, LoadOptions, Split};
-use lamogen_train::{CaptionTokens, Ended, Length, Plan, TrainError, TrainingConfigError};
+use lamogen_train::{CaptionTokens, Ended, Length, Plan, Task, TrainError, TrainingConfigError};
 use serde_json::{Value, json};
 
 use crate::arguments::Train;
@@ -34,6 +35,26 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         true => evaluator::run(options, console),
         false => denoiser::run(options, console),
     }
+}
+
+/// Trains, or goes on; `look` draws what the network makes.
+fn work<T: Task>(
+    (task, motions): (&T, usize),
+    identity: &Value,
+    device: &Device,
+    look: impl FnMut(u64, &T::Network) -> Result<(), Failure>,
+    options: &Train,
+    console: &Console,
+) -> Result<Ended, Failure> {
+    let out = &options.out;
+    console.notice(format!(
+        "Training on {motions} motions. {} gets all that is needed to go on after a stop.",
+        out.display()
+    ));
+    let mut watch = Watch::new(options, console, look)?;
+    let ended = lamogen_train::run(task, out, identity, &plan(options), device, &mut watch);
+    watch.finish()?;
+    Ok(ended?)
 }
 
 /// What travels with the weights.

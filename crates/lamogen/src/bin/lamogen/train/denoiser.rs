@@ -5,10 +5,10 @@ use std::fs;
 use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
-use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, identity, run as train};
+use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, identity};
 use lamogen_view::{Row, save, strip};
 
-use super::{Vocabulary, ended, metadata, open, plan, tokens};
+use super::{Vocabulary, ended, metadata, open, tokens, work};
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
@@ -37,11 +37,6 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let task = Denoising::new(&dataset, &tokens, &config, &device)?;
     let task = task.with_metadata(metadata(options));
     let identity = identity("denoiser", &config, &dataset, &tokens);
-    console.notice(format!(
-        "Training on {} motions. {} gets all that is needed to go on after a stop.",
-        task.motions(),
-        options.out.display()
-    ));
     let sentences = match &options.sample[..] {
         [] => usual(&dataset),
         sentences => sentences.to_vec(),
@@ -54,15 +49,12 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         sentences,
     };
     samples.check(task.start(&device))?;
-    let mut watch = super::Watch::new(options, console, |step, network| {
-        samples.draw(step, network)
-    })?;
-    let plan = plan(options);
-    let result = train(&task, &options.out, &identity, &plan, &device, &mut watch);
-    watch.finish()?;
+    let look = |step, network: &_| samples.draw(step, network);
+    let counted = (&task, task.motions());
+    let result = work(counted, &identity, &device, look, options, console)?;
     let model = options.out.join("model");
     let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
-    ended(options, &result?, &hint, &[], console)
+    ended(options, &result, &hint, &[], console)
 }
 
 /// Strips of what the averaged network generates.

@@ -2,10 +2,10 @@
 
 use lamogen_data::{LoadOptions, Split};
 use lamogen_eval::{CaptionedMotions, Estimate, Judge, TextForm, real_motions};
-use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity, run as train};
+use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity};
 use serde_json::json;
 
-use super::{Vocabulary, Watch, ended, metadata, open, plan, tokens};
+use super::{Vocabulary, ended, metadata, open, tokens, work};
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
@@ -41,16 +41,8 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
     let task = task.with_metadata(metadata(options));
     let identity = identity("evaluator", &config, &dataset, &tokens);
-    console.notice(format!(
-        "Training on {} motions. {} gets all that is needed to go on after a stop.",
-        task.motions(),
-        options.out.display()
-    ));
-    let mut watch = Watch::new(options, console, |_, _| Ok(()))?;
-    let plan = plan(options);
-    let result = train(&task, &options.out, &identity, &plan, &device, &mut watch);
-    watch.finish()?;
-    let result = result?;
+    let counted = (&task, task.motions());
+    let result = work(counted, &identity, &device, |_, _| Ok(()), options, console)?;
     let mut measured = Vec::new();
     let folder = options.out.join("best");
     if result.finished && folder.exists() {
