@@ -193,6 +193,18 @@ fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
     );
     fails(
         folder,
+        &with(&["--coherence", "0"]),
+        2,
+        "above 0 to 100 frames, found 0",
+    );
+    fails(
+        folder,
+        &with(&["--coherence", "much"]),
+        2,
+        "a number of frames such as 2, or off, found much",
+    );
+    fails(
+        folder,
         &with(&["--device", "abacus"]),
         2,
         "no device is named `abacus`",
@@ -332,6 +344,9 @@ fn a_batch_goes_on_where_it_was_stopped() {
         .map(|&word| if word == "4" { "5" } else { word })
         .collect();
     assert_eq!(made(&json(&succeeds(folder, &slower))), [4.0, 0.0]);
+    let smoother = [&slower[..], &["--coherence", "1.5"]].concat();
+    assert_eq!(made(&json(&succeeds(folder, &smoother))), [4.0, 0.0]);
+    assert_eq!(made(&json(&succeeds(folder, &smoother))), [0.0, 4.0]);
 }
 
 #[test]

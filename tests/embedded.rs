@@ -1,7 +1,9 @@
 //! What tags do to the motions of the embedded model.
 
+use lamogen::motion::Jitter;
 use lamogen::{
-    Component, Device, Generation, Guidance, LaMoGen, Preset, Request, Scale, Summary, Tag,
+    Coherence, Component, Device, Generation, Guidance, LaMoGen, Preset, Request, Scale, Summary,
+    Tag,
 };
 
 const PROMPTS: [&str; 4] = [
@@ -149,6 +151,28 @@ fn a_batch_gives_the_motions_of_single_calls() {
                 .fold(0.0, f32::max);
             assert!(largest < 1e-4, "{request:?}: {largest}");
         }
+    }
+}
+
+#[test]
+fn smoothed_predictions_make_frames_agree() {
+    let requests = ["a person walks forward", "a person runs"].map(|prompt| {
+        let request = Request::new(prompt).tag(Tag::Strong).frames(60);
+        request.seed(3).steps(30)
+    });
+    let jitter = |coherence| {
+        let model = model().with_coherence(coherence).unwrap();
+        let motions = model.generate_all(&requests).unwrap();
+        let ankles = |motion| Jitter::of(motion).ankles;
+        let pairs = motions.iter();
+        let pairs = pairs.map(|result| (ankles(&result.baseline), ankles(&result.guided)));
+        pairs.collect::<Vec<_>>()
+    };
+    let (alone, together) = (jitter(None), jitter(Some(Coherence::default())));
+    for (alone, together) in alone.iter().zip(&together) {
+        println!("ankles, mm a frame squared: {alone:?}, smoothed {together:?}");
+        assert!(together.0 < 0.7 * alone.0 && together.1 < 0.7 * alone.1);
+        assert!(together.0 < 90.0 && together.1 < 90.0);
     }
 }
 

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{FRAMES_PER_SECOND, LaMoGen, Motion, Request};
+use lamogen::{Coherence, FRAMES_PER_SECOND, LaMoGen, Motion, Request};
 use lamogen_data::{Dataset, Entry, LoadOptions, Split};
 use lamogen_eval::{CaptionedMotions, Estimate, Judge, fid, real_motions};
 use lamogen_model::Denoiser;
@@ -27,6 +27,12 @@ pub struct Options {
     /// DDIM steps.
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub steps: u64,
+    /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
+    #[arg(long)]
+    pub coherence: Option<f32>,
+    /// The last timestep at which they are.
+    #[arg(long, default_value_t = 100)]
+    pub until: usize,
     /// Motions of every caption, from as many seeds.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub repeats: u64,
@@ -52,6 +58,13 @@ pub fn run(
     let model = match &options.model {
         Some(folder) => LaMoGen::load(folder, device)?,
         None => LaMoGen::embedded(device)?,
+    };
+    let model = match options.coherence {
+        None => model,
+        Some(frames) => model.with_coherence((frames != 0.0).then_some(Coherence {
+            frames,
+            until: options.until,
+        }))?,
     };
     let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
     let judge = Judge::load(&options.evaluator, device)?;
@@ -110,6 +123,7 @@ pub fn run(
         "split": options.split.name(),
         "motions": entries.len(),
         "steps": options.steps,
+        "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
         "repeats": options.repeats,
         "validation_loss": losses,
         "generated": means.collect::<serde_json::Map<_, _>>(),

@@ -14,6 +14,10 @@ pub enum GuideError {
     #[error("expected 1 to {largest} DDIM steps, found {found}")]
     #[allow(missing_docs)]
     Steps { found: usize, largest: usize },
+    /// A smoothing that makes no sense.
+    #[error("expected a smoothing of above 0 to 100 frames, found {found}")]
+    #[allow(missing_docs)]
+    Coherence { found: f32 },
     /// A guidance option that makes no sense.
     #[error("guidance: {0}")]
     Guidance(String),

@@ -127,8 +127,8 @@ impl<D: Denoiser> Goal<'_, '_, D> {
                 Update::Lagged => gradient.output,
                 Update::Immediate => sampler.evaluate(&latent, index, optimised.embedding.clone()),
             };
-            let prediction = sampler.clean(&latent.x, output.clone(), step);
-            latent.x = sampler.advance(latent.x, &prediction, output, step);
+            let prediction = sampler.clean(&latent, output.clone(), step);
+            latent.x = sampler.advance(&latent, &prediction, output, step);
             trace.push(gradient.loss);
             let step = Step {
                 pass: Pass::Guided,
@@ -186,7 +186,7 @@ impl<D: Denoiser> Goal<'_, '_, D> {
     ) -> (Tensor<3>, Tensor<2>) {
         let sampler = self.sampler;
         let leaf = output.clone().autodiff().require_grad();
-        let clean = sampler.clean(&latent.x, leaf.clone(), &sampler.steps()[index]);
+        let clean = sampler.clean(latent, leaf.clone(), &sampler.steps()[index]);
         let features = self.features.measure(sampler.joints(clean));
         (leaf, self.target.loss(features))
     }

@@ -10,6 +10,7 @@
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise gives the same motion.
 
+mod coherence;
 mod error;
 mod guidance;
 mod guided;
@@ -18,6 +19,7 @@ mod observer;
 mod sampler;
 mod schedule;
 
+pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
 pub use guidance::{Guidance, Preset, Update};
 pub use guided::Guided;

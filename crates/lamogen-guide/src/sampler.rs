@@ -1,9 +1,11 @@
 //! DDIM sampling: the first pass, and the steps that both passes are made of.
 
 use burn::tensor::Tensor;
+use lamogen_laban::Window;
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Linearized, Prediction, Prompt};
 use lamogen_motion::Normalization;
 
+use crate::coherence::Coherence;
 use crate::error::GuideError;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
@@ -15,6 +17,7 @@ pub struct Sampler<'a, D> {
     pub(crate) normalization: &'a Normalization,
     steps: Vec<DdimStep>,
     time: Tensor<2>,
+    coherence: Option<Coherence>,
 }
 
 /// What the motions of a batch start from.
@@ -33,6 +36,8 @@ pub(crate) struct Latent<'a, C> {
     pub(crate) x: Tensor<3>,
     pub(crate) context: &'a C,
     pub(crate) mask: FrameMask,
+    /// Smooths predictions along time, where that is asked for.
+    window: Option<Window>,
 }
 
 impl<'a, D: Denoiser> Sampler<'a, D> {
@@ -53,7 +58,20 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             normalization,
             time: model.embed_timesteps(&timesteps),
             steps,
+            coherence: None,
         })
+    }
+
+    /// Smooths predictions along time in both passes, or not.
+    ///
+    /// # Errors
+    ///
+    /// If the numbers make no sense (see [`Coherence::check`]).
+    pub fn with_coherence(self, coherence: Option<Coherence>) -> Result<Self, GuideError> {
+        if let Some(coherence) = coherence {
+            coherence.check()?;
+        }
+        Ok(Sampler { coherence, ..self })
     }
 
     /// The steps of a pass.
@@ -80,8 +98,8 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         let mut latent = self.start(batch);
         for (index, step) in self.steps.iter().enumerate() {
             let output = self.evaluate(&latent, index, embedding.clone());
-            let prediction = self.clean(&latent.x, output.clone(), step);
-            latent.x = self.advance(latent.x, &prediction, output, step);
+            let prediction = self.clean(&latent, output.clone(), step);
+            latent.x = self.advance(&latent, &prediction, output, step);
             let step = Step {
                 pass: Pass::Baseline,
                 index,
@@ -110,7 +128,19 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             x: batch.noise.clone(),
             context: &batch.prompt.context,
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
+            window: { self.coherence }
+                .map(|coherence| coherence.window(&batch.lengths, frames, &batch.noise.device())),
         }
+    }
+
+    /// What smooths the predictions of a step, if they are.
+    fn window<'b>(
+        &self,
+        latent: &'b Latent<'_, D::Context>,
+        step: &DdimStep,
+    ) -> Option<&'b Window> {
+        let coherence = self.coherence?;
+        (step.timestep >= coherence.until).then_some(latent.window.as_ref())?
     }
 
     /// The network's output at a step.
@@ -150,22 +180,29 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     }
 
     /// The clean motion that an output speaks of.
-    pub(crate) fn clean(&self, x: &Tensor<3>, output: Tensor<3>, step: &DdimStep) -> Tensor<3> {
-        match self.model.prediction() {
+    pub(crate) fn clean(
+        &self,
+        latent: &Latent<'_, D::Context>,
+        output: Tensor<3>,
+        step: &DdimStep,
+    ) -> Tensor<3> {
+        let (signal, rest) = (step.alpha_cumprod.sqrt(), (1.0 - step.alpha_cumprod).sqrt());
+        let x = &latent.x;
+        let clean = match self.model.prediction() {
             Prediction::Sample => output,
-            Prediction::Epsilon => {
-                (x.clone() - output * (1.0 - step.alpha_cumprod).sqrt()) / step.alpha_cumprod.sqrt()
-            }
-            Prediction::V => {
-                x.clone() * step.alpha_cumprod.sqrt() - output * (1.0 - step.alpha_cumprod).sqrt()
-            }
+            Prediction::Epsilon => (x.clone() - output * rest) / signal,
+            Prediction::V => x.clone() * signal - output * rest,
+        };
+        match self.window(latent, step) {
+            Some(window) => window.smooth(clean),
+            None => clean,
         }
     }
 
     /// `x` at the next timestep.
     pub(crate) fn advance(
         &self,
-        x: Tensor<3>,
+        latent: &Latent<'_, D::Context>,
         clean: &Tensor<3>,
         output: Tensor<3>,
         step: &DdimStep,
@@ -173,14 +210,14 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         if step.next_alpha_cumprod == 1.0 {
             return clean.clone();
         }
+        let (signal, rest) = (step.alpha_cumprod.sqrt(), (1.0 - step.alpha_cumprod).sqrt());
+        let x = latent.x.clone();
         let noise = match self.model.prediction() {
+            // What is left of x beside the motion, now that it is another.
+            _ if self.window(latent, step).is_some() => (x - clean.clone() * signal) / rest,
             Prediction::Epsilon => output,
-            Prediction::Sample => {
-                (x - output * step.alpha_cumprod.sqrt()) / (1.0 - step.alpha_cumprod).sqrt()
-            }
-            Prediction::V => {
-                x * (1.0 - step.alpha_cumprod).sqrt() + output * step.alpha_cumprod.sqrt()
-            }
+            Prediction::Sample => (x - output * signal) / rest,
+            Prediction::V => x * rest + output * signal,
         };
         clean.clone() * step.next_alpha_cumprod.sqrt()
             + noise * (1.0 - step.next_alpha_cumprod).sqrt()

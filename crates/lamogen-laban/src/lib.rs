@@ -31,3 +31,4 @@ pub use loss::{Divisor, Target};
 pub use series::{LabanSeries, Summary};
 pub use smoothing::{Gaussian, GaussianError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};
+pub use window::Window;

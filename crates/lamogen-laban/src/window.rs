@@ -7,12 +7,12 @@ use crate::smoothing::Gaussian;
 /// Longest run of frames that is smoothed by one matrix.
 const BLOCK: usize = 256;
 
-/// Smooths series of given lengths. Before a motion's first frame the first repeats, after its
+/// Smooths series of given lengths, differentiably. Before a motion's first frame the first repeats, after its
 /// last the last, so that padding cannot leak in.
 ///
 /// A series is cut into blocks, so that memory grows with the frames and not with their square.
 #[derive(Clone, Debug)]
-pub(crate) struct Window {
+pub struct Window {
     /// Row of `[batch * frames, …]` that stands at each place of the blocks, each extended by the
     /// window's reach on both sides.
     rows: Tensor<1, Int>,
@@ -28,7 +28,7 @@ impl Window {
     /// # Panics
     ///
     /// If there is no frame.
-    pub(crate) fn new(
+    pub fn new(
         gaussian: &Gaussian,
         frames: usize,
         lengths: impl Iterator<Item = usize>,
@@ -61,7 +61,11 @@ impl Window {
     }
 
     /// Smooths `[batch, frames, channels]` along the frames.
-    pub(crate) fn smooth(&self, x: Tensor<3>) -> Tensor<3> {
+    ///
+    /// # Panics
+    ///
+    /// If batch or frames are not those that the window was made for.
+    pub fn smooth(&self, x: Tensor<3>) -> Tensor<3> {
         let [batch, frames, channels] = x.dims();
         let [_, block, extended] = self.band.dims();
         let blocks = frames.div_ceil(block);

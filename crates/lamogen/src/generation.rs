@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lamogen_guide::{Preset, Step};
+use lamogen_guide::{Coherence, GuideError, Preset, Step};
 use lamogen_laban::{LabanSeries, ScaleCurve};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
@@ -21,6 +21,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     licence: Option<Licence>,
     preset: Preset,
     batch_size: usize,
+    pub(crate) coherence: Option<Coherence>,
 }
 
 /// A finished request.
@@ -78,6 +79,7 @@ impl<D: Denoiser> LaMoGen<D> {
             licence: None,
             preset: Preset::default(),
             batch_size: 8,
+            coherence: None,
         }
     }
 
@@ -99,6 +101,24 @@ impl<D: Denoiser> LaMoGen<D> {
     pub fn with_batch_size(self, batch_size: usize) -> Self {
         assert!(batch_size > 0, "a batch has at least one motion");
         LaMoGen { batch_size, ..self }
+    }
+
+    /// Sets whether predictions are smoothed along time (see [`Coherence`]), which networks as small as the embedded one need; it is
+    /// off unless a model says otherwise.
+    ///
+    /// # Errors
+    ///
+    /// If the numbers make no sense.
+    pub fn with_coherence(self, coherence: Option<Coherence>) -> Result<Self, GuideError> {
+        if let Some(coherence) = coherence {
+            coherence.check()?;
+        }
+        Ok(LaMoGen { coherence, ..self })
+    }
+
+    /// How predictions are smoothed along time, if they are.
+    pub fn coherence(&self) -> Option<Coherence> {
+        self.coherence
     }
 
     /// The licence of the weights, if their file states one. PyTorch checkpoints do not.

@@ -41,6 +41,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         } = self.model;
         let batch = self.batch();
         let sampler = Sampler::new(network, normalization, self.group.steps)
+            .and_then(|sampler| sampler.with_coherence(self.model.coherence))
             .map_err(|error| self.interrupted(error, &[]))?;
         let baseline = sampler
             .baseline(&batch, &mut watch)

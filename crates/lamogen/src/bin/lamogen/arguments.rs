@@ -1,12 +1,14 @@
 //! What may stand on the command line.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
 use lamogen::{
-    COMPONENTS, Component, DeviceName, Factor, FactorError, Preset, Request, Scale, ScaleCurve,
+    COMPONENTS, Coherence, Component, DeviceName, Factor, FactorError, Preset, Request, Scale,
+    ScaleCurve,
 };
 use serde::{Deserialize, Serialize};
 
@@ -128,9 +130,37 @@ pub struct SourceArguments {
     /// Folder of a model instead of the embedded one.
     #[arg(long, value_name = "FOLDER")]
     pub model: Option<PathBuf>,
+    /// Smooth predictions along time by so many frames while there is much noise, so that the legs of a small network keep
+    /// step, such as 2; or off, the default.
+    #[arg(long, value_name = "FRAMES")]
+    pub coherence: Option<CoherenceChoice>,
     /// Where to compute; lamogen devices lists them.
     #[arg(long)]
     pub device: Option<DeviceName>,
+}
+
+/// Frames to smooth by, or `off`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoherenceChoice(pub Option<Coherence>);
+
+impl FromStr for CoherenceChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(CoherenceChoice(None));
+        }
+        let frames: f32 = { text.parse() }
+            .map_err(|_| format!("expected a number of frames such as 2, or off, found {text}"))?;
+        let coherence = Coherence {
+            frames,
+            ..Coherence::default()
+        };
+        match coherence.check() {
+            Ok(()) => Ok(CoherenceChoice(Some(coherence))),
+            Err(error) => Err(error.to_string()),
+        }
+    }
 }
 
 /// How passes run.

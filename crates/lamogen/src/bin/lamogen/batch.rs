@@ -148,6 +148,7 @@ impl Work<'_> {
             "preset": pass.preset.map(|preset| preset.name()),
             "steps": pass.steps,
             "emphasis": pass.emphasis,
+            "coherence": self.source.coherence_frames(),
             "formats": formats.collect::<Vec<_>>(),
             "fps": writing.fps,
             "bvh_unit": writing.bvh_unit.to_string(),

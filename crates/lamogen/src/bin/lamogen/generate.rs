@@ -138,6 +138,7 @@ pub fn facts(
         "preset": preset.name(),
         "steps": pass.steps.unwrap_or(preset.preset().steps()),
         "emphasis": pass.emphasis,
+        "coherence": source.coherence_frames(),
         "cut_tokens": generation.cut_tokens,
         "loss": generation.loss,
     });

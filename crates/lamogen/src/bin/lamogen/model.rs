@@ -38,6 +38,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
 fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let arguments = SourceArguments {
         model: folder.map(Path::to_owned),
+        coherence: None,
         device: None,
     };
     let source = Source::open(&arguments, console)?;
@@ -57,6 +58,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "config": config,
             "frames": [network.min_frames(), network.max_frames()],
             "steps": steps,
+            "coherence": source.coherence_frames(),
             "licence": licence,
         });
         return console.say(info.to_string());

@@ -2,7 +2,7 @@
 
 use lamogen::{Device, DeviceName, LaMoGen, Preset};
 
-use crate::arguments::SourceArguments;
+use crate::arguments::{CoherenceChoice, SourceArguments};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 
@@ -19,7 +19,7 @@ impl Source {
     /// Loads it, and says its licence if that excludes commercial use.
     pub fn open(arguments: &SourceArguments, console: &Console) -> Result<Source, Failure> {
         let device = device(arguments.device)?;
-        let source = match &arguments.model {
+        let mut source = match &arguments.model {
             Some(folder) => {
                 console.notice(format!("Loading {} …", folder.display()));
                 Source {
@@ -34,8 +34,17 @@ impl Source {
                 preset: Preset::Fast,
             },
         };
+        if let Some(CoherenceChoice(coherence)) = arguments.coherence {
+            let model = source.model.with_coherence(coherence);
+            source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
+        }
         console.licence(source.model.licence());
         Ok(source)
+    }
+
+    /// The frames by which predictions are smoothed along time, if they are.
+    pub fn coherence_frames(&self) -> Option<f32> {
+        Some(self.model.coherence()?.frames)
     }
 }
 

@@ -1,0 +1,138 @@
+//! Frames that a network decides about one by one, smoothed along time.
+
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_guide::{Batch, Coherence, Guidance, Sampler, noise};
+use lamogen_laban::Scale;
+use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
+use lamogen_motion::{Normalization, POSE_FEATURES};
+
+/// Sees one of two poses in each frame, the nearer one, and nothing of the others: as a small network sees the legs of a walk.
+struct Shortsighted(Prediction);
+
+impl Denoiser for Shortsighted {
+    type Context = ();
+
+    fn prediction(&self) -> Prediction {
+        self.0
+    }
+
+    fn pose_features(&self) -> usize {
+        POSE_FEATURES
+    }
+
+    fn max_frames(&self) -> usize {
+        100
+    }
+
+    fn device(&self) -> Device {
+        Device::flex()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+        Prompt {
+            embedding: tokens.float(),
+            context: (),
+        }
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        Tensor::zeros([timesteps.len(), 1], &self.device())
+    }
+
+    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+        // The mean over the features of a frame tells on which side it is.
+        let side = (input.x_t.clone().mean_dim(2) * 20.0).tanh() * 0.3;
+        side * input.embedding.unsqueeze_dim::<3>(2) + input.x_t.zeros_like()
+    }
+}
+
+fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
+    let device = Device::flex();
+    let start: Vec<f32> = (0..lengths.len() as u64)
+        .flat_map(|seed| noise(seed, frames, POSE_FEATURES))
+        .collect();
+    let start = Tensor::<1>::from_floats(&start[..], &device);
+    Batch {
+        prompt: Prompt {
+            embedding: Tensor::ones([lengths.len(), 1], &device),
+            context: (),
+        },
+        noise: start.reshape([lengths.len(), frames, POSE_FEATURES]),
+        lengths: lengths.to_vec(),
+    }
+}
+
+fn normalization() -> Normalization {
+    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
+    Normalization::from_slices(&mean, &std, &Device::flex()).unwrap()
+}
+
+/// How often neighbouring frames are on different sides.
+fn changes(motion: &Tensor<3>) -> usize {
+    let sides: Vec<f32> = motion.clone().mean_dim(2).try_into_vec_as().unwrap();
+    sides
+        .windows(2)
+        .filter(|pair| pair[0] * pair[1] < 0.0)
+        .count()
+}
+
+#[test]
+fn frames_agree_where_predictions_are_smoothed() {
+    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    let batch = batch(&[100], 100);
+    let motion = |coherence| {
+        let sampler = Sampler::new(&network, &normalization, 50).unwrap();
+        let sampler = sampler.with_coherence(coherence).unwrap();
+        sampler.baseline(&batch, &mut ()).unwrap()
+    };
+    let (alone, together) = (motion(None), motion(Some(Coherence::default())));
+    assert!(changes(&alone) > 35, "each for itself: {}", changes(&alone));
+    assert!(changes(&together) < 20, "together: {}", changes(&together));
+    // The last steps are the network's own: every frame is on one side, and not between.
+    let sides: Vec<f32> = together.mean_dim(2).try_into_vec_as().unwrap();
+    assert!(sides.iter().filter(|side| side.abs() > 0.2).count() > 80);
+}
+
+#[test]
+fn padding_does_not_leak_in_and_guidance_goes_through() {
+    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let sampler = sampler.with_coherence(Some(Coherence::default())).unwrap();
+    let alone = sampler.baseline(&batch(&[40], 40), &mut ()).unwrap();
+    let mut padded = batch(&[40, 60], 60);
+    let first = batch(&[40], 40).noise;
+    let rest = padded.noise.clone().narrow(0, 0, 1).narrow(1, 40, 20) * 100.0;
+    let first = Tensor::cat(vec![first, rest], 1);
+    padded.noise = Tensor::cat(vec![first, padded.noise.narrow(0, 1, 1)], 0);
+    let together = sampler.baseline(&padded, &mut ()).unwrap();
+    let difference = together.clone().narrow(0, 0, 1).narrow(1, 0, 40) - alone;
+    let difference: f32 = difference.abs().max().into_scalar();
+    assert!(difference < 1e-5, "{difference}");
+
+    let scales = [[4.0, 1.0, 1.0, 1.0], [1.0; 4]].map(|scale| Scale::new(scale).unwrap().into());
+    let guidance = Guidance {
+        emphasis: 1e3,
+        ..Guidance::fast()
+    };
+    let guided = sampler.guided(&padded, together, &scales, &guidance, &mut ());
+    let loss = guided.unwrap().loss;
+    assert!(
+        loss[9][0] < 0.9 * loss[0][0],
+        "{:?} to {:?}",
+        loss[0],
+        loss[9]
+    );
+}
+
+#[test]
+fn smoothings_that_make_no_sense_are_refused() {
+    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    for frames in [0.0, -1.0, f32::NAN, 1000.0] {
+        let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+        let coherence = Coherence { frames, until: 0 };
+        let Err(error) = sampler.with_coherence(Some(coherence)) else {
+            panic!("{frames} was taken");
+        };
+        assert!(error.to_string().contains("above 0 to 100"), "{error}");
+    }
+}
