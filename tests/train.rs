@@ -158,6 +158,63 @@ fn an_interrupt_leaves_a_checkpoint() {
 }
 
 #[test]
+fn a_model_is_trained_further_with_what_it_knows() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    succeeds(folder, &with(&["--steps", "4", "--license", "CC0-1.0"]));
+    // Other data, with other statistics and words.
+    for place in 0..10 {
+        let name = folder.join(format!("data/texts/{place:06}.txt"));
+        fs::write(name, "somebody turns#turn/VERB#0.0#0.0\n").unwrap();
+    }
+    for place in 0..4 {
+        let name = folder.join(format!("data/new_joint_vecs/{place:06}.npy"));
+        let array = npy::read(&name).unwrap();
+        let louder: Vec<f32> = array.values.iter().map(|value| 3.0 * value).collect();
+        npy::write(&name, &louder, &array.shape).unwrap();
+    }
+    let further = |out, more: &[&'static str]| {
+        let all = ["--data", "data", "--from", "run/model", "--steps", "3"];
+        [&all[..], &["--out", out], more].concat()
+    };
+    // The recipe that comes with the program has other sizes: those of the model count.
+    succeeds(folder, &further("whole", &[]));
+    for _ in 0..3 {
+        succeeds(folder, &further("parts", &["--sitting", "0"]));
+    }
+    let file = |run: &str, name: &str| fs::read(folder.join(run).join("model").join(name)).unwrap();
+    for name in ["config.json", "tokenizer.json", "mean.npy", "std.npy"] {
+        assert!(file("run", name) == file("whole", name), "{name} differs");
+    }
+    let weights = ["run", "whole", "parts"].map(|run| file(run, "model.safetensors"));
+    assert!(weights[0] != weights[1], "nothing was learned");
+    assert!(weights[1] == weights[2], "a stop changed the weights");
+    let load = |run: &str| LaMoGen::load(folder.join(run).join("model"), &Device::flex()).unwrap();
+    assert_eq!(load("whole").licence().unwrap().name, "CC0-1.0");
+    // Three steps away from where it began, and far from a fresh network's.
+    let request = Request::new("a person swings").seconds(2.5).steps(5);
+    let motion = |run: &str| load(run).generate(&request).unwrap().guided;
+    let fresh = ["--data", "data", "--config", "tiny.json", "--steps", "3"];
+    succeeds(folder, &[&fresh[..], &["--out", "fresh"]].concat());
+    let [near, far] = ["whole", "fresh"].map(|other| motion("run").distance(&motion(other)));
+    assert!(near < far, "{near} is not below {far}");
+
+    let other = [&fresh[..], &["--out", "whole"]].concat();
+    fails(folder, &other, 2, &["whole", "expected"]);
+    let config = fs::read_to_string(folder.join("tiny.json")).unwrap();
+    let wide = config.replace("\"ff_size\":24", "\"ff_size\":32");
+    assert_ne!(config, wide);
+    fs::write(folder.join("wide.json"), wide).unwrap();
+    let wide = further("x", &["--config", "wide.json"]);
+    fails(folder, &wide, 2, &["ff_size = 32", "ff_size = 24"]);
+    let nowhere = [
+        "--data", "data", "--from", "nowhere", "--steps", "3", "--out", "x",
+    ];
+    fails(folder, &nowhere, 3, &["nowhere"]);
+}
+
+#[test]
 fn minutes_become_steps() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

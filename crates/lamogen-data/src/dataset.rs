@@ -121,7 +121,7 @@ impl Dataset {
         entries.filter_map(move |(index, entry)| (entry.split == split).then_some(index))
     }
 
-    /// The mean of every feature over the training split, `[263]`.
+    /// The mean of every feature over the training split, `[263]`, unless others were [given](Self::with_normalization).
     pub fn mean(&self) -> &[f32] {
         &self.statistics.mean
     }
@@ -136,6 +136,22 @@ impl Dataset {
     pub fn unchanging(&self) -> impl Iterator<Item = FeatureGroup> + '_ {
         let groups = FeatureGroup::ALL.into_iter();
         groups.filter(|group| self.std()[group.range()].iter().all(|std| *std == 1.0))
+    }
+
+    /// The same motions, normalised by other statistics: those of a network that was trained on other data.
+    ///
+    /// # Panics
+    ///
+    /// If they are not of 263 features.
+    pub fn with_normalization(self, normalization: &Normalization) -> Self {
+        assert_eq!(
+            normalization.features(),
+            POSE_FEATURES,
+            "statistics of the features of a pose"
+        );
+        let [mean, std] = normalization.values();
+        let statistics = Statistics { mean, std };
+        Dataset { statistics, ..self }
     }
 
     /// Mean and standard deviation as tensors.

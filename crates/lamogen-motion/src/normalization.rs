@@ -126,6 +126,14 @@ impl Normalization {
         self.mean.dims()[0]
     }
 
+    /// The mean and the standard deviation of every feature.
+    pub fn values(&self) -> [Vec<f32>; 2] {
+        [&self.mean, &self.std].map(|row| {
+            let values = row.clone().try_into_vec_as();
+            values.expect("floats convert to f32")
+        })
+    }
+
     /// `(x - mean) / std` of features `[batch, frames, features]`.
     pub fn normalize(&self, features: Tensor<3>) -> Tensor<3> {
         (features - self.mean.clone().unsqueeze()) / self.std.clone().unsqueeze()
@@ -197,6 +205,7 @@ mod tests {
         let features = Tensor::<3>::ones([1, 1, 1], &Device::flex()) * 5.0;
         let normalized = normalization.normalize(features);
         assert_eq!(normalized.into_scalar::<f32>(), 2.0);
+        assert_eq!(normalization.values(), [[1.0], [2.0]]);
         for (mean, std, part) in [
             (&[0.0; 2][..], &[1.0][..], "std"),
             (&[0.0], &[0.0], "above 0"),

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use burn::module::Module;
 use burn::tensor::Device;
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::Schedule;
@@ -13,6 +14,7 @@ use crate::batches::Batches;
 use crate::config::TrainingConfig;
 use crate::error::TrainError;
 use crate::example::Example;
+use crate::identity::first_difference;
 use crate::model_folder::{self, write};
 use crate::optimization::Optimization;
 use crate::task::{Lesson, Task};
@@ -34,6 +36,7 @@ pub struct Denoising<'a> {
     validation: Option<Validation<'a>>,
     device: Device,
     metadata: HashMap<String, String>,
+    start: Option<MotionDiffuse>,
 }
 
 impl<'a> Denoising<'a> {
@@ -72,6 +75,7 @@ impl<'a> Denoising<'a> {
             normalization: dataset.normalization(device),
             device: device.clone(),
             metadata: HashMap::new(),
+            start: None,
             dataset,
             tokens,
             config,
@@ -81,6 +85,30 @@ impl<'a> Denoising<'a> {
     /// Sets what travels with the weights in their file, such as `license` and `attribution`.
     pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
         Denoising { metadata, ..self }
+    }
+
+    /// Begins with the weights of this network instead of fresh ones. Its captions' tokens must be its own tokenizer's, and the data
+    /// normalised by its statistics ([`Dataset::with_normalization`]).
+    ///
+    /// # Errors
+    ///
+    /// If its sizes or its prediction are not those of the config.
+    pub fn with_start(self, network: MotionDiffuse) -> Result<Self, TrainError> {
+        let (expected, found) = (&self.config.model, network.config());
+        if expected != found {
+            let [expected, found] = [expected, found]
+                .map(|config| serde_json::to_value(config).expect("sizes are JSON"));
+            let (size, expected, found) =
+                first_difference("", &expected, &found).expect("equal configs are equal JSON");
+            return Err(TrainError::Sizes {
+                expected: format!("{size} = {expected}"),
+                found: format!("{size} = {found}"),
+            });
+        }
+        Ok(Denoising {
+            start: Some(network),
+            ..self
+        })
     }
 
     /// How many motions are trained on, mirrored ones included.
@@ -97,7 +125,9 @@ impl Task for Denoising<'_> {
     }
 
     fn start(&self, device: &Device) -> MotionDiffuse {
-        MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device)
+        let fresh =
+            || MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device);
+        { self.start.clone() }.map_or_else(fresh, |network| network.to_device(device))
     }
 
     fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {

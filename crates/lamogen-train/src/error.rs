@@ -31,6 +31,10 @@ pub enum TrainError {
         found: usize,
         found_vocabulary: usize,
     },
+    /// The network to begin with is another.
+    #[error("expected a model with {expected} to begin with, as the config says, found {found}")]
+    #[allow(missing_docs)]
+    Sizes { expected: String, found: String },
     /// A measurement went wrong.
     #[error(
         "the loss on the validation split after step {step} is {loss}: expected a finite number"

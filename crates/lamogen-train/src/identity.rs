@@ -1,5 +1,7 @@
 //! What a run is, so that a folder is not gone on with by another.
 
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::tensor::Tensor;
 use lamogen_data::{Checksum, Dataset};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -39,6 +41,45 @@ pub fn identity(
         "frames": dataset.entries().iter().map(|entry| entry.frames).sum::<usize>(),
         "checksum": format!("{:016x}", sum.value()),
     })
+}
+
+/// A number that stands for all weights of a network, for the identity of a run that begins with them.
+pub fn fingerprint(network: &impl Module) -> String {
+    let mut weights = Weights(Checksum::new(0));
+    network.visit(&mut weights);
+    format!("{:016x}", weights.0.value())
+}
+
+struct Weights(Checksum);
+
+impl ModuleVisitor for Weights {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let values = param.val().try_into_vec_as::<f32>();
+        for value in values.expect("floats convert to f32") {
+            self.0.add(&value.to_le_bytes());
+        }
+    }
+}
+
+/// Where two values differ, and how.
+pub(crate) fn first_difference(
+    place: &str,
+    a: &Value,
+    b: &Value,
+) -> Option<(String, Value, Value)> {
+    if let (Value::Object(a), Value::Object(b)) = (a, b) {
+        let keys = a.keys().chain(b.keys());
+        return keys.into_iter().find_map(|key| {
+            let place = match place {
+                "" => key.clone(),
+                place => format!("{place}.{key}"),
+            };
+            let missing = &Value::Null;
+            let (a, b) = (a.get(key).unwrap_or(missing), b.get(key).unwrap_or(missing));
+            first_difference(&place, a, b)
+        });
+    }
+    (a != b).then(|| (place.to_owned(), a.clone(), b.clone()))
 }
 
 /// Adds a text so that it does not run into the next.

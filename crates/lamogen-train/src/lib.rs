@@ -33,7 +33,7 @@ mod validation;
 pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
 pub use denoising::Denoising;
 pub use error::TrainError;
-pub use identity::identity;
+pub use identity::{fingerprint, identity};
 pub use log::LogLine;
 pub use losses::Losses;
 pub use matching::{

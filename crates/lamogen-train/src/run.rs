@@ -20,6 +20,7 @@ use serde_json::Value;
 
 use crate::checkpoint::{self, Checkpoints, Progress};
 use crate::error::TrainError;
+use crate::identity::first_difference;
 use crate::log::{Log, LogLine};
 use crate::task::Task;
 use crate::trainer::{StepReport, Trainer};
@@ -311,21 +312,4 @@ fn check_identity(folder: &Path, identity: &Value) -> Result<(), TrainError> {
             found: format!("{place} = {found}"),
         }),
     }
-}
-
-/// Where two values differ, and how.
-fn first_difference(place: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
-    if let (Value::Object(a), Value::Object(b)) = (a, b) {
-        let keys = a.keys().chain(b.keys());
-        return keys.into_iter().find_map(|key| {
-            let place = match place {
-                "" => key.clone(),
-                place => format!("{place}.{key}"),
-            };
-            let missing = &Value::Null;
-            let (a, b) = (a.get(key).unwrap_or(missing), b.get(key).unwrap_or(missing));
-            first_difference(&place, a, b)
-        });
-    }
-    (a != b).then(|| (place.to_owned(), a.clone(), b.clone()))
 }

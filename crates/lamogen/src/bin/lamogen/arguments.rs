@@ -496,6 +496,10 @@ pub struct Train {
     /// Stop after so many minutes, with a checkpoint; the same command goes on later.
     #[arg(long, value_name = "MINUTES", value_parser = minutes)]
     pub sitting: Option<f64>,
+    /// Begin with the weights of a model, a folder or embedded, instead of fresh ones; its sizes, tokenizer and statistics are kept,
+    /// and its licence where none is given.
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["evaluator", "tokenizer"])]
+    pub from: Option<PathBuf>,
     /// A tokenizer.json; without one it is CLIP's for a network with CLIP's vocabulary, else learned from the captions.
     #[arg(long, value_name = "FILE")]
     pub tokenizer: Option<PathBuf>,

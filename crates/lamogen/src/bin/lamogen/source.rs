@@ -15,6 +15,9 @@ pub struct Source {
     pub preset: Preset,
 }
 
+/// The name of the embedded model.
+pub const EMBEDDED: &str = "embedded";
+
 impl Source {
     /// Loads it, and says its licence if that excludes commercial use.
     pub fn open(arguments: &SourceArguments, console: &Console) -> Result<Source, Failure> {
@@ -30,7 +33,7 @@ impl Source {
             }
             None => Source {
                 model: embedded(&device)?,
-                name: "embedded".into(),
+                name: EMBEDDED.into(),
                 preset: Preset::Fast,
             },
         };

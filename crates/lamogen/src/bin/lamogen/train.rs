@@ -1,12 +1,16 @@
 //! `lamogen train`.
 //!
 //! ```text
+//!      start.rs: a model to begin with
+//!                                │
+//!                                ▼
 //! data, config, tokenizer ──▶ denoiser.rs ──┐
-//!                             evaluator.rs ─┴─▶ lamogen_train::run ──▶ watch.rs: bar, plot, pictures
+//!                        └──▶ evaluator.rs ─┴─▶ lamogen_train::run ──▶ watch.rs: bar, plot, pictures
 //! ```
 
 mod denoiser;
 mod evaluator;
+mod start;
 mod watch;
 
 use std::collections::HashMap;
@@ -15,8 +19,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use lamogen::Device;
 use lamogen::model::{Tokenizer, learn};
+use lamogen::{Device, Licence};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_train::{CaptionTokens, Ended, Length, Plan, Task, TrainError, TrainingConfigError};
 use serde_json::{Value, json};
@@ -57,15 +61,17 @@ fn work<T: Task>(
     Ok(ended?)
 }
 
-/// What travels with the weights.
-fn metadata(options: &Train) -> HashMap<String, String> {
+/// What travels with the weights; of weights that come of others, what those say.
+fn metadata(options: &Train, others: Option<&Licence>) -> HashMap<String, String> {
+    let name = others.map(|licence| licence.name.clone());
+    let attribution = others.and_then(|licence| licence.attribution.clone());
     let texts = [
-        ("license", &options.license),
-        ("attribution", &options.attribution),
+        ("license", options.license.clone().or(name)),
+        ("attribution", options.attribution.clone().or(attribution)),
     ];
     let texts = texts.into_iter();
     texts
-        .filter_map(|(name, text)| Some((name.to_owned(), text.clone()?)))
+        .filter_map(|(name, text)| Some((name.to_owned(), text?)))
         .collect()
 }
 
@@ -110,9 +116,17 @@ struct Vocabulary {
     context_length: usize,
 }
 
-/// The captions as ids: by the tokenizer that is named, CLIP's own, or one that is learned from the captions.
+/// A file with its name for messages.
+type Named = (Vec<u8>, PathBuf);
+
+fn read(path: &Path) -> Result<Named, Failure> {
+    let unreadable = |reason| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
+    Ok((fs::read(path).map_err(unreadable)?, path.to_owned()))
+}
+
+/// The captions as ids: by the tokenizer that is given, CLIP's own, or one that is learned from the captions.
 fn tokens(
-    options: &Train,
+    tokenizer: Option<Named>,
     vocabulary: Vocabulary,
     dataset: &Dataset,
     console: &Console,
@@ -121,12 +135,8 @@ fn tokens(
         size,
         context_length,
     } = vocabulary;
-    let file = match &options.tokenizer {
-        Some(path) => {
-            let unreadable =
-                |reason| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
-            Some((fs::read(path).map_err(unreadable)?, path.clone()))
-        }
+    let file = match tokenizer {
+        Some(file) => Some(file),
         None if size == CLIP_VOCABULARY => None,
         None => {
             let entries = dataset
@@ -208,7 +218,9 @@ impl From<TrainError> for Failure {
             TrainError::NoMotions { .. } => Failure::new(Code::Input, error),
             TrainError::NotFinite { .. } => Failure::new(Code::Run, error),
             TrainError::OtherRun { .. } => Failure::new(Code::Usage, error),
-            TrainError::Captions { .. } | TrainError::Busy { .. } => Failure::new(Code::Usage, error),
+            TrainError::Captions { .. } | TrainError::Busy { .. } | TrainError::Sizes { .. } => {
+                Failure::new(Code::Usage, error)
+            }
             TrainError::Validation { .. } => Failure::new(Code::Run, error),
             TrainError::Checkpoint { .. } => Failure::new(Code::Input, error).hint(
                 "a checkpoint before it is in the same folder; without the damaged one, the run goes on from there",

@@ -1,14 +1,16 @@
 //! Training a denoiser.
 
 use std::fs;
+use std::path::Path;
 
 use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
-use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, identity};
+use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, fingerprint, identity};
 use lamogen_view::{Row, save, strip};
 
-use super::{Vocabulary, ended, metadata, open, tokens, work};
+use super::start::Start;
+use super::{Vocabulary, ended, metadata, open, read, tokens, work};
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
@@ -16,10 +18,9 @@ use crate::source::device;
 
 pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let device = device(options.device)?;
-    let config = match options.config.to_str() {
-        Some("compact") => TrainingConfig::compact(),
-        _ => TrainingConfig::from_file(&options.config)?,
-    };
+    let start = { options.from.as_deref() }.map(|folder| Start::open(folder, &device));
+    let start = start.transpose()?;
+    let config = config(&options.config, start.as_ref())?;
     let model = &config.model;
     if model.prediction != Prediction::Sample && model.latent_dim < model.input_feats {
         console.notice(format!(
@@ -33,10 +34,24 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         size: model.clip.vocab_size,
         context_length: model.clip.context_length,
     };
-    let tokens = tokens(options, vocabulary, &dataset, console)?;
-    let task = Denoising::new(&dataset, &tokens, &config, &device)?;
-    let task = task.with_metadata(metadata(options));
-    let identity = identity("denoiser", &config, &dataset, &tokens);
+    let dataset = match &start {
+        Some(start) => dataset.with_normalization(start.model.normalization()),
+        None => dataset,
+    };
+    let tokenizer = match (&start, &options.tokenizer) {
+        (Some(start), _) => start.tokenizer.clone(),
+        (None, path) => path.as_deref().map(read).transpose()?,
+    };
+    let tokens = tokens(tokenizer, vocabulary, &dataset, console)?;
+    let licence = start.as_ref().and_then(|start| start.model.licence());
+    let mut task = Denoising::new(&dataset, &tokens, &config, &device)?
+        .with_metadata(metadata(options, licence));
+    let mut identity = identity("denoiser", &config, &dataset, &tokens);
+    if let Some(start) = &start {
+        let network = start.model.network();
+        task = task.with_start(network.clone())?;
+        identity["from"] = fingerprint(network).into();
+    }
     let sentences = match &options.sample[..] {
         [] => usual(&dataset),
         sentences => sentences.to_vec(),
@@ -55,6 +70,18 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let model = options.out.join("model");
     let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
     ended(options, &result, &hint, &[], console)
+}
+
+/// The recipe. One that comes with the program trains a network of any sizes; a file states them, and must state those of the
+/// network to begin with.
+fn config(path: &Path, start: Option<&Start>) -> Result<TrainingConfig, Failure> {
+    let sizes = start.map(|start| start.model.config());
+    if path == "compact" {
+        let recipe = TrainingConfig::compact();
+        let model = sizes.cloned().unwrap_or(recipe.model);
+        return Ok(TrainingConfig { model, ..recipe });
+    }
+    Ok(TrainingConfig::from_file(path)?)
 }
 
 /// Strips of what the averaged network generates.

@@ -5,7 +5,7 @@ use lamogen_eval::{CaptionedMotions, Estimate, Judge, TextForm, real_motions};
 use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity};
 use serde_json::json;
 
-use super::{Vocabulary, ended, metadata, open, tokens, work};
+use super::{Vocabulary, ended, metadata, open, read, tokens, work};
 use crate::arguments::Train;
 use crate::console::Console;
 use crate::failure::{Code, Failure};
@@ -36,10 +36,11 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let usual = LoadOptions::default();
     let longest = config.evaluator.max_motion_length;
     let dataset = open(options, usual.min_frames..=longest, console)?;
-    let tokens = tokens(options, vocabulary, &dataset, console)?;
+    let tokenizer = options.tokenizer.as_deref().map(read).transpose()?;
+    let tokens = tokens(tokenizer, vocabulary, &dataset, console)?;
     let failed = |error| Failure::new(Code::Input, error);
     let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
-    let task = task.with_metadata(metadata(options));
+    let task = task.with_metadata(metadata(options, None));
     let identity = identity("evaluator", &config, &dataset, &tokens);
     let counted = (&task, task.motions());
     let result = work(counted, &identity, &device, |_, _| Ok(()), options, console)?;
