@@ -61,7 +61,12 @@ fn draw(
         .margin(12)
         .x_label_area_size(38)
         .y_label_area_size(58)
-        .build_cartesian_2d(0..last, (least..most).log_scale())?;
+        .build_cartesian_2d(
+            0..last,
+            (least..most)
+                .log_scale()
+                .with_key_points(ticks(least, most)),
+        )?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -69,7 +74,7 @@ fn draw(
         .x_desc("steps")
         .y_desc("loss")
         .label_style(("sans-serif", 12))
-        .y_label_formatter(&|loss| format!("{loss:.2}"))
+        .y_label_formatter(&|loss| label(*loss))
         .draw()?;
     for curve in curves {
         let [red, green, blue] = curve.colour;
@@ -92,9 +97,49 @@ fn draw(
     Ok(())
 }
 
+/// Round numbers within a range, above 0, a handful or two.
+fn ticks(least: f64, most: f64) -> Vec<f64> {
+    const FEW: [f64; 3] = [1.0, 2.0, 5.0];
+    const MANY: [f64; 7] = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0];
+    let decades = least.log10().floor() as i32..=most.log10().floor() as i32;
+    let within = |digits: &[f64]| -> Vec<f64> {
+        let all = { decades.clone() }
+            .flat_map(|decade| digits.iter().map(move |digit| digit * 10f64.powi(decade)));
+        all.filter(|tick| (least..=most).contains(tick)).collect()
+    };
+    let few = within(&FEW);
+    match few.len() {
+        ..6 => within(&MANY),
+        6..12 => few,
+        _ => within(&FEW[..1]),
+    }
+}
+
+/// A tick in as many digits as it has.
+fn label(tick: f64) -> String {
+    let decimals = (1 - tick.log10().floor() as i32).max(0) as usize;
+    let text = format!("{tick:.decimals$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').into(),
+        false => text,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_scale_has_round_numbers_whatever_the_range() {
+        let labels = |least, most| {
+            let ticks = ticks(least, most).into_iter();
+            ticks.map(label).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(labels(0.18, 2.1), "0.2 0.3 0.4 0.5 0.7 1 1.5 2");
+        assert_eq!(labels(0.009, 12.0), "0.01 0.02 0.05 0.1 0.2 0.5 1 2 5 10");
+        assert_eq!(labels(0.6, 1.7), "0.7 1 1.5");
+        assert_eq!(labels(1e-6, 2000.0).split(' ').count(), 10);
+    }
 
     #[test]
     fn every_curve_and_its_name_are_drawn_and_broken_losses_left_out() {
