@@ -201,7 +201,7 @@ fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
         folder,
         &with(&["--coherence", "much"]),
         2,
-        "a number of frames such as 2, or off, found much",
+        "a number of frames such as 1, or off, found much",
     );
     fails(
         folder,

@@ -5,6 +5,8 @@ pub mod embed;
 pub mod judges;
 pub mod measure;
 pub mod parity;
+pub mod strips;
+pub mod subject;
 pub mod sweep;
 pub mod test;
 pub mod training;

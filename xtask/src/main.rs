@@ -67,6 +67,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Draw what a model makes of the sentences of its model card.
+    Strips {
+        #[command(flatten)]
+        options: xtask::strips::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Time one step of training on random motions; prints one JSON line.
     BenchTraining {
         #[command(flatten)]
@@ -113,6 +121,12 @@ fn main() -> ExitCode {
                     println!("{figures:#}");
                     ExitCode::SUCCESS
                 }
+                Err(error) => fail(&*error),
+            }
+        }),
+        Task::Strips { options, device } => on(device, |device| {
+            match xtask::strips::run(&options, device) {
+                Ok(()) => ExitCode::SUCCESS,
                 Err(error) => fail(&*error),
             }
         }),

@@ -4,13 +4,15 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{Coherence, FRAMES_PER_SECOND, LaMoGen, Motion, Request};
+use lamogen::{FRAMES_PER_SECOND, Motion, Request};
 use lamogen_data::{Dataset, Entry, LoadOptions, Split};
 use lamogen_eval::{CaptionedMotions, Estimate, Judge, fid, real_motions};
 use lamogen_model::Denoiser;
 use lamogen_motion::{BoneDrift, FootSliding, Jitter};
 use lamogen_train::{CaptionTokens, Validation};
 use serde_json::{Value, json};
+
+use crate::subject::Subject;
 
 /// What is measured.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,18 +23,9 @@ pub struct Options {
     /// Folder of the evaluator, as lamogen train --evaluator leaves it.
     #[arg(long)]
     pub evaluator: PathBuf,
-    /// Folder of a model; the embedded one without.
-    #[arg(long)]
-    pub model: Option<PathBuf>,
-    /// DDIM steps.
-    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    pub steps: u64,
-    /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
-    #[arg(long)]
-    pub coherence: Option<f32>,
-    /// The last timestep at which they are.
-    #[arg(long, default_value_t = 100)]
-    pub until: usize,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub subject: Subject,
     /// Motions of every caption, from as many seeds.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub repeats: u64,
@@ -55,17 +48,7 @@ pub fn run(
     device: &Device,
     tell: &mut dyn FnMut(String),
 ) -> Result<Value, Box<dyn Error>> {
-    let model = match &options.model {
-        Some(folder) => LaMoGen::load(folder, device)?,
-        None => LaMoGen::embedded(device)?,
-    };
-    let model = match options.coherence {
-        None => model,
-        Some(frames) => model.with_coherence((frames != 0.0).then_some(Coherence {
-            frames,
-            until: options.until,
-        }))?,
-    };
+    let model = options.subject.open(device)?;
     let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
     let judge = Judge::load(&options.evaluator, device)?;
     let network = model.network();
@@ -101,7 +84,7 @@ pub fn run(
             .map(|(place, entry)| {
                 Request::new(&entry.captions[caption(entry, seed)].text)
                     .seconds(entry.frames as f32 / FRAMES_PER_SECOND)
-                    .steps(options.steps as usize)
+                    .steps(options.subject.steps as usize)
                     .seed(seed * 100_000 + place as u64)
             })
             .collect();
@@ -119,10 +102,10 @@ pub fn run(
         ((*name).to_owned(), value)
     });
     Ok(json!({
-        "model": options.model,
+        "model": options.subject.model,
         "split": options.split.name(),
         "motions": entries.len(),
-        "steps": options.steps,
+        "steps": options.subject.steps,
         "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
         "repeats": options.repeats,
         "validation_loss": losses,

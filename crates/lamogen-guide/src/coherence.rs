@@ -21,11 +21,11 @@ pub struct Coherence {
 }
 
 impl Default for Coherence {
-    /// Two frames, a tenth of a second, down to timestep 100.
+    /// One frame, at all timesteps but the last ones: what is best for the embedded model.
     fn default() -> Self {
         Coherence {
-            frames: 2.0,
-            until: 100,
+            frames: 1.0,
+            until: 20,
         }
     }
 }

@@ -131,7 +131,7 @@ pub struct SourceArguments {
     #[arg(long, value_name = "FOLDER")]
     pub model: Option<PathBuf>,
     /// Smooth predictions along time by so many frames while there is much noise, so that the legs of a small network keep
-    /// step, such as 2; or off, the default.
+    /// step, such as 1; or off, the default.
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
     /// Where to compute; lamogen devices lists them.
@@ -151,7 +151,7 @@ impl FromStr for CoherenceChoice {
             return Ok(CoherenceChoice(None));
         }
         let frames: f32 = { text.parse() }
-            .map_err(|_| format!("expected a number of frames such as 2, or off, found {text}"))?;
+            .map_err(|_| format!("expected a number of frames such as 1, or off, found {text}"))?;
         let coherence = Coherence {
             frames,
             ..Coherence::default()

@@ -1,0 +1,46 @@
+//! The model that a card speaks of.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use burn::tensor::Device;
+use lamogen::{Coherence, LaMoGen};
+
+/// Which model, and how it samples.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Subject {
+    /// Folder of a model; the embedded one without.
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// DDIM steps.
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub steps: u64,
+    /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
+    #[arg(long)]
+    pub coherence: Option<f32>,
+    /// The last timestep at which they are.
+    #[arg(long, default_value_t = Coherence::default().until)]
+    pub until: usize,
+}
+
+impl Subject {
+    /// Loads it.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read, or the smoothing makes no sense.
+    pub fn open(&self, device: &Device) -> Result<LaMoGen, Box<dyn Error>> {
+        let model = match &self.model {
+            Some(folder) => LaMoGen::load(folder, device)?,
+            None => LaMoGen::embedded(device)?,
+        };
+        let Some(frames) = self.coherence else {
+            return Ok(model);
+        };
+        let coherence = Coherence {
+            frames,
+            until: self.until,
+        };
+        Ok(model.with_coherence((frames != 0.0).then_some(coherence))?)
+    }
+}
