@@ -7,6 +7,8 @@
 //!                                            so that the predicted motion's features reach it
 //! ```
 //!
+//! The same pass moves something else where [`Guidance::moved`] says so: the predicted motion, the finished motion, the start noise.
+//!
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise gives the same motion.
 
@@ -16,14 +18,16 @@ mod guidance;
 mod guided;
 mod noise;
 mod observer;
+mod prompt_editing;
 mod sampler;
 mod schedule;
 
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
-pub use guidance::{Guidance, Preset, Update};
+pub use guidance::{Guidance, Moved, Preset, Update};
 pub use guided::Guided;
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};
+pub use prompt_editing::edited_prompt;
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};

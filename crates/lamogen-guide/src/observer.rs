@@ -30,13 +30,13 @@ pub struct Step<'a> {
     pub pass: Pass,
     /// Its number in the pass, from 0.
     pub index: usize,
-    /// How many steps the pass has.
+    /// How many steps the pass has; where guidance moves the finished motion or the start noise, how many updates.
     pub steps: usize,
-    /// The timestep that the network saw.
+    /// The timestep that the network saw; 0 for those updates.
     pub timestep: usize,
     /// The Laban loss of each motion of the batch, before the step's last update; guided pass only.
     pub loss: Option<&'a [f32]>,
-    /// The gradient of the last update, `[batch, d_condition]`; guided pass only.
+    /// The gradient of the last update of the embedding, `[batch, d_condition]`; only where guidance moves that.
     pub gradient: Option<&'a Tensor<2>>,
     /// The sentence embedding after the step, `[batch, d_condition]`.
     pub embedding: &'a Tensor<2>,

@@ -32,6 +32,7 @@ pub struct Batch<C> {
 }
 
 /// A noisy batch on its way, with what the network needs beside the embedding.
+#[derive(Clone)]
 pub(crate) struct Latent<'a, C> {
     pub(crate) x: Tensor<3>,
     pub(crate) context: &'a C,
@@ -154,6 +155,18 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         self.model.denoise(input, latent.context)
     }
 
+    /// The network's output at a step, with the way back to the noisy motion.
+    pub(crate) fn linearize_motion<'b>(
+        &'b self,
+        latent: &Latent<'_, D::Context>,
+        context: &'b D::Context,
+        index: usize,
+        embedding: Tensor<2>,
+    ) -> Linearized<'b, 3> {
+        let input = self.input(latent, index, embedding);
+        self.model.linearize_motion(input, context)
+    }
+
     /// The network's output at a step, with the way back to the embedding.
     pub(crate) fn linearize<'b>(
         &'b self,
@@ -186,16 +199,45 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        let (signal, rest) = (step.alpha_cumprod.sqrt(), (1.0 - step.alpha_cumprod).sqrt());
-        let x = &latent.x;
+        self.clean_at(latent, latent.x.clone(), output, step)
+    }
+
+    /// As [`clean`](Self::clean), for an `x` of its own.
+    pub(crate) fn clean_at(
+        &self,
+        latent: &Latent<'_, D::Context>,
+        x: Tensor<3>,
+        output: Tensor<3>,
+        step: &DdimStep,
+    ) -> Tensor<3> {
+        let (signal, rest) = shares(step.alpha_cumprod);
         let clean = match self.model.prediction() {
             Prediction::Sample => output,
-            Prediction::Epsilon => (x.clone() - output * rest) / signal,
-            Prediction::V => x.clone() * signal - output * rest,
+            Prediction::Epsilon => (x - output * rest) / signal,
+            Prediction::V => x * signal - output * rest,
         };
         match self.window(latent, step) {
             Some(window) => window.smooth(clean),
             None => clean,
+        }
+    }
+
+    /// The noise that an output speaks of, beside the clean motion that it speaks of.
+    pub(crate) fn noise(
+        &self,
+        latent: &Latent<'_, D::Context>,
+        x: Tensor<3>,
+        clean: &Tensor<3>,
+        output: Tensor<3>,
+        step: &DdimStep,
+    ) -> Tensor<3> {
+        let (signal, rest) = shares(step.alpha_cumprod);
+        match self.model.prediction() {
+            // What is left of x beside the motion, now that it is another.
+            _ if self.window(latent, step).is_some() => (x - clean.clone() * signal) / rest,
+            Prediction::Epsilon => output,
+            Prediction::Sample => (x - output * signal) / rest,
+            Prediction::V => x * rest + output * signal,
         }
     }
 
@@ -210,16 +252,18 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         if step.next_alpha_cumprod == 1.0 {
             return clean.clone();
         }
-        let (signal, rest) = (step.alpha_cumprod.sqrt(), (1.0 - step.alpha_cumprod).sqrt());
-        let x = latent.x.clone();
-        let noise = match self.model.prediction() {
-            // What is left of x beside the motion, now that it is another.
-            _ if self.window(latent, step).is_some() => (x - clean.clone() * signal) / rest,
-            Prediction::Epsilon => output,
-            Prediction::Sample => (x - output * signal) / rest,
-            Prediction::V => x * rest + output * signal,
-        };
-        clean.clone() * step.next_alpha_cumprod.sqrt()
-            + noise * (1.0 - step.next_alpha_cumprod).sqrt()
+        let noise = self.noise(latent, latent.x.clone(), clean, output, step);
+        mix(clean, noise, step)
     }
+}
+
+/// A clean motion with as much noise as there is at the next timestep.
+pub(crate) fn mix(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
+    let (signal, rest) = shares(step.next_alpha_cumprod);
+    clean.clone() * signal + noise * rest
+}
+
+/// The shares of motion and noise in `x`.
+fn shares(alpha_cumprod: f64) -> (f64, f64) {
+    (alpha_cumprod.sqrt(), (1.0 - alpha_cumprod).sqrt())
 }

@@ -1,7 +1,7 @@
 //! What a network predicts makes no difference to the motion, if it knows the same.
 
 use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{Batch, Guidance, Sampler, Schedule, noise};
+use lamogen_guide::{Batch, Guidance, Moved, Sampler, Schedule, noise};
 use lamogen_laban::Scale;
 use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
 use lamogen_motion::{Normalization, POSE_FEATURES};
@@ -12,15 +12,18 @@ const FRAMES: usize = 40;
 struct Knowing {
     prediction: Prediction,
     motion: Tensor<3>,
+    /// How much of what it sees is part of its motion.
+    echo: f32,
 }
 
 impl Knowing {
-    fn new(prediction: Prediction) -> Self {
+    fn new(prediction: Prediction, echo: f32) -> Self {
         let swing = |i: usize| 0.2 * ((i / POSE_FEATURES) as f32 * 0.4 + (i % 7) as f32).sin();
         let numbers: Vec<f32> = (0..FRAMES * POSE_FEATURES).map(swing).collect();
         let motion = Tensor::<1>::from_floats(&numbers[..], &Device::flex());
         Knowing {
             prediction,
+            echo,
             motion: motion.reshape([1, FRAMES, POSE_FEATURES]),
         }
     }
@@ -66,7 +69,8 @@ impl Denoiser for Knowing {
         let alpha = input.time.unsqueeze_dim::<3>(2);
         let rest: Tensor<3> = 1.0 - alpha.clone();
         let (signal, rest) = (alpha.sqrt(), rest.sqrt());
-        let clean = self.motion.clone() * input.embedding.unsqueeze_dim::<3>(2);
+        let clean = self.motion.clone() * input.embedding.unsqueeze_dim::<3>(2)
+            + input.x_t.clone().tanh() * self.echo;
         let noise = (input.x_t - clean.clone() * signal.clone()) / rest.clone();
         match self.prediction {
             Prediction::Sample => clean,
@@ -101,7 +105,7 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     let mut found: Vec<[Tensor<3>; 2]> = Vec::new();
     for prediction in [Prediction::Sample, Prediction::Epsilon, Prediction::V] {
-        let network = Knowing::new(prediction);
+        let network = Knowing::new(prediction, 0.0);
         let sampler = Sampler::new(&network, &normalization, 20).unwrap();
         let batch = batch();
         let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -131,6 +135,40 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
     for other in others {
         for (a, b) in sample.iter().zip(other) {
             assert!(largest(a.clone() - b.clone()) < 2e-3);
+        }
+    }
+}
+
+#[test]
+fn so_do_they_whatever_is_moved() {
+    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
+    let normalization = Normalization::from_slices(&mean, &std, &Device::flex()).unwrap();
+    let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
+    for (moved, learning_rate) in [
+        (Moved::Embedding, 0.05),
+        (Moved::Prediction, 1e-5),
+        (Moved::Noise { iterations: 3 }, 0.05),
+    ] {
+        let motions = [Prediction::Sample, Prediction::Epsilon, Prediction::V].map(|prediction| {
+            let network = Knowing::new(prediction, 0.5);
+            let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+            let batch = batch();
+            let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+            let guidance = Guidance {
+                moved,
+                learning_rate,
+                ..Guidance::fast()
+            };
+            let scales = [scale.into()];
+            let guided = sampler.guided(&batch, baseline.clone(), &scales, &guidance, &mut ());
+            let guided = guided.unwrap().motion;
+            assert!(largest(guided.clone() - baseline) > 1e-3, "{moved:?}");
+            guided
+        });
+        let [sample, epsilon, v] = motions;
+        for (name, other) in [("noise", epsilon), ("v", v)] {
+            let difference = largest(other - sample.clone());
+            assert!(difference < 2e-3, "{moved:?}, {name}: {difference}");
         }
     }
 }

@@ -133,6 +133,21 @@ impl Tag {
             Tag::Sudden | Tag::Free => 1.2,
         }
     }
+
+    /// What is appended to a prompt to ask a model for it in words, without guidance (paper, appendix, table "Descriptive
+    /// phrases used for the Prompt Editing baseline").
+    pub const fn phrase(self) -> &'static str {
+        match self {
+            Tag::Light => "with small energy",
+            Tag::Strong => "with large energy",
+            Tag::Sustained => "in a sustained time",
+            Tag::Sudden => "in a quick time",
+            Tag::Bound => "bounded",
+            Tag::Free => "freely",
+            Tag::Near => "with small volume",
+            Tag::Far => "with large volume",
+        }
+    }
 }
 
 impl fmt::Display for Tag {

@@ -68,19 +68,34 @@ pub trait Denoiser {
     fn linearize<'a>(&'a self, input: DenoiserInput, context: &'a Self::Context) -> Linearized<'a> {
         Linearized::by_autodiff(input, |input| self.denoise(input, context))
     }
+
+    /// As [`linearize`](Denoiser::linearize), with the way back to the noisy motion `x_t`: for what moves the start noise through all steps
+    /// of a pass.
+    ///
+    /// # Panics
+    ///
+    /// As [`denoise`](Denoiser::denoise).
+    fn linearize_motion<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> Linearized<'a, 3> {
+        Linearized::of_motion_by_autodiff(input, |input| self.denoise(input, context))
+    }
 }
 
-/// An evaluation of a network with the derivative of its output with respect to the embedding.
-pub struct Linearized<'a> {
+/// An evaluation of a network with the derivative of its output: with respect to the embedding (`D` is 2) or to the noisy
+/// motion (3).
+pub struct Linearized<'a, const D: usize = 2> {
     /// As [`Denoiser::denoise`] returns it, `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
     shape: [usize; 3],
-    pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<2> + 'a>,
+    pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<D> + 'a>,
 }
 
-impl<'a> Linearized<'a> {
-    /// An output, and what turns its gradient into that of the embedding.
-    pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<2> + 'a) -> Self {
+impl<'a, const D: usize> Linearized<'a, D> {
+    /// An output, and what turns its gradient into that of the embedding or the noisy motion.
+    pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<D> + 'a) -> Self {
         Linearized {
             shape: output.dims(),
             output,
@@ -88,14 +103,10 @@ impl<'a> Linearized<'a> {
         }
     }
 
-    /// By autodiff through an evaluation.
-    pub fn by_autodiff(
-        mut input: DenoiserInput,
-        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
-    ) -> Self {
-        let leaf = input.embedding.autodiff().require_grad();
-        input.embedding = leaf.clone();
-        let output = evaluate(input);
+    /// By autodiff through an evaluation at a point.
+    fn followed(point: Tensor<D>, evaluate: impl FnOnce(Tensor<D>) -> Tensor<3>) -> Self {
+        let leaf = point.autodiff().require_grad();
+        let output = evaluate(leaf.clone());
         Linearized::new(output.clone().inner(), move |gradient| {
             let along = (output * gradient.autodiff()).sum();
             let gradient = match along.is_tracked() {
@@ -107,20 +118,44 @@ impl<'a> Linearized<'a> {
         })
     }
 
-    /// The gradient with respect to the embedding, `[batch, d_condition]`, of what has the given
-    /// gradient with respect to the output, `[batch, frames, features]`, on the same device and not
+    /// The gradient with respect to the embedding, `[batch, d_condition]`, or the noisy motion, `[batch, frames, features]`, of what has the
+    /// given gradient with respect to the output, `[batch, frames, features]`, on the same device and not
     /// tracked.
     ///
     /// # Panics
     ///
     /// If the gradient has another shape than the output.
-    pub fn pull(self, gradient: Tensor<3>) -> Tensor<2> {
+    pub fn pull(self, gradient: Tensor<3>) -> Tensor<D> {
         assert_eq!(
             self.shape,
             gradient.dims(),
             "the gradient must have the shape of the output"
         );
         (self.pullback)(gradient)
+    }
+}
+
+impl Linearized<'_> {
+    /// By autodiff through an evaluation, back to the embedding.
+    pub fn by_autodiff(
+        input: DenoiserInput,
+        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
+    ) -> Self {
+        Self::followed(input.embedding.clone(), |embedding| {
+            evaluate(DenoiserInput { embedding, ..input })
+        })
+    }
+}
+
+impl Linearized<'_, 3> {
+    /// By autodiff through an evaluation, back to the noisy motion.
+    pub fn of_motion_by_autodiff(
+        input: DenoiserInput,
+        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
+    ) -> Self {
+        Self::followed(input.x_t.clone(), |x_t| {
+            evaluate(DenoiserInput { x_t, ..input })
+        })
     }
 }
 

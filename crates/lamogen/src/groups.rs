@@ -30,9 +30,13 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Passes of the network that the group takes, in steps.
+    /// Steps that the group takes.
     pub(crate) fn cost(&self) -> usize {
-        self.steps * (1 + usize::from(self.is_guided))
+        let guided = match self.is_guided {
+            true => self.guidance.steps(self.steps),
+            false => 0,
+        };
+        self.steps + guided
     }
 }
 

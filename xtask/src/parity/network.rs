@@ -16,10 +16,11 @@ use super::case::Case;
 use super::{Actual, EXACT, GUIDED, ParityError, Row, SEVERAL, SINGLE, Values, Watch};
 
 /// Values that add up what the network says at every step of a pass.
-const BEHIND_PASSES: [&str; 5] = [
+const BEHIND_PASSES: [&str; 6] = [
     "out.e_grad",
     "out.guided",
     "out.guided_mean",
+    "out.raw_update",
     "out.trace_e",
     "out.trace_loss",
 ];
@@ -56,11 +57,12 @@ impl Network {
         schedule(case, &mut values)?;
         self.evaluate(case, &prompt, &mut values)?;
         laban(case, &mut values)?;
-        values.append(&mut self.passes(case, prompt, case.tensor("in.z")?, watch)?);
+        let (noise, baseline) = (case.tensor("in.z")?, case.tensor("out.baseline")?);
+        values.append(&mut self.passes(case, prompt, noise, baseline, watch)?);
         Ok(values)
     }
 
-    /// Repeats the passes from start noise that is off by its own rounding, and embeddings that are
+    /// Repeats the passes from start noise and baselines that are off by their own rounding, and embeddings that are
     /// off by as much as lamogen's and the reference's are from each other, at random; and notes how
     /// far that moves the values that are off.
     pub(super) fn measure_rounding(
@@ -98,13 +100,17 @@ impl Network {
                 embedding: prompt.embedding.clone() + Tensor::from_data(directions, &case.device),
                 context: prompt.context.clone(),
             };
-            let start = case.tensor::<3>("in.z")?;
-            let [motions, frames, features] = start.dims();
-            let rounding = noise(ROUNDING_RUNS + seed, motions * frames, features);
-            let rounding = TensorData::new(rounding, [motions, frames, features]);
-            let rounding = Tensor::<3>::from_data(rounding, &case.device) * f32::EPSILON;
-            let start = start.clone() + start * rounding;
-            let values = self.passes(case, moved, start, watch)?;
+            let rounded = |name: &str, seed: u64| -> Result<Tensor<3>, ParityError> {
+                let exact = case.tensor::<3>(name)?;
+                let [motions, frames, features] = exact.dims();
+                let rounding = noise(seed, motions * frames, features);
+                let rounding = TensorData::new(rounding, [motions, frames, features]);
+                let rounding = Tensor::<3>::from_data(rounding, &case.device) * f32::EPSILON;
+                Ok(exact.clone() + exact * rounding)
+            };
+            let start = rounded("in.z", ROUNDING_RUNS + seed)?;
+            let baseline = rounded("out.baseline", 2 * ROUNDING_RUNS + seed)?;
+            let values = self.passes(case, moved, start, baseline, watch)?;
             for row in &mut off {
                 let name = row.name.as_str();
                 let (Some(result), Some(actual), Some(moved)) =
@@ -159,12 +165,13 @@ impl Network {
         Ok(())
     }
 
-    /// Baseline and guided passes.
+    /// Baseline and guided passes; these begin with the `reference` baseline.
     fn passes(
         &self,
         case: &Case,
         prompt: Prompt<CrossAttentionContext>,
         noise: Tensor<3>,
+        reference: Tensor<3>,
         watch: Watch<'_>,
     ) -> Result<Values, ParityError> {
         let mut actual = Values::new();
@@ -185,7 +192,7 @@ impl Network {
         actual.insert("out.baseline", motions(baseline, SEVERAL));
 
         // The reference's baseline is the guided pass's input, so that an error shows where it arises.
-        let baseline = case.tensor::<3>("out.baseline")?;
+        let baseline = reference;
 
         let (mut gradient, mut embeddings) = (None, Vec::new());
         let mut record = |step: &Step<'_>| {
@@ -212,9 +219,15 @@ impl Network {
             actual.insert("out.e_grad", Actual::of(gradient, SEVERAL));
         }
 
-        let guidance = Guidance::fast();
-        let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
-        actual.insert("out.guided_mean", motions(guided.motion, GUIDED));
+        for (name, guidance) in [
+            ("out.guided_mean", Guidance::fast()),
+            ("out.raw_update", Guidance::raw_frame_update()),
+            ("out.classifier", Guidance::classifier()),
+        ] {
+            let baseline = baseline.clone();
+            let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
+            actual.insert(name, motions(guided.motion, GUIDED));
+        }
         Ok(actual)
     }
 }

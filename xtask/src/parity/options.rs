@@ -1,9 +1,10 @@
 //! Guidance options that the main file of a case does not hold.
 //!
 //! A case may have a second file, `options.safetensors`: the guided pass of the same inputs with the
-//! loss divided by the mean, learning rate 0.05, and one option changed.
+//! loss divided by the mean, learning rate 0.05, and one option changed; 20 iterations of raw frame update; and 5 of
+//! start noise.
 
-use lamogen_guide::{Guidance, Sampler, Update};
+use lamogen_guide::{Guidance, Moved, Sampler, Update};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
 
 use super::case::Case;
@@ -11,7 +12,7 @@ use super::network::Network;
 use super::{Actual, GUIDED, ParityError, Values};
 
 /// Each option by the name of its expected value.
-fn options() -> [(&'static str, Guidance); 4] {
+fn options() -> [(&'static str, Guidance); 6] {
     let fast = Guidance::fast;
     [
         (
@@ -43,6 +44,20 @@ fn options() -> [(&'static str, Guidance); 4] {
                     ..LabanOptions::default()
                 },
                 ..fast()
+            },
+        ),
+        (
+            "out.raw_update_20",
+            Guidance {
+                moved: Moved::Motion { iterations: 20 },
+                ..Guidance::raw_frame_update()
+            },
+        ),
+        (
+            "out.start_noise_5",
+            Guidance {
+                moved: Moved::Noise { iterations: 5 },
+                ..Guidance::start_noise()
             },
         ),
     ]

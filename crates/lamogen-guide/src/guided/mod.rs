@@ -1,0 +1,136 @@
+//! The guided pass.
+//!
+//! ```text
+//! baseline, scales ──Objective──▶ loss ──▶ one step of a Subject ──▶ … ──▶ motions
+//! ```
+
+mod objective;
+mod optimised;
+mod subjects;
+
+use burn::tensor::Tensor;
+use lamogen_laban::ScaleCurve;
+use lamogen_model::Denoiser;
+
+use crate::error::GuideError;
+use crate::guidance::{Guidance, Moved};
+use crate::observer::{Observer, Pass, Step};
+use crate::sampler::{Batch, Sampler};
+use objective::{Broken, Objective};
+use subjects::Subject;
+
+/// What the guided pass gives.
+#[derive(Clone, Debug)]
+pub struct Guided {
+    /// The motions, normalised, `[batch, frames, features]`.
+    pub motion: Tensor<3>,
+    /// Their Laban features, `[batch, frames, 4]`.
+    pub features: Tensor<3>,
+    /// Laban features of the baseline, `[batch, frames, 4]`.
+    pub baseline_features: Tensor<3>,
+    /// Laban features to reach, `[batch, frames, 4]`.
+    pub target_features: Tensor<3>,
+    /// The Laban loss of each motion at every step: `[step][motion]`.
+    pub loss: Vec<Vec<f32>>,
+}
+
+impl<D: Denoiser> Sampler<'_, D> {
+    /// Pass 2: from the same noise towards the scaled Laban features of the baseline (paper,
+    /// section "Step 2: Laban-Guided Generation").
+    ///
+    /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there is one
+    /// scale for each motion.
+    ///
+    /// # Errors
+    ///
+    /// If an option makes no sense, the observer stops the run, or a loss or gradient is not
+    /// finite.
+    ///
+    /// # Panics
+    ///
+    /// If noise, lengths, prompts, baseline and scales are not of as many motions, or a length is 0 or
+    /// beyond the noise's frames.
+    pub fn guided(
+        &self,
+        batch: &Batch<D::Context>,
+        baseline: Tensor<3>,
+        scales: &[ScaleCurve],
+        guidance: &Guidance,
+        observer: &mut dyn Observer,
+    ) -> Result<Guided, GuideError> {
+        guidance.check()?;
+        let lengths = &batch.lengths;
+        let objective = Objective::new(
+            self.normalization,
+            baseline.clone(),
+            lengths,
+            scales,
+            guidance,
+        );
+        let embedding = &batch.prompt.embedding;
+        let subject: Box<dyn Subject + '_> = match guidance.moved {
+            Moved::Embedding => {
+                Box::new(subjects::Embedding::new(self, &objective, batch, guidance))
+            }
+            Moved::Prediction => {
+                Box::new(subjects::Prediction::new(self, &objective, batch, guidance))
+            }
+            Moved::Motion { iterations } => Box::new(subjects::Motion::new(
+                &objective, baseline, embedding, iterations, guidance,
+            )),
+            Moved::Noise { iterations } => Box::new(subjects::Noise::new(
+                self, &objective, batch, iterations, guidance,
+            )),
+        };
+        let (motion, loss) = pursue(subject, observer)?;
+        Ok(Guided {
+            features: objective.measure(motion.clone()),
+            target_features: objective.target(),
+            motion,
+            baseline_features: objective.baseline,
+            loss,
+        })
+    }
+}
+
+/// All steps: the motions, and the loss of each at every step.
+fn pursue(
+    mut subject: Box<dyn Subject + '_>,
+    observer: &mut dyn Observer,
+) -> Result<(Tensor<3>, Vec<Vec<f32>>), GuideError> {
+    let steps = subject.steps();
+    let mut trace = Vec::new();
+    for index in 0..steps {
+        let timestep = subject.timestep(index);
+        let made = subject.step(index).map_err(|broken| {
+            let Broken {
+                quantity,
+                component,
+                motion,
+            } = broken;
+            GuideError::NotFinite {
+                quantity,
+                component,
+                index,
+                steps,
+                timestep,
+                motion,
+            }
+        })?;
+        trace.push(made.loss);
+        let step = Step {
+            pass: Pass::Guided,
+            index,
+            steps,
+            timestep,
+            loss: trace.last().map(Vec::as_slice),
+            gradient: made.gradient.as_ref(),
+            embedding: subject.embedding(),
+            prediction: &made.prediction,
+        };
+        if observer.step(&step).is_break() {
+            return Err(GuideError::stopped(&step, &trace));
+        }
+    }
+    Ok((subject.finish(), trace))
+}

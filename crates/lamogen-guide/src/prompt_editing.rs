@@ -1,0 +1,18 @@
+//! The paper's rival that guides nothing: saying it.
+
+use lamogen_laban::Tag;
+
+/// A prompt with the phrases of tags (see [`Tag::phrase`]) behind it: the paper's rival "prompt editing".
+///
+/// ```
+/// use lamogen_guide::edited_prompt;
+/// use lamogen_laban::Tag;
+///
+/// let prompt = edited_prompt("a person jumps.", [Tag::Strong, Tag::Free]);
+/// assert_eq!(prompt, "a person jumps with large energy freely");
+/// ```
+pub fn edited_prompt(prompt: &str, tags: impl IntoIterator<Item = Tag>) -> String {
+    let prompt = prompt.trim_end().trim_end_matches('.').to_owned();
+    tags.into_iter()
+        .fold(prompt, |prompt, tag| format!("{prompt} {}", tag.phrase()))
+}

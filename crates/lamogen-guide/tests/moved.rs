@@ -1,0 +1,224 @@
+//! What guidance may move: everything lowers the same loss.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use burn::tensor::{Device, Int, Tensor};
+use lamogen_guide::{Batch, Guidance, GuideError, Moved, Sampler, Step, noise};
+use lamogen_laban::{Scale, ScaleCurve};
+use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
+use lamogen_motion::{Normalization, POSE_FEATURES};
+
+/// Says that the motion is what it sees of it, and a swing as large as the embedding; counts how often it is asked.
+#[derive(Default)]
+struct Echo {
+    asked: AtomicUsize,
+}
+
+impl Denoiser for Echo {
+    type Context = ();
+
+    fn prediction(&self) -> Prediction {
+        Prediction::Sample
+    }
+
+    fn pose_features(&self) -> usize {
+        POSE_FEATURES
+    }
+
+    fn max_frames(&self) -> usize {
+        100
+    }
+
+    fn device(&self) -> Device {
+        Device::flex()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+        Prompt {
+            embedding: tokens.float(),
+            context: (),
+        }
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        Tensor::zeros([timesteps.len(), 1], &self.device())
+    }
+
+    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+        self.asked.fetch_add(1, Ordering::Relaxed);
+        let [_, frames, _] = input.x_t.dims();
+        let swing: Vec<f32> = (0..frames * POSE_FEATURES)
+            .map(|i| {
+                let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
+                (0.5 * frame as f32 + feature as f32).sin()
+            })
+            .collect();
+        let swing = Tensor::<1>::from_floats(&swing[..], &self.device());
+        let swing = swing.reshape([1, frames, POSE_FEATURES]);
+        let size = input.embedding.unsqueeze_dim::<3>(2);
+        input.x_t.tanh() * 0.8 + swing * size * 0.3
+    }
+}
+
+fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
+    let device = Device::flex();
+    let start: Vec<f32> = (0..lengths.len() as u64)
+        .flat_map(|seed| noise(seed, frames, POSE_FEATURES))
+        .collect();
+    let start = Tensor::<1>::from_floats(&start[..], &device);
+    Batch {
+        prompt: Prompt {
+            embedding: Tensor::ones([lengths.len(), 1], &device),
+            context: (),
+        },
+        noise: start.reshape([lengths.len(), frames, POSE_FEATURES]),
+        lengths: lengths.to_vec(),
+    }
+}
+
+fn normalization() -> Normalization {
+    let (mean, std) = ([0.0; POSE_FEATURES], [0.3; POSE_FEATURES]);
+    Normalization::from_slices(&mean, &std, &Device::flex()).unwrap()
+}
+
+fn strong() -> ScaleCurve {
+    Scale::new([2.0, 1.0, 1.0, 1.0]).unwrap().into()
+}
+
+fn ways() -> [Guidance; 4] {
+    let few = |moved| Guidance {
+        moved,
+        emphasis: 100.0,
+        ..Guidance::fast()
+    };
+    [
+        few(Moved::Embedding),
+        Guidance {
+            updates_per_step: 3,
+            // A factor on the gradient, not the length of a step.
+            learning_rate: 2e-4,
+            ..few(Moved::Prediction)
+        },
+        few(Moved::Motion { iterations: 15 }),
+        few(Moved::Noise { iterations: 30 }),
+    ]
+}
+
+#[test]
+fn whatever_is_moved_the_motion_nears_the_target() {
+    let (network, normalization) = (Echo::default(), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    for guidance in ways() {
+        let mut steps = 0;
+        let mut watch = |step: &Step<'_>| {
+            assert_eq!((step.index, step.steps), (steps, guidance.steps(10)));
+            assert_eq!(step.gradient.is_some(), guidance.moved == Moved::Embedding);
+            steps += 1;
+            ControlFlow::Continue(())
+        };
+        let baseline = baseline.clone();
+        let guided = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut watch);
+        let guided = guided.unwrap();
+        assert_eq!((steps, guided.loss.len()), (guidance.steps(10), steps));
+        let distance = |features: &Tensor<3>| -> f32 {
+            let [found, asked] = [features, &guided.target_features]
+                .map(|features| features.clone().narrow(2, 0, 1).mean());
+            (found - asked).abs().into_scalar()
+        };
+        let [before, after] = [&guided.baseline_features, &guided.features].map(distance);
+        println!("{:?}: {before} to {after}", guidance.moved);
+        assert!(after < 0.7 * before, "{:?}", guidance.moved);
+    }
+}
+
+#[test]
+fn where_nothing_moves_it_is_the_baseline() {
+    let (network, normalization) = (Echo::default(), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    for guidance in ways() {
+        let guidance = Guidance {
+            learning_rate: 0.0,
+            ..guidance
+        };
+        let guided = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut ());
+        let difference = (guided.unwrap().motion - baseline.clone()).abs().max();
+        let difference: f32 = difference.into_scalar();
+        assert!(difference < 1e-5, "{:?}: {difference}", guidance.moved);
+    }
+}
+
+#[test]
+fn a_batch_gives_the_motions_of_single_calls() {
+    let (network, normalization) = (Echo::default(), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let alone = batch(&[30], 30);
+    let mut padded = batch(&[30, 50], 50);
+    let rest = padded.noise.clone().narrow(0, 0, 1).narrow(1, 30, 20) * 100.0;
+    let first = Tensor::cat(vec![alone.noise.clone(), rest], 1);
+    padded.noise = Tensor::cat(vec![first, padded.noise.narrow(0, 1, 1)], 0);
+    for guidance in ways() {
+        let motion = |batch: &Batch<()>| {
+            let baseline = sampler.baseline(batch, &mut ()).unwrap();
+            let scales = vec![strong(); batch.lengths.len()];
+            let guided = sampler.guided(batch, baseline, &scales, &guidance, &mut ());
+            guided.unwrap().motion.narrow(0, 0, 1).narrow(1, 0, 30)
+        };
+        let difference: f32 = (motion(&alone) - motion(&padded)).abs().max().into_scalar();
+        assert!(difference < 1e-3, "{:?}: {difference}", guidance.moved);
+    }
+}
+
+#[test]
+fn a_finished_motion_is_moved_without_the_network() {
+    let (network, normalization) = (Echo::default(), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let asked = |guidance: &Guidance| {
+        network.asked.store(0, Ordering::Relaxed);
+        let guided = sampler.guided(&batch, baseline.clone(), &[strong()], guidance, &mut ());
+        guided.unwrap();
+        network.asked.load(Ordering::Relaxed)
+    };
+    let [embedding, prediction, motion, noise] = ways().map(|guidance| asked(&guidance));
+    // The embedding: once for the gradient, once with the new embedding. The noise: all steps each time, and once more at the end.
+    assert_eq!([embedding, prediction, motion, noise], [20, 10, 0, 310]);
+}
+
+#[test]
+fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
+    let (network, normalization) = (Echo::default(), normalization());
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let guidance = Guidance::raw_frame_update();
+    let mut watch = |step: &Step<'_>| match step.index {
+        4 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let stopped = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut watch);
+    let Err(GuideError::Stopped(stopped)) = stopped else {
+        panic!("it went on");
+    };
+    assert_eq!(
+        (stopped.index, stopped.steps, stopped.loss.len()),
+        (4, 100, 5)
+    );
+    for moved in [
+        Moved::Motion { iterations: 0 },
+        Moved::Noise { iterations: 0 },
+    ] {
+        let guidance = Guidance {
+            moved,
+            ..Guidance::fast()
+        };
+        let result = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut ());
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains("at least one iteration"), "{message}");
+    }
+}
