@@ -32,7 +32,8 @@ pub use evaluator::Evaluator;
 pub use judge::Judge;
 pub use loss::{contrastive_loss, contrastive_loss_of_all, random_shift};
 pub use metrics::{
-    Batches, Embeddings, Gaussian, MatchingScore, MetricError, diversity, fid, multimodality,
+    Batches, ChangeMatrix, Embeddings, Extremes, Gaussian, MatchingScore, MetricError, diversity,
+    fid, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, real_motions};

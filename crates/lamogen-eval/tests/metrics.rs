@@ -2,13 +2,23 @@
 
 use std::path::Path;
 
-use lamogen_eval::{Embeddings, Gaussian, MatchingScore, diversity, fid};
+use lamogen_eval::{ChangeMatrix, Embeddings, Extremes, Gaussian, MatchingScore, diversity, fid};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
 struct Cases {
     fid: Vec<FidCase>,
     matching: MatchingCase,
+    control: ControlCase,
+}
+
+#[derive(Deserialize)]
+struct ControlCase {
+    small: [Vec<[f64; 4]>; 4],
+    large: [Vec<[f64; 4]>; 4],
+    mean: [[f64; 4]; 4],
+    std: [[f64; 4]; 4],
+    diagonality: f64,
 }
 
 #[derive(Deserialize)]
@@ -72,6 +82,26 @@ fn r_precision_and_matching_score_are_numpys() {
     let found = MatchingScore::of(&texts, &motions, &[batch]).unwrap();
     assert_eq!(found.r_precision, case.r_precision);
     assert!((found.distance - case.distance).abs() < 1e-9);
+}
+
+#[test]
+fn the_change_matrix_and_its_diagonality_are_numpys() {
+    let case = cases().control;
+    let rows: Vec<Vec<Extremes>> = { case.small.iter().zip(&case.large) }
+        .map(|(small, large)| {
+            let pairs = small.iter().zip(large);
+            pairs
+                .map(|(&small, &large)| Extremes { small, large })
+                .collect()
+        })
+        .collect();
+    let found = ChangeMatrix::of([0, 1, 2, 3].map(|row| &rows[row][..])).unwrap();
+    let near = |found: [[f64; 4]; 4], expected: [[f64; 4]; 4]| {
+        let mut pairs = found.iter().flatten().zip(expected.iter().flatten());
+        pairs.all(|(a, b)| (a - b).abs() < 1e-12)
+    };
+    assert!(near(found.mean, case.mean) && near(found.std, case.std));
+    assert!((found.diagonality() - case.diagonality).abs() < 1e-12);
 }
 
 #[test]

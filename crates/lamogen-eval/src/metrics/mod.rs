@@ -1,15 +1,17 @@
-//! Metrics of text-to-motion over points of the evaluator's space.
+//! Metrics of text-to-motion over points of the evaluator's space, and of control over Laban features.
 //!
 //! As the public code of Guo et al. 2022 defines them (`utils/metrics.py`, `final_evaluations.py`), with sums and
 //! distances in 64 bits and draws from seeds.
 
 mod batches;
+mod control;
 mod embeddings;
 mod frechet;
 mod matching;
 mod spread;
 
 pub use batches::Batches;
+pub use control::{ChangeMatrix, Extremes};
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;
@@ -26,6 +28,10 @@ pub enum MetricError {
     #[error("embedding {row} holds numbers that are not finite")]
     #[allow(missing_docs)]
     NotFinite { row: usize },
+    /// Laban features that are not finite.
+    #[error("the Laban features of motion {motion} are not finite")]
+    #[allow(missing_docs)]
+    Features { motion: usize },
     /// Sets that do not belong together.
     #[error("expected {what} of {expected}, found {found}")]
     #[allow(missing_docs)]

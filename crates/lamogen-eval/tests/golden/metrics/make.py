@@ -59,7 +59,20 @@ def main():
     matching = dict(
         width=4, texts=texts.ravel().tolist(), motions=motions.ravel().tolist(), r_precision=precision, distance=distance
     )
-    (Path(__file__).parent / "cases.json").write_text(json.dumps(dict(fid=cases, matching=matching)) + "\n")
+    draws = np.random.default_rng(11)
+    small = draws.uniform(0.5, 2.0, size=(4, 9, 4)).round(3)
+    large = small * draws.uniform(0.8, 3.0, size=(4, 9, 4)).round(3)
+    changes = (large - small) / small
+    mean = changes.mean(axis=1)
+    control = dict(
+        small=small.tolist(),
+        large=large.tolist(),
+        mean=mean.tolist(),
+        std=changes.std(axis=1).tolist(),
+        diagonality=float((np.diag(mean) ** 2).sum() / (mean**2).sum()),
+    )
+    written = dict(fid=cases, matching=matching, control=control)
+    (Path(__file__).parent / "cases.json").write_text(json.dumps(written) + "\n")
 
 
 main()
