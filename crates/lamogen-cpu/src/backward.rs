@@ -54,9 +54,41 @@ impl<S: Numbers> Decoder<S> {
         self.check_tape(input, &tape, gradient);
         on_the_pool(|| {
             let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
-            let modulations = self.unroll(input, tape, gradient, &mut nobody, &mut []);
+            let (modulations, _) = self.unroll(input, tape, gradient, &mut nobody, &mut []);
             self.modulations
                 .modulate_backward(input.condition, &modulations)
+        })
+    }
+
+    /// The gradient with respect to the noisy motion, `[batch, frames, features]`, as [`backward`](Self::backward) gives it with respect to
+    /// the condition, of an evaluation that was [recorded for training](Self::record_for_training). 0 past a motion's length.
+    ///
+    /// # Panics
+    ///
+    /// If the tape is of another input, or was not recorded for training.
+    pub fn backward_to_motion(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+        self.check_tape(input, &tape, gradient);
+        assert!(
+            tape.keep == Keep::ForWeights,
+            "the tape was not recorded for training"
+        );
+        on_the_pool(|| {
+            let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
+            let (_, passages) = self.unroll(input, tape, gradient, &mut nobody, &mut []);
+            let entered = passages.par_iter().map(|passage| {
+                let place = self.place(&passage.chunk, input);
+                let mut gradient = vec![0.0; place.len()];
+                self.pose_embedding
+                    .weight
+                    .pull(&passage.hidden, &mut gradient);
+                (place, gradient)
+            });
+            let entered: Vec<_> = entered.collect();
+            let mut out = vec![0.0; input.x_t.len()];
+            for (place, gradient) in entered {
+                out[place].copy_from_slice(&gradient);
+            }
+            out
         })
     }
 
@@ -80,7 +112,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// Goes back through all blocks. Returns the gradients of all scales and shifts, `[batch, outputs of the
-    /// modulations]`.
+    /// modulations]`, and the passages, which then hold the gradient of the first block's input if the tape was recorded for training.
     ///
     /// Adjacent passages share one of the `ledgers`, in which gradients of weights are summed up in the order of
     /// the passages; then `texts` has a vector for each block, to which the gradient of its text is written.
@@ -91,7 +123,7 @@ impl<S: Numbers> Decoder<S> {
         gradient: &[f32],
         ledgers: &mut [Ledger],
         texts: &mut [Vec<f32>],
-    ) -> Vec<f32> {
+    ) -> (Vec<f32>, Vec<Passage>) {
         let Tape {
             mut passages,
             mut contexts,
@@ -116,7 +148,8 @@ impl<S: Numbers> Decoder<S> {
                     }
                     let motion = passage.chunk.motion;
                     let text = input.text(block, motion);
-                    self.finish_backward(passage, block, text, &styles[motion][block], ledger)
+                    let styles = &styles[motion][block];
+                    self.finish_backward(passage, (block, keep), text, styles, ledger)
                 });
                 back.collect::<Vec<Trace>>()
             };
@@ -151,7 +184,7 @@ impl<S: Numbers> Decoder<S> {
                     }
                 });
         }
-        modulations
+        (modulations, passages)
     }
 
     fn leave_backward(
@@ -182,7 +215,7 @@ impl<S: Numbers> Decoder<S> {
     fn finish_backward(
         &self,
         passage: &mut Passage,
-        block: usize,
+        (block, keep): (usize, Keep),
         text: &[f32],
         [first, second, third]: &[Style; LAYERS],
         ledger: &mut Ledger,
@@ -271,8 +304,9 @@ impl<S: Numbers> Decoder<S> {
         };
         let output = &weights.self_attention.output;
         output.backward(gradient, first, style, &mut y, chunk, sums);
-        let contexts = match (block, &gathered) {
-            (0, None) => Vec::new(),
+        let contexts = match (block, keep) {
+            // On the first block's attention the condition has no influence.
+            (0, Keep::ForCondition) => Vec::new(),
             _ => self.outer_each(chunk, &record.self_attention.query, &y),
         };
         Trace {

@@ -48,7 +48,7 @@ impl<S: Numbers> Decoder<S> {
                 .map(|_| Some(self.zeros()))
                 .collect();
             let mut text = vec![Vec::new(); self.blocks.len()];
-            let modulations = self.unroll(input, tape, gradient, &mut ledgers, &mut text);
+            let (modulations, _) = self.unroll(input, tape, gradient, &mut ledgers, &mut text);
             let mut weights = total(ledgers);
             self.gather_modulations(input.condition, &modulations, &mut weights.modulations);
             Gradients {

@@ -51,7 +51,7 @@ pub(crate) enum Keep {
     Nothing,
     /// What the gradient with respect to the condition needs.
     ForCondition,
-    /// What the gradients of weights need as well.
+    /// What the gradients of weights and of the noisy motion need as well.
     ForWeights,
 }
 

@@ -65,7 +65,7 @@ fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Deno
 }
 
 /// Output and gradient of an evaluation, where frames belong to a motion.
-fn both(linearized: Linearized<'_>, mask: &FrameMask) -> (Vec<f32>, Vec<f32>) {
+fn both<const D: usize>(linearized: Linearized<'_, D>, mask: &FrameMask) -> (Vec<f32>, Vec<f32>) {
     let keep = mask.keep().unwrap();
     let output = linearized.output.clone() * keep.clone();
     let gradient = linearized.pull(numbers([4, FRAMES, 37], 0.377) * keep);
@@ -141,6 +141,13 @@ fn kernels_are_the_network_and_its_gradient() {
             distance(&kernels.1, &tensors.1),
         );
         assert!(output < 1e-5 && gradient < 1e-5, "{output} {gradient}");
+        let kernels_to_motion = model.linearize_motion(input.clone(), context);
+        let to_motion = both(kernels_to_motion, &input.mask);
+        let tensors =
+            Linearized::of_motion_by_autodiff(input.clone(), |input| model.denoise(input, context));
+        let gradient = distance(&to_motion.1, &both(tensors, &input.mask).1);
+        assert!(gradient < 1e-5, "of the noisy motion: {gradient}");
+        assert_eq!(to_motion.0, kernels.0, "with one record and the other");
         let alone = model.denoise(input.clone(), context) * input.mask.keep().unwrap();
         assert_eq!(host(alone), kernels.0, "with and without a record");
     }

@@ -182,6 +182,18 @@ impl Evaluation {
         })
     }
 
+    /// The gradient with respect to the noisy motion; of an evaluation recorded for training.
+    pub(super) fn backward_to_motion(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<3> {
+        let gradient = Numbers::of(gradient).expect(
+            "a gradient of 32-bit floats that lies where the output does and is not tracked",
+        );
+        let backward = |input: Input<'_>| {
+            let decoder = &self.decoder;
+            decoder.backward_to_motion(input, tape, gradient.as_ref())
+        };
+        self.output(self.with_input(backward))
+    }
+
     /// All gradients from that of the output.
     pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> Gradients {
         let gradient = Numbers::of(gradient).expect("a gradient on the CPU that is not tracked");

@@ -143,6 +143,21 @@ impl Denoiser for MotionDiffuse {
         }
         Linearized::by_autodiff(input, |input| self.forward(input, context))
     }
+
+    fn linearize_motion<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a CrossAttentionContext,
+    ) -> Linearized<'a, 3> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.on_cpu(&input, context) {
+            let (output, tape) = evaluation.record_for_training();
+            return Linearized::new(output, move |gradient| {
+                evaluation.backward_to_motion(tape, gradient)
+            });
+        }
+        Linearized::of_motion_by_autodiff(input, |input| self.forward(input, context))
+    }
 }
 
 impl MotionDiffuse {
