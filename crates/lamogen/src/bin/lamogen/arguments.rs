@@ -12,6 +12,9 @@ use lamogen::{
 };
 use serde::{Deserialize, Serialize};
 
+use lamogen_data::Split;
+
+use crate::eval::{Method, Study};
 use crate::output::{Format, Output};
 
 /// Human motion from a sentence and a few words of Laban movement analysis.
@@ -63,6 +66,9 @@ pub enum Task {
     /// Pack motion capture with captions for training: HumanML3D's folder, or motion files.
     #[command(after_help = PACK_HELP)]
     Pack(Pack),
+    /// Check the paper's claims on a model: its tables and ablations, as a report; goes on where it was stopped.
+    #[command(after_help = EVAL_HELP)]
+    Eval(Eval),
     /// Train a model on motion capture with captions; goes on where it was stopped.
     #[command(after_help = TRAIN_HELP)]
     Train(Train),
@@ -114,6 +120,15 @@ the same part of a file are put together.
 
 Motion files are resampled to 20 frames a second and put on HumanML3D's body. Mirror images of the motions for training \
 share the rows of their originals; left and right are exchanged in what is said of them.";
+
+const EVAL_HELP: &str = "\
+The folder gets records.jsonl (a line a motion), report.html, report.md with its pictures, and figures.json. Stop it whenever you like: \
+the same command goes on. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4; with all their records in one folder, \
+--merge writes the report.
+
+Example:
+  lamogen eval --data data --evaluator judge/best --out evidence --dry-run
+  lamogen eval --data data --evaluator judge/best --out evidence";
 
 const TRAIN_HELP: &str = "\
 The folder of the run gets losses.jsonl and losses.svg, sample strips, checkpoints, model/ (the last measured weights) and best/ \
@@ -471,6 +486,63 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
         _ => Err("expected a part of a whole, such as 2/8, from 1/8 to 8/8".into()),
     }
+}
+
+#[derive(Args)]
+pub struct Eval {
+    #[command(flatten)]
+    pub source: SourceArguments,
+    /// Folder of the data: packed by lamogen pack, or HumanML3D's.
+    #[arg(long, value_name = "FOLDER")]
+    pub data: PathBuf,
+    /// Folder of the evaluator, as lamogen train --evaluator leaves it in best.
+    #[arg(long, value_name = "FOLDER")]
+    pub evaluator: PathBuf,
+    /// Folder for the records and the report.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Which motions' sentences: train, val or test.
+    #[arg(long, default_value = "test")]
+    pub split: Split,
+    /// How many sentences; usually all.
+    #[arg(long, value_name = "N")]
+    pub prompts: Option<usize>,
+    /// Motions of each sentence, from as many seeds; intervals are over these.
+    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub repeats: u64,
+    /// Steps and guidance together; usually the model's own.
+    #[arg(long, value_enum)]
+    pub preset: Option<PresetName>,
+    /// DDIM steps of each pass; usually the preset's.
+    #[arg(long, value_parser = steps)]
+    pub steps: Option<usize>,
+    /// DDIM steps where the start noise is moved: each of its updates is a pass.
+    #[arg(long, default_value_t = 10, value_parser = steps)]
+    pub noise_steps: usize,
+    /// What is compared with the text alone.
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "prompt", "raw", "classifier", "noise"])]
+    pub methods: Vec<Method>,
+    /// What is varied; --studies without a name leaves all out.
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "learning-rate", "steps", "update", "updates", "emphasis", "divisor", "smoothing"])]
+    pub studies: Vec<Study>,
+    /// How many sentences each study is made with.
+    #[arg(long, default_value_t = 32, value_name = "N")]
+    pub study_prompts: usize,
+    /// Do a part of the work only: the I-th of N.
+    #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "merge")]
+    pub shard: Option<(usize, usize)>,
+    /// Generate nothing: write the report of the records in the folder.
+    #[arg(long)]
+    pub merge: bool,
+    /// Check the files, and say what there is to do and how long it takes, by trying some motions of each kind.
+    #[arg(long, conflicts_with_all = ["merge", "shard"])]
+    pub dry_run: bool,
+}
+
+fn steps(text: &str) -> Result<usize, String> {
+    let steps = text.parse().ok();
+    let steps = steps.filter(|steps| (1..=1000).contains(steps));
+    steps.ok_or_else(|| "expected 1 to 1000 steps".into())
 }
 
 #[derive(Args)]

@@ -8,15 +8,15 @@
 
 mod line;
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use lamogen::{Error, Generation, Request};
+use lamogen::{Generation, Request};
 use serde_json::{Value, json};
 
 use crate::arguments::Batch;
 use crate::console::Console;
+use crate::each::generate_each;
 use crate::failure::{Code, Failure};
 use crate::generate::facts;
 use crate::output::{Format, Output};
@@ -203,39 +203,17 @@ impl Work<'_> {
         bar: &indicatif::ProgressBar,
         failed: &mut Vec<(String, String)>,
     ) -> Result<(), Failure> {
-        let mut open: Vec<&Item> = items.iter().collect();
-        while !open.is_empty() {
-            let requests: Vec<Request> = open.iter().map(|item| self.request(item)).collect();
-            let result = self
-                .source
-                .model
-                .generate_all_with(&requests, &mut |progress| {
-                    let share = 100 * progress.done / progress.total.max(1);
-                    bar.set_message(format!("next {share:3} %"));
-                    ControlFlow::Continue(())
-                });
-            let (done, culprit) = match result {
-                Ok(all) => (all.into_iter().enumerate().collect(), None),
-                Err(Error::Failed(error)) => {
-                    let culprit = (error.which.index, error.reason.to_string());
-                    (error.partial.finished, Some(culprit))
-                }
-                Err(error) => return Err(error.into()),
-            };
-            let mut closed: Vec<usize> = Vec::new();
-            for (place, generation) in done {
-                self.write(open[place], generation)?;
-                bar.inc(1);
-                closed.push(place);
+        let requests: Vec<Request> = items.iter().map(|item| self.request(item)).collect();
+        let results = generate_each(&self.source.model, &requests, &mut |progress| {
+            let share = 100 * progress.done / progress.total.max(1);
+            bar.set_message(format!("next {share:3} %"));
+        })?;
+        for (item, result) in items.iter().zip(results) {
+            match result {
+                Ok(generation) => self.write(item, generation)?,
+                Err(reason) => failed.push((item.id.clone(), reason)),
             }
-            if let Some((place, reason)) = culprit {
-                failed.push((open[place].id.clone(), reason));
-                bar.inc(1);
-                closed.push(place);
-            }
-            let left = open.into_iter().enumerate();
-            let left = left.filter(|(place, _)| !closed.contains(place));
-            open = left.map(|(_, item)| item).collect();
+            bar.inc(1);
         }
         Ok(())
     }

@@ -6,6 +6,7 @@
 //!    opened.rs ──▶ convert.rs ──┤
 //!    a motion file play.rs ─────┘
 //!                  laban.rs ──▶ report.rs: text and JSON
+//!                  eval.rs ──▶ the paper's tables for a model
 //!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
 //!
@@ -16,6 +17,8 @@ mod batch;
 mod console;
 mod convert;
 mod devices;
+mod each;
+mod eval;
 mod failure;
 mod generate;
 mod laban;
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
         Task::Batch(options) => batch::run(options, &console),
         Task::Pack(options) => pack::run(options, &console),
         Task::Train(options) => train::run(options, &console),
+        Task::Eval(options) => eval::run(options, &console),
         Task::Devices => devices::run(&console),
         Task::Model(options) => model::run(options, &console),
         Task::Completions { shell } => shell::completions(*shell, &console),

@@ -1,0 +1,146 @@
+//! A report as headings, texts, tables and pictures; written as Markdown with files beside it, or as one HTML file.
+
+use std::fmt::Write;
+
+/// A part of a report.
+pub enum Block {
+    Heading(String),
+    Text(String),
+    Table {
+        header: Vec<String>,
+        rows: Vec<Vec<String>>,
+    },
+    Picture {
+        /// Of its file, without an ending.
+        name: String,
+        /// What it shows.
+        caption: String,
+        svg: String,
+    },
+}
+
+impl Block {
+    pub fn heading(text: impl Into<String>) -> Block {
+        Block::Heading(text.into())
+    }
+
+    pub fn text(text: impl Into<String>) -> Block {
+        Block::Text(text.into())
+    }
+
+    pub fn table<const N: usize>(header: [&str; N], rows: Vec<Vec<String>>) -> Block {
+        Block::Table {
+            header: header.map(str::to_owned).into(),
+            rows,
+        }
+    }
+}
+
+/// As Markdown; pictures are named, and lie in `folder`.
+pub fn markdown(title: &str, blocks: &[Block], folder: &str) -> String {
+    let mut out = format!("# {title}\n");
+    for block in blocks {
+        out.push('\n');
+        match block {
+            Block::Heading(text) => writeln!(out, "## {text}"),
+            Block::Text(text) => writeln!(out, "{text}"),
+            Block::Table { header, rows } => {
+                let line = |cells: &[String]| {
+                    let cells = cells.iter().map(|cell| cell.replace('|', "\\|"));
+                    format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+                };
+                let rule = format!("|{}\n", "---|".repeat(header.len()));
+                let rows: String = rows.iter().map(|row| line(row)).collect();
+                write!(out, "{}{rule}{rows}", line(header))
+            }
+            Block::Picture { name, caption, .. } => {
+                writeln!(out, "![{caption}]({folder}/{name}.svg)")
+            }
+        }
+        .expect("strings can be written to");
+    }
+    out
+}
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#111827;background:#fff}\
+table{border-collapse:collapse;margin:1rem 0;display:block;overflow-x:auto}td,th{border:1px solid #d1d5db;padding:.25rem .6rem;text-align:right}\
+td:first-child,th:first-child{text-align:left}th{background:#f3f4f6}figure{margin:1rem 0}figure svg{max-width:100%;height:auto}\
+figcaption{color:#4b5563}";
+
+/// As one HTML file with its pictures in it.
+pub fn html(title: &str, blocks: &[Block]) -> String {
+    let title = escaped(title);
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
+         <title>{title}</title>\n<style>{STYLE}</style>\n<h1>{title}</h1>\n"
+    );
+    for block in blocks {
+        match block {
+            Block::Heading(text) => writeln!(out, "<h2>{}</h2>", escaped(text)),
+            Block::Text(text) => {
+                let mut paragraphs = text.split("\n\n");
+                paragraphs.try_for_each(|text| writeln!(out, "<p>{}</p>", escaped(text)))
+            }
+            Block::Table { header, rows } => {
+                let line = |cells: &[String], kind: &str| {
+                    let cells = cells
+                        .iter()
+                        .map(|cell| format!("<{kind}>{}</{kind}>", escaped(cell)));
+                    format!("<tr>{}</tr>\n", cells.collect::<String>())
+                };
+                let rows: String = rows.iter().map(|row| line(row, "td")).collect();
+                writeln!(out, "<table>\n{}{rows}</table>", line(header, "th"))
+            }
+            Block::Picture { caption, svg, .. } => {
+                // A document within a document has no declaration.
+                let svg = svg.find("<svg").map_or("", |start| &svg[start..]);
+                let caption = escaped(caption);
+                writeln!(
+                    out,
+                    "<figure>{svg}<figcaption>{caption}</figcaption></figure>"
+                )
+            }
+        }
+        .expect("strings can be written to");
+    }
+    out
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_forms_have_everything_and_escape_it() {
+        let blocks = [
+            Block::heading("Table <1>"),
+            Block::text("One & two.\n\nThree."),
+            Block::table(["a", "b|c"], vec![vec!["1".into(), "<2>".into()]]),
+            Block::Picture {
+                name: "curve".into(),
+                caption: "A curve".into(),
+                svg: "<?xml version=\"1.0\"?><svg><path/></svg>".into(),
+            },
+        ];
+        let text = markdown("Report", &blocks, "pictures");
+        let expected = "# Report\n\n## Table <1>\n\nOne & two.\n\nThree.\n\n| a | b\\|c |\n|---|---|\n| 1 | <2> |\n\n![A curve](pictures/curve.svg)\n";
+        assert_eq!(text, expected);
+        let page = html("Report", &blocks);
+        for part in [
+            "<h2>Table &lt;1&gt;</h2>",
+            "<p>One &amp; two.</p>\n<p>Three.</p>",
+            "<th>b|c</th>",
+            "<td>&lt;2&gt;</td>",
+            "<figure><svg><path/></svg>",
+        ] {
+            assert!(page.contains(part), "{part} is not in {page}");
+        }
+        assert!(!page.contains("<?xml"));
+    }
+}

@@ -1,0 +1,349 @@
+//! From records to the figures of the tables.
+
+use std::collections::HashMap;
+
+use lamogen::{COMPONENTS, Component, Tag};
+use lamogen_eval::{
+    Batches, ChangeMatrix, Embeddings, Estimate, Extremes, MatchingScore, MetricError, diversity,
+    fid,
+};
+use serde::Serialize;
+
+use super::plan::{Cell, Demand, Prompt, Setting};
+use super::record::{Measured, Outcome};
+
+/// Draws of batches behind R-precision.
+const DRAWS: u64 = 20;
+/// Pairs behind diversity, if there are as many motions.
+const PAIRS: usize = 300;
+
+/// All that the figures come from.
+pub struct Evidence<'a> {
+    pub records: &'a HashMap<String, Outcome>,
+    pub prompts: &'a [Prompt],
+    /// `[repeat]`: the captions of all prompts where the evaluator sees them.
+    pub texts: &'a [Embeddings],
+    /// The real motions, one a prompt.
+    pub real: &'a Embeddings,
+    pub repeats: u64,
+}
+
+/// What is known of a setting.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figures {
+    pub setting: String,
+    pub motions: usize,
+    /// Motions that could not be made, and why.
+    pub failed: Vec<(String, String)>,
+    /// By the maximum over time, as in the paper; where both tags of every component were asked for.
+    pub control: Option<Control>,
+    /// By the mean over time.
+    pub control_by_mean: Option<Control>,
+    /// How far the component that was asked for is from what was asked, relative to the baseline, by the maximum over time.
+    pub error: Option<Mean>,
+    /// Top 1 to 3 of batches of 32.
+    pub r_precision: Option<[Mean; 3]>,
+    pub matching: Option<Mean>,
+    pub fid: Option<Mean>,
+    pub diversity: Option<Mean>,
+    pub distance: Mean,
+    pub sliding: Mean,
+    pub ankles: Mean,
+    pub jerk: Mean,
+    pub drift: Mean,
+}
+
+/// A mean with half of its 95 % interval.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Mean {
+    pub mean: f64,
+    pub interval: f64,
+}
+
+/// The paper's table 1.
+#[derive(Clone, Debug, Serialize)]
+pub struct Control {
+    /// `[asked component][measured component]`
+    pub mean: [[f64; COMPONENTS]; COMPONENTS],
+    pub std: [[f64; COMPONENTS]; COMPONENTS],
+    pub diagonality: f64,
+}
+
+impl Mean {
+    fn of(values: impl IntoIterator<Item = f64>) -> Option<Mean> {
+        let values: Vec<f64> = values.into_iter().collect();
+        if values.is_empty() {
+            return None;
+        }
+        let Estimate { mean, interval } = Estimate::of(values);
+        Some(Mean { mean, interval })
+    }
+}
+
+/// A motion of a setting, and what it was to be.
+struct Made<'a> {
+    demand: Demand,
+    prompt: usize,
+    repeat: u64,
+    measured: &'a Measured,
+}
+
+impl Evidence<'_> {
+    /// The figures of a setting; none if it has no motion.
+    pub fn figures(&self, setting: &Setting) -> Result<Option<Figures>, MetricError> {
+        let (mut made, mut failed) = (Vec::new(), Vec::new());
+        for cell in cells(setting, self.repeats) {
+            let id = cell.id();
+            match self.records.get(&id) {
+                None => {}
+                Some(Outcome::Failed(reason)) => failed.push((id, reason.clone())),
+                Some(Outcome::Motion(measured)) => made.push(Made {
+                    demand: cell.demand,
+                    prompt: cell.prompt,
+                    repeat: cell.repeat,
+                    measured,
+                }),
+            }
+        }
+        // Repeats are what the interval is over; within one all motions count alike.
+        let over_repeats = |of: &dyn Fn(&Made<'_>) -> Option<f64>| {
+            let means = (0..self.repeats).filter_map(|repeat| {
+                let values = made.iter().filter(|m| m.repeat == repeat).filter_map(of);
+                Some(Mean::of(values)?.mean)
+            });
+            Mean::of(means)
+        };
+        let mean = |of: &dyn Fn(&Measured) -> f64| over_repeats(&|made| Some(of(made.measured)));
+        let Some(distance) = mean(&|measured| measured.distance) else {
+            return Ok(None);
+        };
+        let all = "as many as there are distances";
+        let judged = self.judged(&made, setting)?;
+        Ok(Some(Figures {
+            setting: setting.name.clone(),
+            motions: made.len(),
+            failed,
+            control: control(&made, |measured| measured.maximum)?,
+            control_by_mean: control(&made, |measured| measured.mean)?,
+            error: over_repeats(&|made| made.error()),
+            r_precision: judged.r_precision,
+            matching: judged.matching,
+            fid: judged.fid,
+            diversity: judged.diversity,
+            distance,
+            sliding: mean(&|measured| measured.sliding).expect(all),
+            ankles: mean(&|measured| measured.ankles).expect(all),
+            jerk: mean(&|measured| measured.jerk).expect(all),
+            drift: mean(&|measured| measured.drift).expect(all),
+        }))
+    }
+
+    /// What the evaluator says: of the motions of each demand and repeat, and then the mean.
+    fn judged(&self, made: &[Made<'_>], setting: &Setting) -> Result<Judged, MetricError> {
+        let mut found = Vec::new();
+        for repeat in 0..self.repeats {
+            let mut of_repeat = Vec::new();
+            for demand in &setting.demands {
+                let set = made.iter();
+                let set = set.filter(|m| m.demand == *demand && m.repeat == repeat);
+                let set: Vec<&Made<'_>> = set.collect();
+                if set.len() > 1 {
+                    of_repeat.push(self.seen(&set, repeat)?);
+                }
+            }
+            found.push(of_repeat);
+        }
+        let over_repeats = |of: &dyn Fn(&Seen) -> Option<f64>| {
+            let means = found.iter().filter_map(|seen| {
+                let values = seen.iter().filter_map(of);
+                Some(Mean::of(values)?.mean)
+            });
+            Mean::of(means)
+        };
+        let ranks = [0, 1, 2].map(|rank| over_repeats(&|seen| Some(seen.matching?.0[rank])));
+        Ok(Judged {
+            r_precision: together(ranks),
+            matching: over_repeats(&|seen| Some(seen.matching?.1)),
+            fid: over_repeats(&|seen| Some(seen.fid)),
+            diversity: over_repeats(&|seen| Some(seen.diversity)),
+        })
+    }
+
+    /// What the evaluator says of the real motions.
+    pub fn of_real(&self) -> Result<OfReal, MetricError> {
+        let places: Vec<usize> = (0..self.prompts.len()).collect();
+        let seen = { 0..self.repeats }.map(|repeat| self.see(&places, self.real, repeat));
+        let seen: Vec<Seen> = seen.collect::<Result<_, _>>()?;
+        let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
+        let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
+        Ok((
+            together(ranks),
+            over(&|seen| Some(seen.matching?.1)),
+            over(&|seen| Some(seen.diversity)),
+        ))
+    }
+
+    /// For every demand of a setting the mean of what came out, over the baseline, by the mean over time.
+    pub fn ratios(&self, setting: &Setting) -> Vec<(Demand, Mean)> {
+        let found = setting.demands.iter().filter_map(|&demand| {
+            let (component, _) = demand.factor()?;
+            let place = component.index();
+            let of_demand = cells(setting, self.repeats).filter(|cell| cell.demand == demand);
+            let ratios = of_demand.filter_map(|cell| match self.records.get(&cell.id())? {
+                Outcome::Motion(measured) if measured.baseline_mean[place] > 0.0 => {
+                    Some(measured.mean[place] / measured.baseline_mean[place])
+                }
+                _ => None,
+            });
+            let mean = Mean::of(ratios)?.mean;
+            Some((
+                demand,
+                Mean {
+                    mean,
+                    interval: 0.0,
+                },
+            ))
+        });
+        found.collect()
+    }
+
+    /// What the evaluator says of motions of one demand and repeat.
+    fn seen(&self, set: &[&Made<'_>], repeat: u64) -> Result<Seen, MetricError> {
+        let width = set[0].measured.point.len();
+        let points = set.iter().flat_map(|m| m.measured.point.iter().copied());
+        let motions = Embeddings::new(points.collect(), width)?;
+        let places: Vec<usize> = set.iter().map(|m| m.prompt).collect();
+        self.see(&places, &motions, repeat)
+    }
+
+    /// What the evaluator says of motions of these prompts.
+    fn see(
+        &self,
+        places: &[usize],
+        motions: &Embeddings,
+        repeat: u64,
+    ) -> Result<Seen, MetricError> {
+        let places = || places.iter().copied();
+        let texts = self.texts[repeat as usize].select(places());
+        let captions = places().map(|prompt| self.prompts[prompt].caption(repeat));
+        let captions: Vec<&str> = captions.collect();
+        let mut draws = Vec::new();
+        for draw in 0..DRAWS {
+            let Batches { batches, .. } = Batches::distinct(&captions, Batches::SIZE, draw);
+            if batches.is_empty() {
+                break;
+            }
+            draws.push(MatchingScore::of(&texts, motions, &batches)?);
+        }
+        let mean = |of: &dyn Fn(&MatchingScore) -> f64| {
+            draws.iter().map(of).sum::<f64>() / draws.len() as f64
+        };
+        let pairs = PAIRS.min(motions.len() / 2);
+        Ok(Seen {
+            matching: (!draws.is_empty()).then(|| {
+                let ranks = [0, 1, 2].map(|rank| mean(&|found| found.r_precision[rank]));
+                (ranks, mean(&|found| found.distance))
+            }),
+            fid: fid(&self.real.select(places()), motions)?,
+            diversity: diversity(motions, pairs, repeat)?,
+        })
+    }
+}
+
+/// What the evaluator says of real motions: R-precision, distance to the texts, diversity.
+pub type OfReal = (Option<[Mean; 3]>, Option<Mean>, Option<Mean>);
+
+/// What the evaluator says of a set of motions, one a prompt.
+struct Seen {
+    /// R-precision and distance to the texts.
+    matching: Option<([f64; 3], f64)>,
+    fid: f64,
+    diversity: f64,
+}
+
+/// All three or none.
+fn together(ranks: [Option<Mean>; 3]) -> Option<[Mean; 3]> {
+    match ranks {
+        [Some(first), Some(second), Some(third)] => Some([first, second, third]),
+        _ => None,
+    }
+}
+
+struct Judged {
+    r_precision: Option<[Mean; 3]>,
+    matching: Option<Mean>,
+    fid: Option<Mean>,
+    diversity: Option<Mean>,
+}
+
+impl Made<'_> {
+    /// How far the asked component is from what was asked, relative to the baseline.
+    fn error(&self) -> Option<f64> {
+        let (component, factor) = self.demand.factor()?;
+        let place = component.index();
+        let (found, before) = (
+            self.measured.maximum[place],
+            self.measured.baseline_maximum[place],
+        );
+        (before > 0.0).then(|| (found / before - f64::from(factor)).abs())
+    }
+}
+
+impl Demand {
+    /// The component and factor that are asked for, by a tag's phrase too.
+    pub fn factor(self) -> Option<(Component, f32)> {
+        match self {
+            Demand::Nothing => None,
+            Demand::Factor(component, factor) => Some((component, factor)),
+            Demand::Phrase(tag) => Some((tag.component(), tag.scale())),
+        }
+    }
+}
+
+/// All cells of a setting.
+pub fn cells(setting: &Setting, repeats: u64) -> impl Iterator<Item = Cell<'_>> {
+    let demands = setting.demands.iter();
+    demands.flat_map(move |&demand| {
+        (0..repeats).flat_map(move |repeat| {
+            (0..setting.prompts).map(move |prompt| Cell {
+                setting,
+                demand,
+                prompt,
+                repeat,
+            })
+        })
+    })
+}
+
+/// The change matrix of motions with both tags of every component; none where a tag was not asked for.
+fn control(
+    made: &[Made<'_>],
+    features: impl Fn(&Measured) -> [f64; COMPONENTS],
+) -> Result<Option<Control>, MetricError> {
+    let with = |tag: Tag| {
+        let of_tag = move |m: &&Made<'_>| m.demand.factor() == Some((tag.component(), tag.scale()));
+        let made = made.iter().filter(of_tag);
+        made.map(|m| ((m.prompt, m.repeat), features(m.measured)))
+            .collect::<HashMap<_, _>>()
+    };
+    let mut rows: Vec<Vec<Extremes>> = Vec::new();
+    for pair in Tag::ALL.chunks_exact(2) {
+        let (small, large) = (with(pair[0]), with(pair[1]));
+        let mut both: Vec<_> = small.keys().filter(|key| large.contains_key(key)).collect();
+        both.sort_unstable();
+        let extremes = both.into_iter().map(|key| Extremes {
+            small: small[key],
+            large: large[key],
+        });
+        rows.push(extremes.collect());
+    }
+    if rows.iter().any(Vec::is_empty) {
+        return Ok(None);
+    }
+    let matrix = ChangeMatrix::of([0, 1, 2, 3].map(|row| &rows[row][..]))?;
+    Ok(Some(Control {
+        diagonality: matrix.diagonality(),
+        mean: matrix.mean,
+        std: matrix.std,
+    }))
+}

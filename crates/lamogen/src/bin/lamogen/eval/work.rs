@@ -1,0 +1,133 @@
+//! From cells of the plan to records.
+
+use lamogen::laban::LabanOptions;
+use lamogen::motion::{BoneDrift, FootSliding, Jitter};
+use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, Summary};
+use lamogen_eval::Judge;
+
+use super::plan::{Cell, Demand, Prompt};
+use super::record::{Measured, Outcome, Record};
+use crate::each::generate_each;
+use crate::failure::{Code, Failure};
+use crate::source::Source;
+
+/// All that makes and measures motions.
+pub struct Work<'a> {
+    pub source: &'a Source,
+    pub judge: &'a Judge,
+    pub prompts: &'a [Prompt],
+    pub device: &'a Device,
+}
+
+/// A motion and the one that it is held against.
+struct Pair {
+    motion: Motion,
+    baseline: Motion,
+}
+
+impl Work<'_> {
+    /// Makes and measures some motions.
+    pub fn records(&self, cells: &[Cell<'_>]) -> Result<Vec<Record>, Failure> {
+        let mut records = Vec::new();
+        for (cell, pair) in cells.iter().zip(self.generate(cells)?) {
+            let result = match pair.and_then(|pair| self.measure(&pair)) {
+                Ok(measured) => Outcome::Motion(Box::new(measured)),
+                Err(reason) => Outcome::Failed(reason),
+            };
+            let id = cell.id();
+            records.push(Record { id, result });
+        }
+        Ok(records)
+    }
+
+    fn generate(&self, cells: &[Cell<'_>]) -> Result<Vec<Result<Pair, String>>, Failure> {
+        let prompt = |cell: &Cell<'_>| &self.prompts[cell.prompt];
+        let of_cell = |cell: &Cell<'_>| -> Vec<Request> {
+            let request = cell.request(prompt(cell));
+            match cell.demand {
+                // An edited prompt does not know what the plain one gives.
+                Demand::Phrase(_) => vec![request, cell.baseline(prompt(cell))],
+                Demand::Nothing | Demand::Factor(..) => vec![request],
+            }
+        };
+        let requests: Vec<Request> = cells.iter().flat_map(of_cell).collect();
+        let mut made = generate_each(&self.source.model, &requests, &mut |_| ())?.into_iter();
+        let mut next = || made.next().expect("as many motions as requests");
+        let pair = |cell: &Cell<'_>| match cell.demand {
+            Demand::Phrase(_) => {
+                let (edited, plain) = (next(), next());
+                Ok(Pair {
+                    motion: edited?.guided,
+                    baseline: plain?.baseline,
+                })
+            }
+            Demand::Nothing | Demand::Factor(..) => {
+                let Generation {
+                    guided, baseline, ..
+                } = next()?;
+                Ok(Pair {
+                    motion: guided,
+                    baseline,
+                })
+            }
+        };
+        Ok(cells.iter().map(pair).collect())
+    }
+
+    fn measure(&self, pair: &Pair) -> Result<Measured, String> {
+        let Pair { motion, baseline } = pair;
+        // By the same ruler, whatever the guidance measured with.
+        let [of_motion, of_baseline] = [motion, baseline]
+            .map(|motion| LabanSeries::of(motion, &LabanOptions::default(), self.device));
+        let rows = motion.features().ok_or("the motion has no pose features")?;
+        let points = self.judge.motions(&[rows.as_flattened()]);
+        let points = points.map_err(|error| error.to_string())?;
+        let jitter = Jitter::of(motion);
+        let measured = Measured {
+            maximum: wide(of_motion.summary(Summary::Maximum)),
+            mean: wide(of_motion.summary(Summary::Mean)),
+            baseline_maximum: wide(of_baseline.summary(Summary::Maximum)),
+            baseline_mean: wide(of_baseline.summary(Summary::Mean)),
+            distance: motion.distance(baseline).into(),
+            sliding: FootSliding::of(motion).ratio.into(),
+            ankles: jitter.ankles.into(),
+            jerk: jitter.jerk.into(),
+            drift: BoneDrift::of(motion).largest().into(),
+            point: points.row(0).to_vec(),
+        };
+        let is_finite = measured.numbers().all(f64::is_finite);
+        match is_finite {
+            true => Ok(measured),
+            false => Err("the motion's measures are not finite".into()),
+        }
+    }
+}
+
+impl Measured {
+    /// All its numbers but the point.
+    fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        let features = [
+            &self.maximum,
+            &self.mean,
+            &self.baseline_maximum,
+            &self.baseline_mean,
+        ];
+        let single = [
+            self.distance,
+            self.sliding,
+            self.ankles,
+            self.jerk,
+            self.drift,
+        ];
+        features.into_iter().flatten().copied().chain(single)
+    }
+}
+
+fn wide(features: [f32; COMPONENTS]) -> [f64; COMPONENTS] {
+    features.map(f64::from)
+}
+
+/// The failure of something that cannot be judged.
+pub fn unjudged(error: impl ToString) -> Failure {
+    Failure::new(Code::Run, error)
+}

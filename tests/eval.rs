@@ -1,0 +1,216 @@
+//! `lamogen eval` as people and scripts use it.
+
+mod running;
+mod swings;
+
+use std::fs;
+use std::path::Path;
+
+use running::{fails, succeeds};
+use serde_json::Value;
+
+/// A data set, and an evaluator that has hardly learned anything.
+fn prepare(folder: &Path) {
+    swings::data(folder);
+    swings::evaluator(folder);
+    let train = [
+        "train",
+        "--evaluator",
+        "--data",
+        "data",
+        "--config",
+        "judge.json",
+    ];
+    let rest = ["--steps", "2", "--out", "judge"];
+    succeeds(folder, &[&train[..], &rest].concat());
+}
+
+fn eval<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    const EVAL: [&str; 16] = [
+        "eval",
+        "--data",
+        "data",
+        "--evaluator",
+        "judge/model",
+        "--split",
+        "train",
+        "--prompts",
+        "3",
+        "--steps",
+        "3",
+        "--noise-steps",
+        "1",
+        "--study-prompts",
+        "2",
+        "--json",
+    ];
+    [&EVAL[..], more].concat()
+}
+
+const FEW: [&str; 4] = ["--methods", "laban,prompt", "--studies", "update"];
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+#[test]
+fn a_report_has_the_papers_tables_and_the_ablations() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let more = [
+        "--studies",
+        "interpolation,learning-rate,divisor",
+        "--out",
+        "evidence",
+        "--methods",
+        "laban,prompt,raw,classifier",
+    ];
+    let (result, _) = succeeds(folder, &eval(&more));
+    assert_eq!(json(&result)["missing"], 0, "{result}");
+    let out = folder.join("evidence");
+    let text = fs::read_to_string(out.join("report.md")).unwrap();
+    for part in [
+        "## Control",
+        "| Laban guidance | Weight |",
+        "(0.978)",
+        "| Prompt editing | 0",
+        "## Text and fidelity",
+        "| Real motions |",
+        "## Scale interpolation",
+        "| asked | 0.5 | 0.8 | 1 | 1.2 | 1.5 |",
+        "## Learning rate",
+        "| learning rate 0.5 |",
+        "## What the loss divides by",
+        "## What smoothing does",
+    ] {
+        assert!(text.contains(part), "{part} is not in {text}");
+    }
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let pictures = text.matches("![").count();
+    assert!(pictures >= 8, "{pictures}");
+    assert_eq!(page.matches("<figure>").count(), pictures);
+    for name in text
+        .split("](")
+        .skip(1)
+        .map(|rest| rest.split(')').next().unwrap())
+    {
+        let picture = fs::read_to_string(out.join(name)).unwrap();
+        assert!(picture.contains("</svg>"), "{name}");
+    }
+    let figures = json(&fs::read_to_string(out.join("figures.json")).unwrap());
+    let settings = figures["settings"].as_array().unwrap();
+    let laban = settings
+        .iter()
+        .find(|setting| setting["setting"] == "laban");
+    let laban = laban.unwrap();
+    assert_eq!(laban["motions"], 3 * 8);
+    assert!(laban["control"]["diagonality"].as_f64().unwrap() > 0.0);
+    // The same noise, so text alone is where guidance begins.
+    let text = settings.iter().find(|setting| setting["setting"] == "text");
+    assert_eq!(text.unwrap()["distance"]["mean"], 0.0);
+}
+
+#[test]
+fn a_run_goes_on_and_shards_make_the_same_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let run = |more: &[&'static str]| {
+        let all = [&FEW[..], more].concat();
+        json(&succeeds(folder, &eval(&all)).0)
+    };
+    let whole = run(&["--out", "whole"]);
+    let motions = whole["motions"].as_u64().unwrap();
+    // Text alone, two methods with eight tags, and a lagged update with as many; immediate ones are laban's own.
+    assert_eq!(motions, 3 + 2 * 3 * 8 + 2 * 8);
+    let read = |name: &str| fs::read(folder.join(name)).unwrap();
+    let figures = read("whole/figures.json");
+
+    // Stopped in the middle of a line.
+    let records = read("whole/records.jsonl");
+    fs::write(
+        folder.join("whole/records.jsonl"),
+        &records[..records.len() / 2],
+    )
+    .unwrap();
+    assert_eq!(run(&["--out", "whole"])["motions"], motions);
+    assert_eq!(
+        read("whole/records.jsonl")
+            .split(|byte| *byte == b'\n')
+            .count() as u64,
+        motions + 1
+    );
+
+    let first = run(&["--out", "parts", "--shard", "1/2"]);
+    let missing = first["missing"].as_u64().unwrap();
+    assert!(0 < missing && missing < motions, "{first}");
+    assert!(
+        String::from_utf8(read("parts/report.md"))
+            .unwrap()
+            .contains("are not made yet")
+    );
+    run(&["--out", "parts", "--shard", "2/2"]);
+    assert_eq!(run(&["--out", "parts", "--merge"])["missing"], 0);
+    assert!(
+        read("parts/figures.json") == figures,
+        "shards make other figures"
+    );
+}
+
+#[test]
+fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let with = |more: &[&'static str]| eval(&[&FEW[..], more].concat());
+    let (estimate, _) = succeeds(folder, &with(&["--out", "x", "--dry-run"]));
+    let estimate = json(&estimate);
+    assert_eq!(estimate["motions"], 3 + 2 * 3 * 8 + 2 * 8);
+    assert!(estimate["seconds"].as_f64().unwrap() > 0.0);
+    assert!(!folder.join("x").exists());
+
+    succeeds(folder, &with(&["--out", "x"]));
+    let other = with(&["--out", "x", "--preset", "paper"]);
+    fails(folder, &other, 2, &["another model", "another --out"]);
+    let mut records = fs::read(folder.join("x/records.jsonl")).unwrap();
+    records.splice(0..1, *b"[");
+    fs::write(folder.join("x/records.jsonl"), records).unwrap();
+    fails(folder, &with(&["--out", "x"]), 3, &["line 1 is no record"]);
+
+    fails(
+        folder,
+        &with(&["--out", "y", "--shard", "3/2"]),
+        2,
+        &["--shard"],
+    );
+    fails(
+        folder,
+        &with(&["--out", "y", "--methods", "magic"]),
+        2,
+        &["magic"],
+    );
+    let nobody = [
+        "eval",
+        "--data",
+        "data",
+        "--evaluator",
+        "nobody",
+        "--out",
+        "y",
+    ];
+    fails(folder, &nobody, 3, &["nobody"]);
+    let none = [
+        "eval",
+        "--data",
+        "data",
+        "--evaluator",
+        "judge/model",
+        "--out",
+        "y",
+        "--split",
+        "test",
+    ];
+    fails(folder, &none, 3, &["at least 2 motions", "test split"]);
+    assert!(!folder.join("y").exists());
+}
