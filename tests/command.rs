@@ -195,7 +195,7 @@ fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
         folder,
         &with(&["--coherence", "0"]),
         2,
-        "above 0 to 100 frames, found 0",
+        "0.01 to 100 frames, found 0",
     );
     fails(
         folder,

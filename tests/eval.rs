@@ -145,11 +145,10 @@ fn a_run_goes_on_and_shards_make_the_same_report() {
     let first = run(&["--out", "parts", "--shard", "1/2"]);
     let missing = first["missing"].as_u64().unwrap();
     assert!(0 < missing && missing < motions, "{first}");
-    assert!(
-        String::from_utf8(read("parts/report.md"))
-            .unwrap()
-            .contains("are not made yet")
-    );
+    assert!(!folder.join("parts/report.md").exists());
+    assert_eq!(run(&["--out", "parts", "--merge"])["missing"], missing);
+    let text = String::from_utf8(read("parts/report.md")).unwrap();
+    assert!(text.contains("are not made yet"), "{text}");
     run(&["--out", "parts", "--shard", "2/2"]);
     assert_eq!(run(&["--out", "parts", "--merge"])["missing"], 0);
     assert!(
@@ -172,7 +171,7 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
 
     succeeds(folder, &with(&["--out", "x"]));
     let other = with(&["--out", "x", "--preset", "paper"]);
-    fails(folder, &other, 2, &["another model", "another --out"]);
+    fails(folder, &other, 2, &["preset", "another --out"]);
     let mut records = fs::read(folder.join("x/records.jsonl")).unwrap();
     records.splice(0..1, *b"[");
     fs::write(folder.join("x/records.jsonl"), records).unwrap();
@@ -212,5 +211,7 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
         "test",
     ];
     fails(folder, &none, 3, &["at least 2 motions", "test split"]);
+    let merge = with(&["--out", "y", "--merge"]);
+    fails(folder, &merge, 3, &["eval.json", "beside the records"]);
     assert!(!folder.join("y").exists());
 }

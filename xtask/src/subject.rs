@@ -19,7 +19,7 @@ pub struct Subject {
     #[arg(long)]
     pub coherence: Option<f32>,
     /// The last timestep at which they are.
-    #[arg(long, default_value_t = Coherence::default().until)]
+    #[arg(long, default_value_t = Coherence::default().until, requires = "coherence")]
     pub until: usize,
 }
 

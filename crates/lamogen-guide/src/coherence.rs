@@ -35,9 +35,9 @@ impl Coherence {
     ///
     /// # Errors
     ///
-    /// If the deviation is not above 0 and at most 100 frames.
+    /// If the deviation is not from 0.01 to 100 frames.
     pub fn check(&self) -> Result<(), GuideError> {
-        match self.frames > 0.0 && self.frames <= 100.0 {
+        match (0.01..=100.0).contains(&self.frames) {
             true => Ok(()),
             false => Err(GuideError::Coherence { found: self.frames }),
         }

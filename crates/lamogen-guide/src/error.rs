@@ -15,7 +15,7 @@ pub enum GuideError {
     #[allow(missing_docs)]
     Steps { found: usize, largest: usize },
     /// A smoothing that makes no sense.
-    #[error("expected a smoothing of above 0 to 100 frames, found {found}")]
+    #[error("expected a smoothing by 0.01 to 100 frames, found {found}")]
     #[allow(missing_docs)]
     Coherence { found: f32 },
     /// A guidance option that makes no sense.
@@ -71,7 +71,7 @@ impl GuideError {
 pub enum Quantity {
     /// The Laban loss.
     Loss,
-    /// Its gradient with respect to the sentence embedding.
+    /// Its gradient with respect to what guidance moves.
     Gradient,
 }
 

@@ -127,12 +127,12 @@ fn padding_does_not_leak_in_and_guidance_goes_through() {
 #[test]
 fn smoothings_that_make_no_sense_are_refused() {
     let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
-    for frames in [0.0, -1.0, f32::NAN, 1000.0] {
+    for frames in [0.0, 1e-30, -1.0, f32::NAN, 1000.0] {
         let sampler = Sampler::new(&network, &normalization, 10).unwrap();
         let coherence = Coherence { frames, until: 0 };
         let Err(error) = sampler.with_coherence(Some(coherence)) else {
             panic!("{frames} was taken");
         };
-        assert!(error.to_string().contains("above 0 to 100"), "{error}");
+        assert!(error.to_string().contains("0.01 to 100"), "{error}");
     }
 }

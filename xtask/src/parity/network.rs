@@ -16,7 +16,8 @@ use super::case::Case;
 use super::{Actual, EXACT, GUIDED, ParityError, Row, SEVERAL, SINGLE, Values, Watch};
 
 /// Values that add up what the network says at every step of a pass.
-const BEHIND_PASSES: [&str; 6] = [
+const BEHIND_PASSES: [&str; 7] = [
+    "out.classifier",
     "out.e_grad",
     "out.guided",
     "out.guided_mean",

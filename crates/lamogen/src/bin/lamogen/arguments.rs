@@ -122,11 +122,12 @@ Motion files are resampled to 20 frames a second and put on HumanML3D's body. Mi
 share the rows of their originals; left and right are exchanged in what is said of them.";
 
 const EVAL_HELP: &str = "\
-The folder gets records.jsonl (a line a motion), report.html, report.md with its pictures, and figures.json. Stop it whenever you like: \
-the same command goes on. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4; with all their records in one folder, \
---merge writes the report.
+The folder gets records.jsonl (a line a motion), eval.json (of what), report.html, report.md with its pictures, and figures.json. Stop it \
+whenever you like: the same command goes on. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4; with all \
+their records and one eval.json in one folder, --merge writes the report.
 
 Example:
+  lamogen train --evaluator --data data --out judge --steps 1000
   lamogen eval --data data --evaluator judge/best --out evidence --dry-run
   lamogen eval --data data --evaluator judge/best --out evidence";
 
@@ -145,8 +146,8 @@ pub struct SourceArguments {
     /// Folder of a model instead of the embedded one.
     #[arg(long, value_name = "FOLDER")]
     pub model: Option<PathBuf>,
-    /// Smooth predictions along time by so many frames while there is much noise, so that the legs of a small network keep
-    /// step, such as 1; or off, the default.
+    /// Smooth predictions along time by a Gaussian of so many frames, such as 1, while there is much noise, so that the legs of a
+    /// small network keep step; or off. Usually 1 for the embedded model, off for others.
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
     /// Where to compute; lamogen devices lists them.
@@ -505,8 +506,8 @@ pub struct Eval {
     #[arg(long, default_value = "test")]
     pub split: Split,
     /// How many sentences; usually all.
-    #[arg(long, value_name = "N")]
-    pub prompts: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    pub prompts: Option<u64>,
     /// Motions of each sentence, from as many seeds; intervals are over these.
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub repeats: u64,
@@ -526,12 +527,12 @@ pub struct Eval {
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "learning-rate", "steps", "update", "updates", "emphasis", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
     /// How many sentences each study is made with.
-    #[arg(long, default_value_t = 32, value_name = "N")]
-    pub study_prompts: usize,
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    pub study_prompts: u64,
     /// Do a part of the work only: the I-th of N.
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "merge")]
     pub shard: Option<(usize, usize)>,
-    /// Generate nothing: write the report of the records in the folder.
+    /// Make none of the motions that are missing: write the report of the records in the folder.
     #[arg(long)]
     pub merge: bool,
     /// Check the files, and say what there is to do and how long it takes, by trying some motions of each kind.

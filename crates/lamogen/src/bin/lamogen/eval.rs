@@ -1,32 +1,38 @@
 //! `lamogen eval`: the paper's evidence for a model.
 //!
 //! ```text
-//! options ──plan.rs──▶ cells ──work.rs──▶ records (a line each) ──summary.rs──▶ figures ──report.rs──▶ report.md, report.html
+//! options ──plan.rs──▶ cells ──work.rs──▶ records (a line each) ──summary.rs──▶ figures ─┬─report.rs──▶ report.md, report.html
+//!                                                                       pictures.rs ──┘
 //! ```
 
 mod document;
 mod paper;
+mod pictures;
 mod plan;
 mod record;
 mod report;
 mod summary;
 mod work;
 
-use std::path::PathBuf;
+use std::fs;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lamogen_data::{Dataset, Entry, LoadOptions};
+use lamogen::motion::write_atomically;
+use lamogen_data::{Checksum, Dataset, Entry, LoadOptions};
 use lamogen_eval::{Embeddings, Judge};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use crate::arguments::Eval;
+use crate::arguments::{Eval, PresetName};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
+use crate::pack::tell_problems;
 use crate::source::{Source, device};
-use plan::{Basis, Cell, Prompt, Setting, merged};
+use plan::{Basis, Cell, Plan, Prompt};
 pub use plan::{Method, Study};
 use record::{Store, read};
-use summary::{Evidence, cells};
+use summary::Evidence;
 use work::{Work, unjudged};
 
 /// Judged at a time, and generated together.
@@ -37,129 +43,66 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
     let source = Source::open(&options.source, console)?;
     let judge = Judge::load(&options.evaluator, &device)
         .map_err(|error| Failure::new(Code::Input, error))?;
-    let (prompts, real) = prompts(options, &source, &judge)?;
-    let study = Plan::new(options, &source, prompts.len());
+    let (prompts, real) = prompts(options, &source, &judge, console)?;
+    let plan = Plan::new(options, source.preset, prompts.len());
     let work = Work {
         source: &source,
         judge: &judge,
         prompts: &prompts,
         device: &device,
     };
-    let all: Vec<Cell<'_>> = study.cells().collect();
+    let all: Vec<Cell<'_>> = plan.cells().collect();
+    // All that can be wrong with a sentence is better known before the first motion.
+    work.check(&all)?;
+    let texts = texts(&work, options.repeats)?;
     if options.dry_run {
-        return estimate(&study, &all, &work, console);
+        return estimate(&plan, &all, &work, console);
     }
-    std::fs::create_dir_all(&options.out).map_err(|error| Failure::output(&options.out, error))?;
-    check_identity(options, &source, &prompts)?;
+    check_identity(options, &plan, &work, &real)?;
     if !options.merge {
         generate(options, &all, &work, console)?;
     }
     let records = read(&files(&options.out)?)?;
-    let missing = all
-        .iter()
+    let missing = { all.iter() }
         .filter(|cell| !records.contains_key(&cell.id()))
         .count();
-    if missing > 0 {
+    let mut paths = Vec::new();
+    if missing > 0 && options.shard.is_some() {
         console.notice(format!(
-            "{missing} of {} motions are still to be made, by other shards or by the same command; the report is of the others",
+            "{missing} of {} motions are for other shards; --merge writes the report of what there is",
             all.len()
         ));
+    } else {
+        let evidence = Evidence {
+            records: &records,
+            prompts: &prompts,
+            texts: &texts,
+            real: &real,
+            repeats: options.repeats,
+        };
+        let report = report::Report::new(&plan, &evidence, &work, missing).map_err(unjudged)?;
+        paths = report.write(&options.out)?;
     }
-    let repeats = 0..options.repeats;
-    let texts: Vec<Embeddings> = repeats
-        .map(|repeat| {
-            let captions: Vec<&str> = prompts.iter().map(|p| p.caption(repeat)).collect();
-            judge.texts(&captions).map_err(unjudged)
-        })
-        .collect::<Result<_, _>>()?;
-    let evidence = Evidence {
-        records: &records,
-        prompts: &prompts,
-        texts: &texts,
-        real: &real,
-        repeats: options.repeats,
-    };
-    let report = report::Report::new(&study, &evidence, &work, missing).map_err(unjudged)?;
-    let paths = report.write(&options.out)?;
+    let paths = paths.iter().map(|path| path.display().to_string());
+    let paths: Vec<String> = paths.collect();
     match console.json {
         true => console.say(
-            json!({
-                "motions": all.len() - missing,
-                "missing": missing,
-                "files": paths.iter().map(|path| path.to_string_lossy()).collect::<Vec<_>>(),
-            })
-            .to_string(),
+            json!({ "motions": all.len() - missing, "missing": missing, "files": paths })
+                .to_string(),
         ),
-        false => console.say(
-            paths
-                .iter()
-                .map(|path| path.display().to_string())
-                .collect::<Vec<_>>()
-                .join("\n"),
-        ),
+        false => console.say(paths.join("\n")),
     }
 }
 
-/// All that is generated.
-pub struct Plan {
-    pub basis: Basis,
-    pub methods: Vec<Setting>,
-    /// Each with its rows: a label and a setting.
-    pub studies: Vec<(Study, Vec<(String, Setting)>)>,
-    /// Of both, each once.
-    pub settings: Vec<Setting>,
-    pub repeats: u64,
-}
-
-impl Plan {
-    fn new(options: &Eval, source: &Source, prompts: usize) -> Plan {
-        let preset = options
-            .preset
-            .map_or(source.preset, |preset| preset.preset());
-        let basis = Basis {
-            preset,
-            steps: options.steps.unwrap_or(preset.steps()),
-            noise_steps: options.noise_steps,
-        };
-        let methods = [Method::Text].iter().chain(&options.methods);
-        let mut methods: Vec<Setting> = methods
-            .map(|&method| basis.method(method, prompts))
-            .collect();
-        methods.dedup_by(|a, b| a.name == b.name);
-        let few = options.study_prompts.min(prompts);
-        let studies = options.studies.iter();
-        let studies = studies.map(|&study| (study, basis.study(study, few)));
-        let studies: Vec<(Study, Vec<(String, Setting)>)> = studies.collect();
-        let of_studies = studies
-            .iter()
-            .flat_map(|(_, rows)| rows.iter().map(|(_, setting)| setting));
-        let settings = merged(methods.iter().chain(of_studies).cloned());
-        Plan {
-            basis,
-            methods,
-            studies,
-            settings,
-            repeats: options.repeats,
-        }
-    }
-
-    /// A setting under the name by which its motions are kept: that of the first that generates the same.
-    pub fn generated(&self, setting: &Setting) -> Setting {
-        let same = self
-            .settings
-            .iter()
-            .find(|other| other.generates_as(setting));
-        let name = same.map_or(&setting.name, |other| &other.name).clone();
-        Setting {
-            name,
-            ..setting.clone()
-        }
-    }
-
-    fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
-        let settings = self.settings.iter();
-        settings.flat_map(|setting| cells(setting, self.repeats))
-    }
+/// The captions of every repeat, where the evaluator sees them.
+fn texts(work: &Work<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
+    let of_repeat = |repeat| {
+        let captions = work.prompts.iter().map(|prompt| prompt.caption(repeat));
+        let captions: Vec<&str> = captions.collect();
+        work.judge.texts(&captions)
+    };
+    let texts = (0..repeats).map(of_repeat).collect::<Result<_, _>>();
+    texts.map_err(|error| Failure::new(Code::Input, error))
 }
 
 /// The sentences, and their motions where the evaluator sees them.
@@ -167,22 +110,29 @@ fn prompts(
     options: &Eval,
     source: &Source,
     judge: &Judge,
+    console: &Console,
 ) -> Result<(Vec<Prompt>, Embeddings), Failure> {
     use lamogen::model::Denoiser;
-    let data = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
     let network = source.model.network();
     let longest = network
         .max_frames()
         .min(judge.evaluator().config().max_motion_length);
     let lengths = network.min_frames()..=longest;
+    let limits = LoadOptions {
+        min_frames: *lengths.start(),
+        max_frames: LoadOptions::default().max_frames.max(longest),
+    };
+    let data = Dataset::open(&options.data, &limits, &mut |_| ())?;
+    tell_problems(data.problems(), console);
     let entries: Vec<&Entry> = data
         .split(options.split)
         .filter(|entry| !entry.mirror && lengths.contains(&entry.frames))
         .collect();
     // Some of them are from all over the data, which may be sorted.
     let all = entries.len();
-    let wanted = options.prompts.unwrap_or(all).min(all);
-    let entries: Vec<&Entry> = (0..wanted)
+    let wanted = options.prompts.map_or(all, |prompts| prompts as usize);
+    let wanted = wanted.min(all);
+    let entries: Vec<&Entry> = { 0..wanted }
         .map(|place| entries[place * all / wanted])
         .collect();
     if entries.len() < 2 {
@@ -222,37 +172,28 @@ fn generate(
     work: &Work<'_>,
     console: &Console,
 ) -> Result<(), Failure> {
-    let name = match options.shard {
-        None => "records.jsonl".into(),
-        Some((part, parts)) => format!("records-{part}-of-{parts}.jsonl"),
+    let (part, parts) = options.shard.unwrap_or((1, 1));
+    let name = match parts {
+        1 => "records.jsonl".into(),
+        _ => format!("records-{part}-of-{parts}.jsonl"),
     };
     let mut store = Store::open(&options.out.join(name))?;
-    let (part, parts) = options.shard.unwrap_or((1, 1));
+    let found = read(&files(&options.out)?)?;
     // Whole groups, so that a group is the same with and without shards, and with it the last bits of its numbers.
-    let groups: Vec<&[Cell<'_>]> = all
-        .chunk_by(|a, b| a.setting.name == b.setting.name)
-        .flat_map(|setting| setting.chunks(TOGETHER))
-        .collect();
-    let own = groups
-        .into_iter()
-        .enumerate()
-        .filter(|(place, _)| place % parts == part - 1);
-    let open: Vec<Vec<Cell<'_>>> = own
-        .map(|(_, group)| {
-            group
-                .iter()
-                .filter(|cell| !store.has(&cell.id()))
-                .copied()
-                .collect()
-        })
-        .filter(|group: &Vec<Cell<'_>>| !group.is_empty())
-        .collect();
+    let settings = all.chunk_by(|a, b| a.setting.name == b.setting.name);
+    let groups = settings.flat_map(|setting| setting.chunks(TOGETHER));
+    let own = groups.skip(part - 1).step_by(parts);
+    let open = own.map(|group| {
+        let open = group.iter().filter(|cell| !found.contains_key(&cell.id()));
+        open.copied().collect::<Vec<Cell<'_>>>()
+    });
+    let open: Vec<Vec<Cell<'_>>> = open.filter(|group| !group.is_empty()).collect();
     let bar = console.bar("motions");
     bar.set_length(open.iter().map(Vec::len).sum::<usize>() as u64);
     for group in &open {
         bar.set_message(group[0].setting.name.clone());
         for record in work.records(group)? {
-            store.add(record)?;
+            store.add(&record)?;
         }
         bar.inc(group.len() as u64);
     }
@@ -309,44 +250,74 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A folder's records are of one model on one data set.
-fn check_identity(options: &Eval, source: &Source, prompts: &[Prompt]) -> Result<(), Failure> {
+/// A folder's records are of one model, one evaluator and one data set.
+fn check_identity(
+    options: &Eval,
+    plan: &Plan,
+    work: &Work<'_>,
+    real: &Embeddings,
+) -> Result<(), Failure> {
     let path = options.out.join("eval.json");
-    let texts = prompts.iter().flat_map(|prompt| &prompt.captions);
-    let identity = json!({
-        "model": lamogen_train::fingerprint(source.model.network()),
-        "coherence": source.coherence_frames(),
-        "prompts": { "number": prompts.len(), "captions": texts.collect::<Vec<_>>() },
-        "preset": options.preset.map(|preset| preset.name()),
-        "steps": options.steps,
-        "noise_steps": options.noise_steps,
-    });
-    let text = identity.to_string();
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found == text => Ok(()),
-        Ok(_) => Err(Failure::new(
-            Code::Usage,
-            format!(
-                "{}: the records in this folder are of another model, other sentences or other options",
-                path.display()
-            ),
-        )
-        .hint("another --out begins anew")),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            lamogen::motion::write_atomically(&path, |file| {
-                std::io::Write::write_all(file, text.as_bytes())
-            })
-            .map_err(|error| Failure::output(&path, error))
+    let mut data = Checksum::new(0);
+    for (place, prompt) in work.prompts.iter().enumerate() {
+        let captions = prompt.captions.join("\n");
+        for bytes in [captions.as_bytes(), &prompt.frames.to_le_bytes()] {
+            data.add(bytes);
         }
-        Err(error) => Err(Failure::new(Code::Input, format!("{}: {error}", path.display()))),
+        for number in real.row(place) {
+            data.add(&number.to_le_bytes());
+        }
+    }
+    let Basis {
+        preset,
+        steps,
+        noise_steps,
+    } = plan.basis;
+    let identity = json!({
+        "model": lamogen_train::fingerprint(work.source.model.network()),
+        "evaluator": lamogen_train::fingerprint(work.judge.evaluator()),
+        "coherence": work.source.coherence_frames(),
+        "prompts": work.prompts.len(),
+        "data": format!("{:016x}", data.value()),
+        "preset": PresetName::of(preset).name(),
+        "steps": steps,
+        "noise_steps": noise_steps,
+        "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
+    });
+    let text = format!("{identity:#}\n");
+    match fs::read_to_string(&path) {
+        Ok(found) if found == text => Ok(()),
+        Ok(found) => {
+            let found: Value = serde_json::from_str(&found).unwrap_or_default();
+            let fields = identity.as_object().into_iter().flatten();
+            let other = fields.filter(|(name, value)| found.get(name.as_str()) != Some(value));
+            let other: Vec<&str> = other.map(|(name, _)| name.as_str()).collect();
+            let message = format!(
+                "{}: the records in this folder are of another run: {} differ",
+                path.display(),
+                other.join(", ")
+            );
+            Err(Failure::new(Code::Usage, message).hint("another --out begins anew"))
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound && !options.merge => {
+            fs::create_dir_all(&options.out)
+                .map_err(|error| Failure::output(&options.out, error))?;
+            write_atomically(&path, |file| file.write_all(text.as_bytes()))
+                .map_err(|error| Failure::output(&path, error))
+        }
+        Err(error) => {
+            let message = format!("{}: {error}", path.display());
+            Err(Failure::new(Code::Input, message)
+                .hint("it lies beside the records, in the folder where they were made"))
+        }
     }
 }
 
 /// All files of records in a folder, in the order of their names.
-fn files(folder: &std::path::Path) -> Result<Vec<PathBuf>, Failure> {
+fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let unreadable = |error| Failure::new(Code::Input, format!("{}: {error}", folder.display()));
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let name = path
             .file_name()

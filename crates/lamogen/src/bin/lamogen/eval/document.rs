@@ -28,6 +28,15 @@ impl Block {
         Block::Text(text.into())
     }
 
+    /// A picture in a file of its title's name.
+    pub fn picture(title: &str, caption: impl Into<String>, svg: String) -> Block {
+        Block::Picture {
+            name: title.to_lowercase().replace(' ', "-"),
+            caption: caption.into(),
+            svg,
+        }
+    }
+
     pub fn table<const N: usize>(header: [&str; N], rows: Vec<Vec<String>>) -> Block {
         Block::Table {
             header: header.map(str::to_owned).into(),

@@ -13,6 +13,8 @@ use lamogen::guide::edited_prompt;
 use lamogen::laban::{Gaussian, Smoothing};
 use lamogen::{COMPONENTS, Component, Divisor, Guidance, Preset, Request, Scale, Tag, Update};
 
+use crate::arguments::{Eval, PresetName};
+
 /// A way to make a motion follow Laban tags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Method {
@@ -65,6 +67,17 @@ impl fmt::Display for Demand {
     }
 }
 
+impl Demand {
+    /// The component and factor that are asked for, by a tag's phrase too.
+    pub fn factor(self) -> Option<(Component, f32)> {
+        match self {
+            Demand::Nothing => None,
+            Demand::Factor(component, factor) => Some((component, factor)),
+            Demand::Phrase(tag) => Some((tag.component(), tag.scale())),
+        }
+    }
+}
+
 /// A method with its options, and what is asked of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
@@ -80,7 +93,7 @@ pub struct Setting {
 
 impl Setting {
     /// Whether the motions of both are the same.
-    pub fn generates_as(&self, other: &Setting) -> bool {
+    fn generates_as(&self, other: &Setting) -> bool {
         self.method == other.method
             && self.guidance == other.guidance
             && self.steps == other.steps
@@ -250,7 +263,13 @@ impl Basis {
         let usual = self.preset.guidance();
         let vary = |label: String, change: &dyn Fn(&mut Setting)| {
             let name = format!("laban, {label}");
-            (label, self.laban(name, prompts, change))
+            let mut setting = self.laban(name, prompts, change);
+            // Generated once, under one name, whatever else is asked for.
+            let method = self.method(Method::Laban, prompts);
+            if setting.generates_as(&method) {
+                setting.name = method.name;
+            }
+            (label, setting)
         };
         match study {
             Study::Interpolation => {
@@ -292,11 +311,11 @@ impl Basis {
                 })
                 .into(),
             Study::Divisor => [
-                ("each frame", Divisor::Frame),
-                ("mean over time", Divisor::Mean),
+                ("by each frame", Divisor::Frame),
+                ("by the mean over time", Divisor::Mean),
             ]
             .map(|(name, divisor)| {
-                vary(format!("by the {name}"), &|setting| {
+                vary(name.into(), &|setting| {
                     setting.guidance.divisor = divisor;
                 })
             })
@@ -319,14 +338,79 @@ impl Basis {
     }
 }
 
-/// Settings that generate the same, only once, with as many prompts as any of them wants. Studies name theirs by content.
-pub fn merged(settings: impl IntoIterator<Item = Setting>) -> Vec<Setting> {
+/// Settings of one name only once, with as many prompts as any of them wants.
+fn merged(settings: impl IntoIterator<Item = Setting>) -> Vec<Setting> {
     let mut merged: Vec<Setting> = Vec::new();
     for setting in settings {
-        match merged.iter_mut().find(|other| other.generates_as(&setting)) {
+        match merged.iter_mut().find(|other| other.name == setting.name) {
             Some(other) => other.prompts = other.prompts.max(setting.prompts),
             None => merged.push(setting),
         }
     }
     merged
+}
+
+/// All cells of a setting.
+pub fn cells(setting: &Setting, repeats: u64) -> impl Iterator<Item = Cell<'_>> {
+    let demands = setting.demands.iter();
+    demands.flat_map(move |&demand| {
+        (0..repeats).flat_map(move |repeat| {
+            (0..setting.prompts).map(move |prompt| Cell {
+                setting,
+                demand,
+                prompt,
+                repeat,
+            })
+        })
+    })
+}
+
+/// All that is generated.
+pub struct Plan {
+    pub basis: Basis,
+    pub methods: Vec<Setting>,
+    /// Each with its rows: a label and a setting.
+    pub studies: Vec<(Study, Vec<(String, Setting)>)>,
+    /// Of both, each once.
+    pub settings: Vec<Setting>,
+    pub repeats: u64,
+}
+
+impl Plan {
+    /// The plan of some options, for a model that runs with `preset` if nothing else is said.
+    pub fn new(options: &Eval, preset: Preset, prompts: usize) -> Plan {
+        let preset = options.preset.map_or(preset, PresetName::preset);
+        let basis = Basis {
+            preset,
+            steps: options.steps.unwrap_or(preset.steps()),
+            noise_steps: options.noise_steps,
+        };
+        let methods = [Method::Text].iter().chain(&options.methods);
+        let methods = methods.map(|&method| basis.method(method, prompts));
+        let methods = merged(methods);
+        let few = (options.study_prompts as usize).min(prompts);
+        let mut studies: Vec<(Study, Vec<(String, Setting)>)> = Vec::new();
+        for &study in &options.studies {
+            if studies.iter().all(|(other, _)| *other != study) {
+                studies.push((study, basis.study(study, few)));
+            }
+        }
+        let of_studies = studies
+            .iter()
+            .flat_map(|(_, rows)| rows.iter().map(|(_, setting)| setting));
+        let settings = merged(methods.iter().chain(of_studies).cloned());
+        Plan {
+            basis,
+            methods,
+            studies,
+            settings,
+            repeats: options.repeats,
+        }
+    }
+
+    /// All motions.
+    pub fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
+        let settings = self.settings.iter();
+        settings.flat_map(|setting| cells(setting, self.repeats))
+    }
 }

@@ -1,8 +1,8 @@
 //! What is kept of every motion: a line of JSON each, so that a run can stop anywhere and go on.
 
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{BufRead, BufReader, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use lamogen::COMPONENTS;
@@ -50,16 +50,14 @@ pub struct Measured {
     pub point: Vec<f32>,
 }
 
-/// The file that a run, or a shard of it, writes.
+/// The file that a run, or a shard of it, writes; locked as long as it is open.
 pub struct Store {
     path: PathBuf,
     file: File,
-    /// Outcomes by the ids of their cells.
-    found: HashMap<String, Outcome>,
 }
 
 impl Store {
-    /// Opens a file, or begins it. What was cut off while it was written is removed.
+    /// Opens a file, or begins it. What was cut off while it was written is removed. One process writes at a time.
     pub fn open(path: &Path) -> Result<Store, Failure> {
         let failed = |error| Failure::output(path, error);
         let mut file = OpenOptions::new()
@@ -69,32 +67,31 @@ impl Store {
             .write(true)
             .open(path)
             .map_err(failed)?;
-        let (records, end) = parse(&file, path)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let message = format!("{}: another process generates into it", path.display());
+                return Err(Failure::new(Code::Usage, message));
+            }
+            // Some file systems have no locks.
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        let (_, end) = parse(&file, path)?;
         file.set_len(end).map_err(failed)?;
         file.seek(SeekFrom::End(0)).map_err(failed)?;
         Ok(Store {
             path: path.to_owned(),
             file,
-            found: records
-                .into_iter()
-                .map(|record| (record.id, record.result))
-                .collect(),
         })
     }
 
-    pub fn has(&self, id: &str) -> bool {
-        self.found.contains_key(id)
-    }
-
-    /// Adds a record, on the disk too.
-    pub fn add(&mut self, record: Record) -> Result<(), Failure> {
+    /// Adds a record.
+    pub fn add(&mut self, record: &Record) -> Result<(), Failure> {
         let mut line =
-            serde_json::to_string(&record).map_err(|error| Failure::new(Code::Run, error))?;
+            serde_json::to_string(record).map_err(|error| Failure::new(Code::Run, error))?;
         line.push('\n');
-        { self.file.write_all(line.as_bytes()) }
-            .map_err(|error| Failure::output(&self.path, error))?;
-        self.found.insert(record.id, record.result);
-        Ok(())
+        { self.file.write_all(line.as_bytes()) }.map_err(|error| Failure::output(&self.path, error))
     }
 }
 
@@ -149,14 +146,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("records.jsonl");
         let mut store = Store::open(&path).unwrap();
-        store.add(failed("a")).unwrap();
-        store.add(failed("b")).unwrap();
+        store.add(&failed("a")).unwrap();
+        store.add(&failed("b")).unwrap();
+        let Err(busy) = Store::open(&path) else {
+            panic!("two write at once");
+        };
+        assert!(busy.message.contains("another process"), "{}", busy.message);
         drop(store);
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 5]).unwrap();
         let mut store = Store::open(&path).unwrap();
-        assert!(store.has("a") && !store.has("b"));
-        store.add(failed("b")).unwrap();
+        let found = read(std::slice::from_ref(&path)).unwrap();
+        assert!(found.contains_key("a") && !found.contains_key("b"));
+        store.add(&failed("b")).unwrap();
+        drop(store);
         assert_eq!(std::fs::read(&path).unwrap(), whole);
         assert_eq!(read(std::slice::from_ref(&path)).unwrap().len(), 2);
         std::fs::write(&path, [b"{}\n", &whole[..]].concat()).unwrap();

@@ -3,20 +3,17 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lamogen::laban::{Gaussian, LabanOptions};
-use lamogen::motion::{Joint, write_atomically};
-use lamogen::{
-    COMPONENTS, Component, FRAMES_PER_SECOND, LabanSeries, Motion, Request, Scale, Smoothing,
-};
+use lamogen::motion::write_atomically;
+use lamogen::{COMPONENTS, Component};
 use lamogen_eval::MetricError;
-use lamogen_view::{Axis, Curve, CurveError, Line, Row, curves, plot, strip};
-use serde_json::json;
+use lamogen_view::{Axis, CurveError, Line, plot};
+use serde_json::{Map, Value, json};
 
-use super::Plan;
 use super::document::{Block, html, markdown};
 use super::paper;
-use super::plan::{Demand, INTERPOLATION, Prompt, Setting, Study};
-use super::summary::{Control, Evidence, Figures, Mean};
+use super::pictures::Shown;
+use super::plan::{INTERPOLATION, Plan, Setting, Study};
+use super::summary::{Control, Evidence, Figures, Mean, Ratio};
 use super::work::Work;
 use crate::failure::Failure;
 
@@ -30,6 +27,8 @@ pub struct Report {
     title: String,
     blocks: Vec<Block>,
     figures: Vec<Figures>,
+    /// What `figures.json` holds of studies and real motions.
+    others: Map<String, Value>,
 }
 
 impl Report {
@@ -43,25 +42,33 @@ impl Report {
         let figures = plan
             .settings
             .iter()
-            .filter_map(|setting| evidence.figures(setting).transpose())
+            .map(|setting| evidence.figures(setting))
             .collect::<Result<Vec<Figures>, MetricError>>()?;
         let mut report = Report {
             title: format!("Evidence for the model {}", work.source.name),
             blocks: Vec::new(),
             figures,
+            others: Map::new(),
         };
         report.basis(plan, work, missing);
         report.control(plan);
         report.fidelity(plan, evidence)?;
         report.quality(plan);
-        report.example(plan, work)?;
+        let shown = Shown::new(plan, work);
+        report.blocks.push(Block::heading("One motion"));
+        report.pictures(shown.example())?;
         for (study, rows) in &plan.studies {
-            report.study(*study, rows, plan, evidence)?;
-            if *study == Study::Interpolation {
-                report.interpolation_strips(plan, work)?;
+            report.blocks.push(Block::heading(study.title()));
+            match study {
+                Study::Interpolation => {
+                    report.interpolation(&rows[0].1, evidence)?;
+                    report.pictures(shown.interpolation())?;
+                }
+                _ => report.study(*study, rows, evidence)?,
             }
         }
-        report.smoothing(plan, work)?;
+        report.blocks.push(Block::heading("What smoothing does"));
+        report.pictures(shown.smoothing())?;
         report.failures();
         Ok(report)
     }
@@ -73,8 +80,9 @@ impl Report {
         std::fs::create_dir_all(&pictures).map_err(|error| Failure::output(&pictures, error))?;
         let text = markdown(&self.title, &self.blocks, PICTURES);
         let page = html(&self.title, &self.blocks);
-        let figures = serde_json::to_string_pretty(&json!({ "settings": self.figures }));
-        let figures = figures.expect("figures are JSON");
+        let mut figures = self.others.clone();
+        figures.insert("settings".into(), json!(self.figures));
+        let figures = format!("{:#}\n", Value::from(figures));
         for block in &self.blocks {
             if let Block::Picture { name, svg, .. } = block {
                 write(&pictures.join(format!("{name}.svg")), svg)?;
@@ -104,11 +112,11 @@ impl Report {
         let repeats = match plan.repeats {
             1 => "one motion of each".into(),
             repeats => format!(
-                "{repeats} motions of each, from {repeats} seeds; ± is the 95 % interval over these"
+                "{repeats} motions of each, from {repeats} seeds; ± is the 95 % interval over these (in the table of control the deviation over motions)"
             ),
         };
         let coherence = match work.source.coherence_frames() {
-            Some(frames) => format!("predictions smoothed by {frames} frames"),
+            Some(frames) => format!("predictions smoothed by a Gaussian of {frames} frames"),
             None => "predictions as they are".into(),
         };
         let mut text = format!(
@@ -180,14 +188,15 @@ impl Report {
     /// The paper's table 2.
     fn fidelity(&mut self, plan: &Plan, evidence: &Evidence<'_>) -> Result<(), MetricError> {
         let with = |value: Option<Mean>, paper: Option<f64>, digits: usize| match value {
-            None => "–".to_owned(),
-            Some(value) => {
+            None => NOTHING.to_owned(),
+            Some(_) => {
                 let paper = paper.map_or(String::new(), |paper| format!(" ({paper:.digits$})"));
                 format!("{}{paper}", shown(value, digits))
             }
         };
         let mut rows = Vec::new();
         let real = evidence.of_real()?;
+        self.others.insert("real_motions".into(), json!(real));
         let mut add = |title: &str,
                        figures: (Option<[Mean; 3]>, [Option<Mean>; 3]),
                        paper: Option<[f64; 5]>| {
@@ -205,7 +214,8 @@ impl Report {
             row.push(with(matching, None, 3));
             rows.push(row);
         };
-        add("Real motions", (real.0, [None, real.2, real.1]), None);
+        let others = [None, real.diversity, real.matching];
+        add("Real motions", (real.r_precision, others), None);
         for setting in &plan.methods {
             if let Some(figures) = self.of(&setting.name) {
                 let others = [figures.fid, figures.diversity, figures.matching];
@@ -240,7 +250,7 @@ impl Report {
                     shown(figures.ankles, 1),
                     shown(figures.jerk, 0),
                     shown(figures.drift, 3),
-                    figures.error.map_or("–".into(), |error| shown(error, 3)),
+                    shown(figures.error, 3),
                     format!(
                         "{} of {}",
                         figures.failed.len(),
@@ -268,20 +278,14 @@ impl Report {
         &mut self,
         study: Study,
         rows: &[(String, Setting)],
-        plan: &Plan,
         evidence: &Evidence<'_>,
     ) -> Result<(), ReportError> {
-        self.blocks.push(Block::heading(study.title()));
-        if study == Study::Interpolation {
-            return self.interpolation(&plan.generated(&rows[0].1), evidence);
-        }
         let mut table = Vec::new();
+        let mut numbers = Vec::new();
         let mut points: Vec<(f64, f64, Option<f64>)> = Vec::new();
         for (label, setting) in rows {
             // Over the sentences of the study alone, so that its rows can be compared.
-            let Some(figures) = evidence.figures(&plan.generated(setting))? else {
-                continue;
-            };
+            let figures = evidence.figures(setting)?;
             let (diagonality, diagonal) = match &figures.control {
                 Some(Control {
                     mean, diagonality, ..
@@ -292,16 +296,16 @@ impl Report {
                         .collect::<Vec<_>>()
                         .join(" "),
                 ),
-                None => ("–".into(), "–".into()),
+                None => (NOTHING.into(), NOTHING.into()),
             };
             let top = figures.r_precision.map(|ranks| ranks[2]);
             table.push(vec![
                 label.clone(),
                 diagonality,
                 diagonal,
-                figures.error.map_or("–".into(), |error| shown(error, 3)),
-                top.map_or("–".into(), |top| shown(top, 3)),
-                figures.fid.map_or("–".into(), |fid| shown(fid, 3)),
+                shown(figures.error, 3),
+                shown(top, 3),
+                shown(figures.fid, 3),
                 shown(figures.distance, 3),
                 shown(figures.jerk, 0),
                 figures.failed.len().to_string(),
@@ -310,7 +314,9 @@ impl Report {
             if let (Some(number), Some(error)) = (number, figures.error) {
                 points.push((number, error.mean, top.map(|top| top.mean)));
             }
+            numbers.push(json!({ "row": label, "figures": figures }));
         }
+        self.others.insert(study.title().into(), numbers.into());
         self.blocks.push(Block::table(
             [
                 "",
@@ -357,7 +363,8 @@ impl Report {
             }
             let svg = plot(study.title(), axes(label), &lines)?;
             let caption = format!("Laban error and R-precision by {label}");
-            self.picture(study.title(), caption, svg);
+            self.blocks
+                .push(Block::picture(study.title(), caption, svg));
         }
         Ok(())
     }
@@ -368,10 +375,9 @@ impl Report {
         evidence: &Evidence<'_>,
     ) -> Result<(), ReportError> {
         let ratios = evidence.ratios(setting);
-        let mean = |component: Component, factor: f32| {
-            ratios.iter().find_map(|(demand, mean)| {
-                (*demand == Demand::Factor(component, factor)).then_some(*mean)
-            })
+        let of = |component: Component, factor: f32| {
+            let mut ratios = ratios.iter();
+            ratios.find(|ratio| (ratio.component, ratio.asked) == (component, factor))
         };
         let mut table = Vec::new();
         let mut lines = vec![Line {
@@ -381,13 +387,14 @@ impl Report {
             marked: false,
         }];
         for component in Component::ALL {
-            let found = INTERPOLATION.map(|factor| mean(component, factor));
+            let found = INTERPOLATION.map(|factor| of(component, factor));
             let place = component.index();
             let mut row = vec![NAMES[place].to_owned()];
-            row.extend(found.map(|mean| mean.map_or("–".into(), |mean| shown(mean, 3))));
+            let cell = |ratio: &Ratio| format!("{:.3}", ratio.came_out);
+            row.extend(found.map(|ratio| ratio.map_or(NOTHING.into(), cell)));
             table.push(row);
-            let points = INTERPOLATION.iter().zip(found);
-            let points = points.filter_map(|(factor, mean)| Some([f64::from(*factor), mean?.mean]));
+            let points = found.iter().flatten();
+            let points = points.map(|ratio| [f64::from(ratio.asked), ratio.came_out]);
             lines.push(Line {
                 label: NAMES[place],
                 points: points.collect(),
@@ -413,135 +420,11 @@ impl Report {
             header,
             rows: table,
         });
-        self.picture(
-            "Scale interpolation",
-            "The factor that came out over the one asked for".into(),
-            svg,
-        );
-        Ok(())
-    }
-
-    /// One sentence with five factors on Weight, and on Shape.
-    fn interpolation_strips(&mut self, plan: &Plan, work: &Work<'_>) -> Result<(), ReportError> {
-        for component in [Component::Weight, Component::Shape] {
-            let name = NAMES[component.index()];
-            let prompt = &work.prompts[0];
-            let request = |factor: f32| {
-                let mut factors = [1.0; COMPONENTS];
-                factors[component.index()] = factor;
-                let scale = Scale::new(factors).expect("factors are finite");
-                let guidance = plan.basis.preset.guidance();
-                self.plain(plan, prompt).scale(scale).guidance(guidance)
-            };
-            let requests: Vec<Request> = INTERPOLATION.map(request).into();
-            let made = work.source.model.generate_all(&requests)?;
-            let labels =
-                INTERPOLATION.map(|factor| format!("{}, {name} × {factor}", prompt.caption(0)));
-            let rows = labels.iter().zip(&made).map(|(label, made)| Row {
-                label,
-                motion: &made.guided,
-            });
-            let svg = strip(&rows.collect::<Vec<_>>(), POSES);
-            let title = format!("Interpolation of {name}");
-            self.picture(&title, format!("{name} from half to one and a half"), svg);
-        }
-        Ok(())
-    }
-
-    fn plain(&self, plan: &Plan, prompt: &Prompt) -> Request {
-        Request::new(prompt.caption(0))
-            .frames(prompt.frames)
-            .steps(plan.basis.steps)
-    }
-
-    /// A single motion with all its series.
-    fn example(&mut self, plan: &Plan, work: &Work<'_>) -> Result<(), ReportError> {
-        let prompt = &work.prompts[0];
-        let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("factors are finite");
-        let request = self.plain(plan, prompt).scale(scale);
-        let made = work
-            .source
-            .model
-            .generate(&request.guidance(plan.basis.preset.guidance()))?;
-        let svg = curves(
-            prompt.caption(0),
-            &[
-                Curve::baseline(&made.baseline_laban),
-                Curve::target(&made.target),
-                Curve::guided(&made.guided_laban),
-            ],
-        )?;
-        self.blocks.push(Block::heading("One motion"));
-        self.blocks.push(Block::text(format!(
-            "\"{}\" with Weight × 1.5, the rest as it is: the paper's figure of text-only and fully conditioned generation.",
-            prompt.caption(0)
-        )));
-        self.picture(
-            "One motion",
-            "Weight, Time, Flow and Shape over time".into(),
-            svg,
-        );
-        Ok(())
-    }
-
-    /// What smoothing does to differences.
-    fn smoothing(&mut self, plan: &Plan, work: &Work<'_>) -> Result<(), ReportError> {
-        let made = work
-            .source
-            .model
-            .generate(&self.plain(plan, &work.prompts[0]))?;
-        let series = |smoothing: Smoothing| {
-            let options = LabanOptions {
-                smoothing,
-                ..LabanOptions::default()
-            };
-            LabanSeries::of(&made.baseline, &options, work.device)
-        };
-        let (with, without) = (series(Smoothing::default()), series(Smoothing::None));
-        let svg = curves(
-            "with (red) and without smoothing",
-            &[
-                Curve {
-                    label: "without",
-                    ..Curve::baseline(&without)
-                },
-                Curve {
-                    label: "with",
-                    ..Curve::guided(&with)
-                },
-            ],
-        )?;
-        self.blocks.push(Block::heading("What smoothing does"));
-        self.blocks.push(Block::text(
-            "Laban features of one motion, and the velocity, acceleration and jerk of its root, with the Gaussian of 11 frames and variance 10 and without.",
-        ));
-        self.picture(
-            "Smoothing",
-            "Laban features with and without smoothing".into(),
-            svg,
-        );
-        let smooth = smoothed(&roots(&made.baseline));
-        let raw = roots(&made.baseline);
-        for (order, name) in [(1, "velocity"), (2, "acceleration"), (3, "jerk")] {
-            let line = |label, colour, positions: &[[f32; 3]]| Line {
-                label,
-                points: differences(positions, order),
-                colour,
-                marked: false,
-            };
-            let axis = |label| Axis {
-                label,
-                logarithmic: false,
-            };
-            let unit = ["m/s", "m/s²", "m/s³"][order - 1];
-            let lines = [
-                line("without", [107, 114, 128], &raw),
-                line("with", [194, 65, 12], &smooth),
-            ];
-            let title = format!("Root {name}");
-            let svg = plot(&title, [axis("seconds"), axis(unit)], &lines)?;
-            self.picture(&title, format!("{title} with and without smoothing"), svg);
-        }
+        let caption = "The factor that came out over the one asked for";
+        self.blocks
+            .push(Block::picture("Scale interpolation", caption, svg));
+        let name = Study::Interpolation.title();
+        self.others.insert(name.into(), json!(ratios));
         Ok(())
     }
 
@@ -572,14 +455,19 @@ impl Report {
         self.blocks.push(Block::table(["motion", "why"], rows));
     }
 
-    fn picture(&mut self, title: &str, caption: String, svg: String) {
-        let name = title.to_lowercase().replace(' ', "-");
-        self.blocks.push(Block::Picture { name, caption, svg });
+    /// Adds what is shown; a motion that cannot be made leaves a sentence, and no report behind.
+    fn pictures(&mut self, shown: Result<Vec<Block>, ReportError>) -> Result<(), ReportError> {
+        match shown {
+            Ok(blocks) => self.blocks.extend(blocks),
+            Err(ReportError::Generate(error)) => {
+                let text = format!("The motions to be shown here could not be made: {error}.");
+                self.blocks.push(Block::text(text));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
     }
 }
-
-/// Poses of a strip.
-const POSES: usize = 12;
 
 /// What keeps a report from being made.
 #[derive(Debug, thiserror::Error)]
@@ -592,9 +480,14 @@ pub enum ReportError {
     Generate(#[from] lamogen::Error),
 }
 
+/// What stands where nothing could be measured.
+const NOTHING: &str = "–";
+
 /// A mean with its interval, where there is one.
-fn shown(mean: Mean, digits: usize) -> String {
-    let Mean { mean, interval } = mean;
+fn shown(mean: Option<Mean>, digits: usize) -> String {
+    let Some(Mean { mean, interval }) = mean else {
+        return NOTHING.into();
+    };
     match interval > 0.0 {
         true => format!("{mean:.digits$} ± {interval:.digits$}"),
         false => format!("{mean:.digits$}"),
@@ -604,76 +497,4 @@ fn shown(mean: Mean, digits: usize) -> String {
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     write_atomically(path, |file| file.write_all(text.as_bytes()))
         .map_err(|error| Failure::output(path, error))
-}
-
-/// Where the root is.
-fn roots(motion: &Motion) -> Vec<[f32; 3]> {
-    let frames = 0..motion.frames();
-    frames
-        .map(|frame| motion.position(frame, Joint::Pelvis))
-        .collect()
-}
-
-/// The same, smoothed as Laban features are: the ends repeat.
-fn smoothed(places: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let kernel = Gaussian::PAPER.kernel();
-    let last = places.len() - 1;
-    let reach = kernel.len() / 2;
-    { 0..places.len() }
-        .map(|frame| {
-            let mut sum = [0.0; 3];
-            for (offset, weight) in kernel.iter().enumerate() {
-                let from = (frame + offset).saturating_sub(reach).min(last);
-                for (sum, place) in sum.iter_mut().zip(places[from]) {
-                    *sum += weight * place;
-                }
-            }
-            sum
-        })
-        .collect()
-}
-
-/// Time in seconds and length of a difference over frames, per second, per second², per second³.
-fn differences(places: &[[f32; 3]], order: usize) -> Vec<[f64; 2]> {
-    let mut series: Vec<[f32; 3]> = places.to_vec();
-    for _ in 0..order {
-        let pairs = series.windows(2);
-        series = pairs
-            .map(|pair| [0, 1, 2].map(|axis| pair[1][axis] - pair[0][axis]))
-            .collect();
-    }
-    let rate = f64::from(FRAMES_PER_SECOND);
-    let lengths = series
-        .iter()
-        .map(|step| step.iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt());
-    let points = lengths.enumerate();
-    points
-        .map(|(frame, length)| {
-            [
-                (frame + order) as f64 / rate,
-                length * rate.powi(order as i32),
-            ]
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn differences_are_per_second_and_smoothing_keeps_a_line() {
-        let line: Vec<[f32; 3]> = (0..30)
-            .map(|frame| [0.1 * frame as f32, 0.0, 1.0])
-            .collect();
-        for [_, speed] in differences(&line, 1) {
-            assert!((speed - 2.0).abs() < 1e-4, "{speed}");
-        }
-        let smooth = smoothed(&line);
-        for frame in 5..25 {
-            assert!((smooth[frame][0] - line[frame][0]).abs() < 1e-5);
-        }
-        assert!(smooth[0][0] > 0.0, "the first frame repeats");
-        assert_eq!(differences(&line, 3).len(), 27);
-    }
 }

@@ -7,9 +7,9 @@ use lamogen_eval::{
     Batches, ChangeMatrix, Embeddings, Estimate, Extremes, MatchingScore, MetricError, diversity,
     fid,
 };
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-use super::plan::{Cell, Demand, Prompt, Setting};
+use super::plan::{Demand, Prompt, Setting, cells};
 use super::record::{Measured, Outcome};
 
 /// Draws of batches behind R-precision.
@@ -46,11 +46,11 @@ pub struct Figures {
     pub matching: Option<Mean>,
     pub fid: Option<Mean>,
     pub diversity: Option<Mean>,
-    pub distance: Mean,
-    pub sliding: Mean,
-    pub ankles: Mean,
-    pub jerk: Mean,
-    pub drift: Mean,
+    pub distance: Option<Mean>,
+    pub sliding: Option<Mean>,
+    pub ankles: Option<Mean>,
+    pub jerk: Option<Mean>,
+    pub drift: Option<Mean>,
 }
 
 /// A mean with half of its 95 % interval.
@@ -89,8 +89,8 @@ struct Made<'a> {
 }
 
 impl Evidence<'_> {
-    /// The figures of a setting; none if it has no motion.
-    pub fn figures(&self, setting: &Setting) -> Result<Option<Figures>, MetricError> {
+    /// The figures of a setting; those of none where nothing of it was made yet, or all failed.
+    pub fn figures(&self, setting: &Setting) -> Result<Figures, MetricError> {
         let (mut made, mut failed) = (Vec::new(), Vec::new());
         for cell in cells(setting, self.repeats) {
             let id = cell.id();
@@ -114,12 +114,8 @@ impl Evidence<'_> {
             Mean::of(means)
         };
         let mean = |of: &dyn Fn(&Measured) -> f64| over_repeats(&|made| Some(of(made.measured)));
-        let Some(distance) = mean(&|measured| measured.distance) else {
-            return Ok(None);
-        };
-        let all = "as many as there are distances";
         let judged = self.judged(&made, setting)?;
-        Ok(Some(Figures {
+        Ok(Figures {
             setting: setting.name.clone(),
             motions: made.len(),
             failed,
@@ -130,12 +126,12 @@ impl Evidence<'_> {
             matching: judged.matching,
             fid: judged.fid,
             diversity: judged.diversity,
-            distance,
-            sliding: mean(&|measured| measured.sliding).expect(all),
-            ankles: mean(&|measured| measured.ankles).expect(all),
-            jerk: mean(&|measured| measured.jerk).expect(all),
-            drift: mean(&|measured| measured.drift).expect(all),
-        }))
+            distance: mean(&|measured| measured.distance),
+            sliding: mean(&|measured| measured.sliding),
+            ankles: mean(&|measured| measured.ankles),
+            jerk: mean(&|measured| measured.jerk),
+            drift: mean(&|measured| measured.drift),
+        })
     }
 
     /// What the evaluator says: of the motions of each demand and repeat, and then the mean.
@@ -176,17 +172,17 @@ impl Evidence<'_> {
         let seen: Vec<Seen> = seen.collect::<Result<_, _>>()?;
         let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
         let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
-        Ok((
-            together(ranks),
-            over(&|seen| Some(seen.matching?.1)),
-            over(&|seen| Some(seen.diversity)),
-        ))
+        Ok(OfReal {
+            r_precision: together(ranks),
+            matching: over(&|seen| Some(seen.matching?.1)),
+            diversity: over(&|seen| Some(seen.diversity)),
+        })
     }
 
-    /// For every demand of a setting the mean of what came out, over the baseline, by the mean over time.
-    pub fn ratios(&self, setting: &Setting) -> Vec<(Demand, Mean)> {
+    /// What came out for every demand of a setting.
+    pub fn ratios(&self, setting: &Setting) -> Vec<Ratio> {
         let found = setting.demands.iter().filter_map(|&demand| {
-            let (component, _) = demand.factor()?;
+            let (component, asked) = demand.factor()?;
             let place = component.index();
             let of_demand = cells(setting, self.repeats).filter(|cell| cell.demand == demand);
             let ratios = of_demand.filter_map(|cell| match self.records.get(&cell.id())? {
@@ -195,14 +191,11 @@ impl Evidence<'_> {
                 }
                 _ => None,
             });
-            let mean = Mean::of(ratios)?.mean;
-            Some((
-                demand,
-                Mean {
-                    mean,
-                    interval: 0.0,
-                },
-            ))
+            Some(Ratio {
+                component,
+                asked,
+                came_out: Mean::of(ratios)?.mean,
+            })
         });
         found.collect()
     }
@@ -250,8 +243,26 @@ impl Evidence<'_> {
     }
 }
 
-/// What the evaluator says of real motions: R-precision, distance to the texts, diversity.
-pub type OfReal = (Option<[Mean; 3]>, Option<Mean>, Option<Mean>);
+/// What the evaluator says of real motions.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct OfReal {
+    pub r_precision: Option<[Mean; 3]>,
+    pub matching: Option<Mean>,
+    pub diversity: Option<Mean>,
+}
+
+/// What came out when a component was asked for by a factor: guided over baseline, by the mean over time.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Ratio {
+    #[serde(serialize_with = "name")]
+    pub component: Component,
+    pub asked: f32,
+    pub came_out: f64,
+}
+
+fn name<S: Serializer>(component: &Component, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(component)
+}
 
 /// What the evaluator says of a set of motions, one a prompt.
 struct Seen {
@@ -287,32 +298,6 @@ impl Made<'_> {
         );
         (before > 0.0).then(|| (found / before - f64::from(factor)).abs())
     }
-}
-
-impl Demand {
-    /// The component and factor that are asked for, by a tag's phrase too.
-    pub fn factor(self) -> Option<(Component, f32)> {
-        match self {
-            Demand::Nothing => None,
-            Demand::Factor(component, factor) => Some((component, factor)),
-            Demand::Phrase(tag) => Some((tag.component(), tag.scale())),
-        }
-    }
-}
-
-/// All cells of a setting.
-pub fn cells(setting: &Setting, repeats: u64) -> impl Iterator<Item = Cell<'_>> {
-    let demands = setting.demands.iter();
-    demands.flat_map(move |&demand| {
-        (0..repeats).flat_map(move |repeat| {
-            (0..setting.prompts).map(move |prompt| Cell {
-                setting,
-                demand,
-                prompt,
-                repeat,
-            })
-        })
-    })
 }
 
 /// The change matrix of motions with both tags of every component; none where a tag was not asked for.

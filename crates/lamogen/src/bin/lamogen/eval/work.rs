@@ -26,6 +26,18 @@ struct Pair {
 }
 
 impl Work<'_> {
+    /// Whether all requests make sense to the model.
+    pub fn check(&self, cells: &[Cell<'_>]) -> Result<(), Failure> {
+        for cell in cells {
+            let request = cell.request(&self.prompts[cell.prompt]);
+            self.source.model.check(&request).map_err(|problem| {
+                let caption = self.prompts[cell.prompt].caption(cell.repeat);
+                Failure::new(Code::Input, format!("{caption:?}: {problem}"))
+            })?;
+        }
+        Ok(())
+    }
+
     /// Makes and measures some motions.
     pub fn records(&self, cells: &[Cell<'_>]) -> Result<Vec<Record>, Failure> {
         let mut records = Vec::new();

@@ -1,0 +1,226 @@
+//! Motions that a report shows: made for it, and not among the records.
+
+use lamogen::laban::{Gaussian, LabanOptions};
+use lamogen::motion::Joint;
+use lamogen::{
+    COMPONENTS, Component, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request, Scale,
+    Smoothing,
+};
+use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
+
+use super::document::Block;
+use super::plan::{INTERPOLATION, Plan};
+use super::report::ReportError;
+use super::work::Work;
+
+/// Poses of a strip.
+const POSES: usize = 12;
+
+/// The first sentence's motions.
+pub struct Shown<'a> {
+    plan: &'a Plan,
+    work: &'a Work<'a>,
+}
+
+impl<'a> Shown<'a> {
+    pub fn new(plan: &'a Plan, work: &'a Work<'a>) -> Self {
+        Shown { plan, work }
+    }
+
+    fn caption(&self) -> &str {
+        self.work.prompts[0].caption(0)
+    }
+
+    fn plain(&self) -> Request {
+        Request::new(self.caption())
+            .frames(self.work.prompts[0].frames)
+            .steps(self.plan.basis.steps)
+    }
+
+    fn guided(&self, component: Component, factor: f32) -> Request {
+        let mut factors = [1.0; COMPONENTS];
+        factors[component.index()] = factor;
+        let scale = Scale::new(factors).expect("factors are finite");
+        let guidance = self.plan.basis.preset.guidance();
+        self.plain().scale(scale).guidance(guidance)
+    }
+
+    fn generate(&self, request: &Request) -> Result<Generation, ReportError> {
+        Ok(self.work.source.model.generate(request)?)
+    }
+
+    /// A single motion with all its series.
+    pub fn example(&self) -> Result<Vec<Block>, ReportError> {
+        let made = self.generate(&self.guided(Component::Weight, 1.5))?;
+        let svg = curves(
+            self.caption(),
+            &[
+                Curve::baseline(&made.baseline_laban),
+                Curve::target(&made.target),
+                Curve::guided(&made.guided_laban),
+            ],
+        )?;
+        Ok(vec![
+            Block::text(format!(
+                "\"{}\" with Weight × 1.5, the rest as it is: the paper's figure of text-only and fully conditioned generation.",
+                self.caption()
+            )),
+            Block::picture("One motion", "Weight, Time, Flow and Shape over time", svg),
+        ])
+    }
+
+    /// Five factors on Weight, and on Shape.
+    pub fn interpolation(&self) -> Result<Vec<Block>, ReportError> {
+        let mut blocks = Vec::new();
+        for component in [Component::Weight, Component::Shape] {
+            let requests = INTERPOLATION.map(|factor| self.guided(component, factor));
+            let made = self.work.source.model.generate_all(&requests)?;
+            let labels =
+                INTERPOLATION.map(|factor| format!("{}, {component} × {factor}", self.caption()));
+            let rows = labels.iter().zip(&made).map(|(label, made)| Row {
+                label,
+                motion: &made.guided,
+            });
+            let svg = strip(&rows.collect::<Vec<_>>(), POSES);
+            let title = format!("Interpolation of {component}");
+            let caption = format!("{component} from half to one and a half");
+            blocks.push(Block::picture(&title, caption, svg));
+        }
+        Ok(blocks)
+    }
+
+    /// What smoothing does to Laban features, and to the root.
+    pub fn smoothing(&self) -> Result<Vec<Block>, ReportError> {
+        let motion = self.generate(&self.plain())?.baseline;
+        let series = |smoothing: Smoothing| {
+            let options = LabanOptions {
+                smoothing,
+                ..LabanOptions::default()
+            };
+            LabanSeries::of(&motion, &options, self.work.device)
+        };
+        let (with, without) = (series(Smoothing::default()), series(Smoothing::None));
+        let svg = curves(
+            "Laban features with and without smoothing",
+            &[
+                Curve {
+                    label: "without",
+                    ..Curve::baseline(&without)
+                },
+                Curve {
+                    label: "with",
+                    ..Curve::guided(&with)
+                },
+            ],
+        )?;
+        let mut blocks = vec![
+            Block::text(
+                "Laban features of one motion, and the velocity, acceleration and jerk of its root, with the Gaussian of 11 frames and variance 10 and without.",
+            ),
+            Block::picture(
+                "Smoothing",
+                "Laban features with and without smoothing",
+                svg,
+            ),
+        ];
+        let raw = roots(&motion);
+        let smooth = smoothed(&raw);
+        for (order, name, unit) in [
+            (1, "velocity", "m/s"),
+            (2, "acceleration", "m/s²"),
+            (3, "jerk", "m/s³"),
+        ] {
+            let line = |label, colour, places: &[[f32; 3]]| Line {
+                label,
+                points: differences(places, order),
+                colour,
+                marked: false,
+            };
+            let axis = |label| Axis {
+                label,
+                logarithmic: false,
+            };
+            let lines = [
+                line("without", [107, 114, 128], &raw),
+                line("with", [194, 65, 12], &smooth),
+            ];
+            let title = format!("Root {name}");
+            let svg = plot(&title, [axis("seconds"), axis(unit)], &lines)?;
+            let caption = format!("{title} with and without smoothing");
+            blocks.push(Block::picture(&title, caption, svg));
+        }
+        Ok(blocks)
+    }
+}
+
+/// Where the root is.
+fn roots(motion: &Motion) -> Vec<[f32; 3]> {
+    let frames = 0..motion.frames();
+    frames
+        .map(|frame| motion.position(frame, Joint::Pelvis))
+        .collect()
+}
+
+/// The same, smoothed as Laban features are: the ends repeat.
+fn smoothed(places: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let kernel = Gaussian::PAPER.kernel();
+    let last = places.len() - 1;
+    let reach = kernel.len() / 2;
+    { 0..places.len() }
+        .map(|frame| {
+            let mut sum = [0.0; 3];
+            for (offset, weight) in kernel.iter().enumerate() {
+                let from = (frame + offset).saturating_sub(reach).min(last);
+                for (sum, place) in sum.iter_mut().zip(places[from]) {
+                    *sum += weight * place;
+                }
+            }
+            sum
+        })
+        .collect()
+}
+
+/// Time in seconds and length of a difference over frames, per second, per second², per second³.
+fn differences(places: &[[f32; 3]], order: usize) -> Vec<[f64; 2]> {
+    let mut series: Vec<[f32; 3]> = places.to_vec();
+    for _ in 0..order {
+        let pairs = series.windows(2);
+        series = pairs
+            .map(|pair| [0, 1, 2].map(|axis| pair[1][axis] - pair[0][axis]))
+            .collect();
+    }
+    let rate = f64::from(FRAMES_PER_SECOND);
+    let lengths = series
+        .iter()
+        .map(|step| step.iter().map(|x| f64::from(x * x)).sum::<f64>().sqrt());
+    let points = lengths.enumerate();
+    points
+        .map(|(frame, length)| {
+            [
+                (frame + order) as f64 / rate,
+                length * rate.powi(order as i32),
+            ]
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_are_per_second_and_smoothing_keeps_a_line() {
+        let line: Vec<[f32; 3]> = (0..30)
+            .map(|frame| [0.1 * frame as f32, 0.0, 1.0])
+            .collect();
+        for [_, speed] in differences(&line, 1) {
+            assert!((speed - 2.0).abs() < 1e-4, "{speed}");
+        }
+        let smooth = smoothed(&line);
+        for frame in 5..25 {
+            assert!((smooth[frame][0] - line[frame][0]).abs() < 1e-5);
+        }
+        assert!(smooth[0][0] > 0.0, "the first frame repeats");
+        assert_eq!(differences(&line, 3).len(), 27);
+    }
+}
