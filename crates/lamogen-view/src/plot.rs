@@ -70,6 +70,8 @@ fn draw(
     let mut chart = ChartBuilder::on(&area)
         .caption(title, ("sans-serif", TITLE))
         .margin(12)
+        // The last number of the axis stands half beyond it.
+        .margin_right(30)
         .x_label_area_size(38)
         .y_label_area_size(58)
         .build_cartesian_2d(x, y)?;

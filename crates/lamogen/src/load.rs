@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_guide::Preset;
+use lamogen_guide::{Coherence, Preset};
 use lamogen_model::{Checkpoint, ModelConfig, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
@@ -13,7 +13,8 @@ use crate::licence::Licence;
 
 impl LaMoGen<MotionDiffuse> {
     /// The compact model that is part of the program. Its licence, CC BY-NC 4.0, excludes
-    /// commercial use.
+    /// commercial use. Requests that say nothing else run with [`Preset::Fast`], and predictions are smoothed along
+    /// time ([`Coherence`]).
     ///
     /// # Errors
     ///
@@ -35,7 +36,9 @@ impl LaMoGen<MotionDiffuse> {
         let network = checkpoint.load(&config, device)?;
         Ok(LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
-            .with_preset(Preset::Fast))
+            .with_preset(Preset::Fast)
+            .with_coherence(Some(Coherence::default()))
+            .expect("the default makes sense"))
     }
 
     /// A model from a folder: weights in `model.safetensors` or `latest.tar` (the first where both are
@@ -45,7 +48,7 @@ impl LaMoGen<MotionDiffuse> {
     /// A `config.json` states the sizes of the network; without one they are read off the weights (see
     /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
     /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. Requests that say
-    /// nothing else run with the paper's numbers ([`Preset::Paper`]).
+    /// nothing else run with the paper's numbers ([`Preset::Paper`]), and predictions are not smoothed.
     ///
     /// # Errors
     ///
