@@ -249,16 +249,16 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        if step.next_alpha_cumprod == 1.0 {
-            return clean.clone();
-        }
         let noise = self.noise(latent, latent.x.clone(), clean, output, step);
         mix(clean, noise, step)
     }
 }
 
-/// A clean motion with as much noise as there is at the next timestep.
+/// A clean motion with as much noise as there is at the next timestep: none after the last.
 pub(crate) fn mix(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
+    if step.next_alpha_cumprod == 1.0 {
+        return clean.clone();
+    }
     let (signal, rest) = shares(step.next_alpha_cumprod);
     clean.clone() * signal + noise * rest
 }
