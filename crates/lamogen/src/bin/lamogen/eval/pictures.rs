@@ -1,10 +1,11 @@
 //! Motions that a report shows: made for it, and not among the records.
 
-use lamogen::laban::{Gaussian, LabanOptions};
+use burn::tensor::Tensor;
+use lamogen::laban::{Gaussian, LabanOptions, Window};
 use lamogen::motion::Joint;
 use lamogen::{
-    COMPONENTS, Component, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request, Scale,
-    Smoothing,
+    COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
+    Scale, Smoothing,
 };
 use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
 
@@ -124,7 +125,7 @@ impl<'a> Shown<'a> {
             ),
         ];
         let raw = roots(&motion);
-        let smooth = smoothed(&raw);
+        let smooth = smoothed(&raw, self.work.device);
         for (order, name, unit) in [
             (1, "velocity", "m/s"),
             (2, "acceleration", "m/s²"),
@@ -161,23 +162,14 @@ fn roots(motion: &Motion) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// The same, smoothed as Laban features are: the ends repeat.
-fn smoothed(places: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let kernel = Gaussian::PAPER.kernel();
-    let last = places.len() - 1;
-    let reach = kernel.len() / 2;
-    { 0..places.len() }
-        .map(|frame| {
-            let mut sum = [0.0; 3];
-            for (offset, weight) in kernel.iter().enumerate() {
-                let from = (frame + offset).saturating_sub(reach).min(last);
-                for (sum, place) in sum.iter_mut().zip(places[from]) {
-                    *sum += weight * place;
-                }
-            }
-            sum
-        })
-        .collect()
+/// The same, smoothed as Laban features are.
+fn smoothed(places: &[[f32; 3]], device: &Device) -> Vec<[f32; 3]> {
+    let frames = places.len();
+    let window = Window::new(&Gaussian::PAPER, frames, [frames].into_iter(), device);
+    let places = Tensor::<1>::from_floats(places.as_flattened(), device);
+    let smooth = window.smooth(places.reshape([1, frames, 3]));
+    let smooth: Vec<f32> = smooth.try_into_vec_as().expect("floats convert to f32");
+    smooth.as_chunks().0.to_vec()
 }
 
 /// Time in seconds and length of a difference over frames, per second, per second², per second³.
@@ -216,7 +208,7 @@ mod tests {
         for [_, speed] in differences(&line, 1) {
             assert!((speed - 2.0).abs() < 1e-4, "{speed}");
         }
-        let smooth = smoothed(&line);
+        let smooth = smoothed(&line, &Device::flex());
         for frame in 5..25 {
             assert!((smooth[frame][0] - line[frame][0]).abs() < 1e-5);
         }
