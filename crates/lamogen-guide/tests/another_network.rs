@@ -1,12 +1,15 @@
 //! Guidance of a network that is not MotionDiffuse, small enough to foresee what it does.
 
+mod toy;
+
 use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_guide::{Batch, Guidance, GuideError, Pass, Quantity, Sampler, Step, Update, noise};
 use lamogen_laban::{Component, Scale, ScaleCurve};
-use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
-use lamogen_motion::{Normalization, POSE_FEATURES, npy};
+use lamogen_model::{Denoiser, DenoiserInput};
+use lamogen_motion::POSE_FEATURES;
+use toy::{Says, Toy, normalization};
 
 const FRAMES: usize = 24;
 
@@ -18,7 +21,7 @@ struct Swing {
 }
 
 impl Swing {
-    fn new(size: fn(Tensor<2>) -> Tensor<2>) -> Self {
+    fn new(size: fn(Tensor<2>) -> Tensor<2>) -> Toy<Self> {
         let device = Device::flex();
         let values: Vec<f32> = (0..FRAMES * POSE_FEATURES)
             .map(|i| {
@@ -31,61 +34,21 @@ impl Swing {
             })
             .collect();
         let swing = Tensor::<1>::from_floats(values.as_slice(), &device);
-        Swing {
+        Toy(Swing {
             swing: swing.reshape([1, FRAMES, POSE_FEATURES]),
             size,
-        }
+        })
     }
 }
 
-impl Denoiser for Swing {
-    type Context = ();
-
-    fn prediction(&self) -> Prediction {
-        Prediction::Sample
-    }
-
-    fn pose_features(&self) -> usize {
-        POSE_FEATURES
-    }
-
-    fn max_frames(&self) -> usize {
-        FRAMES
-    }
-
-    fn device(&self) -> Device {
-        Device::flex()
-    }
-
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        Prompt {
-            embedding: tokens.float(),
-            context: (),
-        }
-    }
-
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        Tensor::zeros([timesteps.len(), 1], &self.device())
-    }
-
-    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+impl Says for Swing {
+    fn says(&self, input: DenoiserInput) -> Tensor<3> {
         let size = (self.size)(input.embedding).unsqueeze_dim::<3>(2);
         self.swing.clone() * size
     }
 }
 
-fn normalization() -> Normalization {
-    let folder = tempfile::tempdir().unwrap();
-    let (mean, std) = (
-        folder.path().join("mean.npy"),
-        folder.path().join("std.npy"),
-    );
-    npy::write(&mean, &[0.0; POSE_FEATURES], &[POSE_FEATURES]).unwrap();
-    npy::write(&std, &[1.0; POSE_FEATURES], &[POSE_FEATURES]).unwrap();
-    Normalization::from_files(mean, std, POSE_FEATURES, &Device::flex()).unwrap()
-}
-
-fn batch(network: &Swing, sizes: &[i32]) -> Batch<()> {
+fn batch(network: &Toy<Swing>, sizes: &[i32]) -> Batch<()> {
     let device = Device::flex();
     let tokens = Tensor::<1, Int>::from_data(sizes, &device).reshape([sizes.len(), 1]);
     let start: Vec<f32> = (0..sizes.len() as u64)
@@ -116,7 +79,7 @@ fn largest(tensor: Tensor<3>) -> f32 {
 
 #[test]
 fn guidance_lowers_the_loss_of_any_denoiser() {
-    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 40).unwrap();
     let batch = batch(&network, &[1, 2]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -145,7 +108,7 @@ fn guidance_lowers_the_loss_of_any_denoiser() {
 
 #[test]
 fn several_updates_a_step_go_further() {
-    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 4).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -163,7 +126,7 @@ fn several_updates_a_step_go_further() {
 
 #[test]
 fn without_a_learning_rate_the_guided_motion_is_the_baseline() {
-    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -179,7 +142,7 @@ fn without_a_learning_rate_the_guided_motion_is_the_baseline() {
 
 #[test]
 fn an_observer_sees_every_step_and_may_stop() {
-    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
     let mut seen = Vec::new();
@@ -213,7 +176,7 @@ fn an_observer_sees_every_step_and_may_stop() {
 
 #[test]
 fn a_loss_beyond_all_numbers_names_its_component_step_and_motion() {
-    let (network, normalization) = (Swing::new(|e| e), normalization());
+    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1, 1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -245,7 +208,7 @@ fn a_loss_beyond_all_numbers_names_its_component_step_and_motion() {
 #[test]
 fn a_gradient_beyond_all_numbers_names_its_component() {
     // The root of 0 is 0, and its slope infinite.
-    let (network, normalization) = (Swing::new(|e| (e - 1.0).sqrt() + 1.0), normalization());
+    let (network, normalization) = (Swing::new(|e| (e - 1.0).sqrt() + 1.0), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -294,7 +257,7 @@ fn options_that_make_no_sense_are_refused() {
 
 #[test]
 fn a_network_that_ignores_the_embedding_stays_where_it_is() {
-    let (network, normalization) = (Swing::new(|e| e.inner() * 0.0 + 1.0), normalization());
+    let (network, normalization) = (Swing::new(|e| e.inner() * 0.0 + 1.0), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 5).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();

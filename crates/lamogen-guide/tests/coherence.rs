@@ -1,70 +1,24 @@
 //! Frames that a network decides about one by one, smoothed along time.
 
-use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{Batch, Coherence, Guidance, Sampler, noise};
+mod batches;
+mod toy;
+
+use batches::batch;
+use burn::tensor::Tensor;
+use lamogen_guide::{Coherence, Guidance, Sampler};
 use lamogen_laban::Scale;
-use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_model::DenoiserInput;
+use toy::{Says, Toy, normalization};
 
 /// Sees one of two poses in each frame, the nearer one, and nothing of the others: as a small network sees the legs of a walk.
-struct Shortsighted(Prediction);
+struct Shortsighted;
 
-impl Denoiser for Shortsighted {
-    type Context = ();
-
-    fn prediction(&self) -> Prediction {
-        self.0
-    }
-
-    fn pose_features(&self) -> usize {
-        POSE_FEATURES
-    }
-
-    fn max_frames(&self) -> usize {
-        100
-    }
-
-    fn device(&self) -> Device {
-        Device::flex()
-    }
-
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        Prompt {
-            embedding: tokens.float(),
-            context: (),
-        }
-    }
-
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        Tensor::zeros([timesteps.len(), 1], &self.device())
-    }
-
-    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+impl Says for Shortsighted {
+    fn says(&self, input: DenoiserInput) -> Tensor<3> {
         // The mean over the features of a frame tells on which side it is.
         let side = (input.x_t.clone().mean_dim(2) * 20.0).tanh() * 0.3;
         side * input.embedding.unsqueeze_dim::<3>(2) + input.x_t.zeros_like()
     }
-}
-
-fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
-    let device = Device::flex();
-    let start: Vec<f32> = (0..lengths.len() as u64)
-        .flat_map(|seed| noise(seed, frames, POSE_FEATURES))
-        .collect();
-    let start = Tensor::<1>::from_floats(&start[..], &device);
-    Batch {
-        prompt: Prompt {
-            embedding: Tensor::ones([lengths.len(), 1], &device),
-            context: (),
-        },
-        noise: start.reshape([lengths.len(), frames, POSE_FEATURES]),
-        lengths: lengths.to_vec(),
-    }
-}
-
-fn normalization() -> Normalization {
-    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
-    Normalization::from_slices(&mean, &std, &Device::flex()).unwrap()
 }
 
 /// How often neighbouring frames are on different sides.
@@ -78,7 +32,7 @@ fn changes(motion: &Tensor<3>) -> usize {
 
 #[test]
 fn frames_agree_where_predictions_are_smoothed() {
-    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     let batch = batch(&[100], 100);
     let motion = |coherence| {
         let sampler = Sampler::new(&network, &normalization, 50).unwrap();
@@ -95,7 +49,7 @@ fn frames_agree_where_predictions_are_smoothed() {
 
 #[test]
 fn padding_does_not_leak_in_and_guidance_goes_through() {
-    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let sampler = sampler.with_coherence(Some(Coherence::default())).unwrap();
     let alone = sampler.baseline(&batch(&[40], 40), &mut ()).unwrap();
@@ -126,7 +80,7 @@ fn padding_does_not_leak_in_and_guidance_goes_through() {
 
 #[test]
 fn smoothings_that_make_no_sense_are_refused() {
-    let (network, normalization) = (Shortsighted(Prediction::Sample), normalization());
+    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     for frames in [0.0, 1e-30, -1.0, f32::NAN, 1000.0] {
         let sampler = Sampler::new(&network, &normalization, 10).unwrap();
         let coherence = Coherence { frames, until: 0 };

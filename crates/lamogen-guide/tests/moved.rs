@@ -1,13 +1,18 @@
 //! What guidance may move: everything lowers the same loss.
 
+mod batches;
+mod toy;
+
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{Batch, Guidance, GuideError, Moved, Sampler, Step, noise};
+use batches::batch;
+use burn::tensor::{Device, Tensor};
+use lamogen_guide::{Batch, Guidance, GuideError, Moved, Sampler, Step};
 use lamogen_laban::{Scale, ScaleCurve};
-use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_model::DenoiserInput;
+use lamogen_motion::POSE_FEATURES;
+use toy::{Says, Toy, normalization};
 
 /// Says that the motion is what it sees of it, and a swing as large as the embedding; counts how often it is asked.
 #[derive(Default)]
@@ -15,37 +20,8 @@ struct Echo {
     asked: AtomicUsize,
 }
 
-impl Denoiser for Echo {
-    type Context = ();
-
-    fn prediction(&self) -> Prediction {
-        Prediction::Sample
-    }
-
-    fn pose_features(&self) -> usize {
-        POSE_FEATURES
-    }
-
-    fn max_frames(&self) -> usize {
-        100
-    }
-
-    fn device(&self) -> Device {
-        Device::flex()
-    }
-
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        Prompt {
-            embedding: tokens.float(),
-            context: (),
-        }
-    }
-
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        Tensor::zeros([timesteps.len(), 1], &self.device())
-    }
-
-    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+impl Says for Echo {
+    fn says(&self, input: DenoiserInput) -> Tensor<3> {
         self.asked.fetch_add(1, Ordering::Relaxed);
         let [_, frames, _] = input.x_t.dims();
         let swing: Vec<f32> = (0..frames * POSE_FEATURES)
@@ -54,32 +30,11 @@ impl Denoiser for Echo {
                 (0.5 * frame as f32 + feature as f32).sin()
             })
             .collect();
-        let swing = Tensor::<1>::from_floats(&swing[..], &self.device());
+        let swing = Tensor::<1>::from_floats(&swing[..], &Device::flex());
         let swing = swing.reshape([1, frames, POSE_FEATURES]);
         let size = input.embedding.unsqueeze_dim::<3>(2);
         input.x_t.tanh() * 0.8 + swing * size * 0.3
     }
-}
-
-fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
-    let device = Device::flex();
-    let start: Vec<f32> = (0..lengths.len() as u64)
-        .flat_map(|seed| noise(seed, frames, POSE_FEATURES))
-        .collect();
-    let start = Tensor::<1>::from_floats(&start[..], &device);
-    Batch {
-        prompt: Prompt {
-            embedding: Tensor::ones([lengths.len(), 1], &device),
-            context: (),
-        },
-        noise: start.reshape([lengths.len(), frames, POSE_FEATURES]),
-        lengths: lengths.to_vec(),
-    }
-}
-
-fn normalization() -> Normalization {
-    let (mean, std) = ([0.0; POSE_FEATURES], [0.3; POSE_FEATURES]);
-    Normalization::from_slices(&mean, &std, &Device::flex()).unwrap()
 }
 
 fn strong() -> ScaleCurve {
@@ -107,7 +62,7 @@ fn ways() -> [Guidance; 4] {
 
 #[test]
 fn whatever_is_moved_the_motion_nears_the_target() {
-    let (network, normalization) = (Echo::default(), normalization());
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&[40], 40);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -136,7 +91,7 @@ fn whatever_is_moved_the_motion_nears_the_target() {
 
 #[test]
 fn where_nothing_moves_it_is_the_baseline() {
-    let (network, normalization) = (Echo::default(), normalization());
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&[40], 40);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -154,7 +109,7 @@ fn where_nothing_moves_it_is_the_baseline() {
 
 #[test]
 fn a_batch_gives_the_motions_of_single_calls() {
-    let (network, normalization) = (Echo::default(), normalization());
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let alone = batch(&[30], 30);
     let mut padded = batch(&[30, 50], 50);
@@ -175,7 +130,7 @@ fn a_batch_gives_the_motions_of_single_calls() {
 
 #[test]
 fn a_finished_motion_is_moved_without_the_network() {
-    let (network, normalization) = (Echo::default(), normalization());
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&[40], 40);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -192,7 +147,7 @@ fn a_finished_motion_is_moved_without_the_network() {
 
 #[test]
 fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
-    let (network, normalization) = (Echo::default(), normalization());
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&[40], 40);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();

@@ -1,10 +1,13 @@
 //! What a network predicts makes no difference to the motion, if it knows the same.
 
-use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{Batch, Guidance, Moved, Sampler, Schedule, noise};
+mod toy;
+
+use burn::tensor::{Device, Tensor};
+use lamogen_guide::{Batch, Guidance, Moved, Sampler, noise};
 use lamogen_laban::Scale;
-use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_model::{DenoiserInput, Prediction, Prompt};
+use lamogen_motion::POSE_FEATURES;
+use toy::{Says, Toy, normalization};
 
 const FRAMES: usize = 40;
 
@@ -17,55 +20,24 @@ struct Knowing {
 }
 
 impl Knowing {
-    fn new(prediction: Prediction, echo: f32) -> Self {
+    fn new(prediction: Prediction, echo: f32) -> Toy<Self> {
         let swing = |i: usize| 0.2 * ((i / POSE_FEATURES) as f32 * 0.4 + (i % 7) as f32).sin();
         let numbers: Vec<f32> = (0..FRAMES * POSE_FEATURES).map(swing).collect();
         let motion = Tensor::<1>::from_floats(&numbers[..], &Device::flex());
-        Knowing {
+        Toy(Knowing {
             prediction,
             echo,
             motion: motion.reshape([1, FRAMES, POSE_FEATURES]),
-        }
+        })
     }
 }
 
-impl Denoiser for Knowing {
-    type Context = ();
-
+impl Says for Knowing {
     fn prediction(&self) -> Prediction {
         self.prediction
     }
 
-    fn pose_features(&self) -> usize {
-        POSE_FEATURES
-    }
-
-    fn max_frames(&self) -> usize {
-        FRAMES
-    }
-
-    fn device(&self) -> Device {
-        Device::flex()
-    }
-
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        Prompt {
-            embedding: tokens.float(),
-            context: (),
-        }
-    }
-
-    /// `ᾱ` of each timestep.
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        let schedule = Schedule::linear();
-        let alphas = timesteps
-            .iter()
-            .map(|&t| schedule.alphas_cumprod()[t] as f32);
-        let alphas: Vec<f32> = alphas.collect();
-        Tensor::<1>::from_floats(&alphas[..], &self.device()).reshape([timesteps.len(), 1])
-    }
-
-    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+    fn says(&self, input: DenoiserInput) -> Tensor<3> {
         let alpha = input.time.unsqueeze_dim::<3>(2);
         let rest: Tensor<3> = 1.0 - alpha.clone();
         let (signal, rest) = (alpha.sqrt(), rest.sqrt());
@@ -100,8 +72,7 @@ fn largest(tensor: Tensor<3>) -> f32 {
 
 #[test]
 fn noise_clean_motion_and_v_lead_to_the_same_motions() {
-    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
-    let normalization = Normalization::from_slices(&mean, &std, &Device::flex()).unwrap();
+    let normalization = normalization(1.0);
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     let mut found: Vec<[Tensor<3>; 2]> = Vec::new();
     for prediction in [Prediction::Sample, Prediction::Epsilon, Prediction::V] {
@@ -141,8 +112,7 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
 
 #[test]
 fn so_do_they_whatever_is_moved() {
-    let (mean, std) = ([0.0; POSE_FEATURES], [1.0; POSE_FEATURES]);
-    let normalization = Normalization::from_slices(&mean, &std, &Device::flex()).unwrap();
+    let normalization = normalization(1.0);
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     for (moved, learning_rate) in [
         (Moved::Embedding, 0.05),
