@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use lamogen::files::{WriteOptions, write};
-use lamogen::{Component, Device, Generation, LaMoGen, Request, Summary, Tag};
+use lamogen::{Component, Device, Generation, LaMoGen, Preset, Request, Summary, Tag};
 use lamogen_view::{Curve, Figure, Page, Row, curves, page, save, strip};
 
 /// Generates a motion from a sentence, once as the text alone gives it and once as the tags ask.
@@ -27,7 +27,7 @@ struct Arguments {
     #[arg(long, default_value_t = 3.0)]
     seconds: f32,
     /// DDIM steps of each of the two passes, 1 to 1000.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = Preset::Precise.steps())]
     steps: usize,
     /// Seed of the start noise.
     #[arg(long, default_value_t = 7)]

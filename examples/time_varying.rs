@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use lamogen::{
-    Component, Device, FRAMES_PER_SECOND, Factor, Generation, Guidance, LaMoGen, Request,
+    COMPONENTS, Component, Device, FRAMES_PER_SECOND, Factor, Generation, LaMoGen, Preset, Request,
     ScaleCurve, Summary,
 };
 use lamogen_view::{Curve, Row, curves, save, strip};
@@ -36,15 +36,15 @@ struct Arguments {
     /// Factor on Shape; words: near, far.
     #[arg(long, default_value = "1", value_parser = factor(Component::Shape))]
     shape: Factor,
-    /// Weight in the loss of the components that shall change: 1 is the library's default, more follows
+    /// Weight in the loss of the components that shall change, instead of the library's default: more follows
     /// the factors more exactly and keeps the other components less.
-    #[arg(long, default_value_t = 10.0)]
-    emphasis: f32,
+    #[arg(long)]
+    emphasis: Option<f32>,
     /// Length of the motion in seconds, 2 to 9.8.
     #[arg(long, default_value_t = 4.0)]
     seconds: f32,
     /// DDIM steps of each of the two passes, 1 to 1000.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = Preset::Precise.steps())]
     steps: usize,
     /// Seed of the start noise.
     #[arg(long, default_value_t = 7)]
@@ -85,10 +85,10 @@ fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
         .with(Component::Time, arguments.time)
         .with(Component::Flow, arguments.flow)
         .with(Component::Shape, arguments.shape);
-    let guidance = Guidance {
-        emphasis: arguments.emphasis,
-        ..Guidance::fast()
-    };
+    let mut guidance = Preset::Precise.guidance();
+    if let Some(emphasis) = arguments.emphasis {
+        guidance.emphasis = [emphasis; COMPONENTS];
+    }
     let request = Request::new(&arguments.prompt)
         .scale(scale)
         .guidance(guidance)
@@ -97,7 +97,7 @@ fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
         .seed(arguments.seed);
     let result = model.generate(&request)?;
 
-    let label = result.scale.to_string();
+    let label = result.goals.to_string();
     let out = |name: &str| arguments.out.join(name);
     result.baseline.save_joints(out("baseline.npy"))?;
     result.guided.save_joints(out("guided.npy"))?;
@@ -130,7 +130,7 @@ fn report(result: &Generation) -> String {
         "{:18} {:>10} {:>10} {:>10} {:>9} {:>9}\n",
         "mean of", "baseline", "target", "guided", "asked", "change"
     );
-    let segments = result.scale.segments(result.guided.frames());
+    let segments = result.goals.scale().segments(result.guided.frames());
     for component in Component::ALL {
         for frames in &segments {
             let [baseline, target, guided] =

@@ -74,7 +74,7 @@ fn one_motion_is_written_in_every_format() {
     }
     let result = json(&succeeds(folder, &arguments));
     assert_eq!(result["files"].as_array().unwrap().len(), names.len());
-    assert_eq!(result["scale"], "Weight 1.5, Time 1.2");
+    assert_eq!(result["goals"], "Weight 1.5, Time 1.2");
     assert!(number(&result, "/motions/1/laban/weight/maximum") > 0.0);
 
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();

@@ -25,7 +25,7 @@ fn change(result: &Generation, component: Component, summary: Summary) -> f32 {
 }
 
 #[test]
-fn weight_and_shape_follow_their_tags_for_every_prompt_and_seed() {
+fn all_components_follow_their_tags_for_every_prompt_and_seed() {
     let model = model();
     for tag in Tag::ALL {
         let cases: Vec<(&str, u64)> = PROMPTS
@@ -53,12 +53,10 @@ fn weight_and_shape_follow_their_tags_for_every_prompt_and_seed() {
                 100.0 * (tag.scale() - 1.0)
             );
             println!("{report}");
-            match tag {
-                Tag::Strong | Tag::Far => assert!(maximum > 0.0 && mean > 0.0, "{report}"),
-                Tag::Light | Tag::Near => assert!(maximum < 0.0 && mean < 0.0, "{report}"),
-                // Time and Flow hang together; reported, not promised.
-                _ => {}
-            }
+            // Of what is asked: measured 0.54 to 1.11 by the mean, 0.36 to 1.11 by the maximum.
+            let asked = tag.scale() - 1.0;
+            assert!((0.4..1.3).contains(&(mean / asked)), "{report}");
+            assert!((0.2..1.4).contains(&(maximum / asked)), "{report}");
             let (first, last) = (result.loss[0], result.loss[result.loss.len() - 1]);
             assert!(last < first, "{report}: loss {first} to {last}");
         }
@@ -149,7 +147,8 @@ fn a_batch_gives_the_motions_of_single_calls() {
                 .zip(others)
                 .map(|(a, b)| (a - b).abs())
                 .fold(0.0, f32::max);
-            assert!(largest < 1e-4, "{request:?}: {largest}");
+            // Each of hundreds of updates takes up the rounding of those before it.
+            assert!(largest < 1e-3, "{request:?}: {largest}");
         }
     }
 }

@@ -36,7 +36,7 @@ fn ratios(result: &Generation, component: Component) -> [f32; 2] {
 }
 
 /// The ratios of every prompt and seed, first in the one order, then in the other.
-fn both_orders(component: Component, seeds: &[u64], emphasis: f32) -> Vec<[[f32; 2]; 2]> {
+fn both_orders(component: Component, seeds: &[u64], guidance: &Guidance) -> Vec<[[f32; 2]; 2]> {
     let model = model();
     let cases: Vec<(&str, u64)> = PROMPTS
         .iter()
@@ -44,20 +44,17 @@ fn both_orders(component: Component, seeds: &[u64], emphasis: f32) -> Vec<[[f32;
         .collect();
     let [one, other] = ORDERS.map(|(text, _)| {
         let request = |&(prompt, seed): &(&str, u64)| {
-            let guidance = Guidance {
-                emphasis,
-                ..Guidance::fast()
-            };
             Request::new(prompt)
                 .seed(seed)
                 .seconds(SECONDS)
                 .scale(scale(component, text))
-                .guidance(guidance)
+                .guidance(guidance.clone())
         };
         let requests: Vec<Request> = cases.iter().map(request).collect();
         let results = model.generate_all(&requests).unwrap();
         for (case, result) in cases.iter().zip(&results) {
             let [first, second] = ratios(result, component);
+            let emphasis = guidance.emphasis[component.index()];
             println!("{case:?} {component} {text}, emphasis {emphasis}: {first:.2} {second:.2}");
         }
         results
@@ -68,33 +65,38 @@ fn both_orders(component: Component, seeds: &[u64], emphasis: f32) -> Vec<[[f32;
         .collect()
 }
 
-#[test]
-fn with_emphasis_each_half_of_a_motion_follows_its_own_factor() {
-    for component in [Component::Weight, Component::Shape] {
-        for case in both_orders(component, &[1, 2], 10.0) {
-            for (came_out, (text, asked)) in case.iter().zip(ORDERS) {
-                for (ratio, asked) in came_out.iter().zip(asked) {
-                    // Measured: 1.09 to 1.47 where 1.5 is asked, 0.50 to 0.97 where it is 0.5.
-                    let follows = match asked > 1.0 {
-                        true => *ratio > 1.05,
-                        false => *ratio < 0.99,
-                    };
-                    assert!(follows, "{component} {text}: {came_out:?}");
-                }
+/// Asserts that halves follow their factors: at least this where 1.5 is asked, at most that where it is 0.5.
+fn assert_followed(cases: &[[[f32; 2]; 2]], more: f32, less: f32) {
+    for case in cases {
+        for (came_out, (text, asked)) in case.iter().zip(ORDERS) {
+            for (&ratio, asked) in came_out.iter().zip(asked) {
+                let follows = match asked > 1.0 {
+                    true => (more..1.65).contains(&ratio),
+                    false => (0.35..less).contains(&ratio),
+                };
+                assert!(follows, "{text}: {came_out:?}");
             }
         }
     }
 }
 
 #[test]
-fn by_default_each_half_has_more_when_more_is_asked_of_it() {
+fn by_default_each_half_of_a_motion_follows_its_own_factor() {
     for component in [Component::Weight, Component::Shape] {
-        for [one, other] in both_orders(component, &[1], 1.0) {
-            // Measured: 1.10 to 2.9.
-            for contrast in [one[0] / other[0], other[1] / one[1]] {
-                assert!(contrast > 1.05, "{component}: {one:?} {other:?}");
-            }
-        }
+        let cases = both_orders(component, &[1, 2], &Guidance::precise());
+        assert_followed(&cases, 1.3, 0.82);
+    }
+}
+
+#[test]
+fn with_emphasis_it_does_so_more_exactly() {
+    for component in [Component::Weight, Component::Shape] {
+        let guidance = Guidance {
+            emphasis: [10.0; 4],
+            ..Guidance::precise()
+        };
+        // Measured: 1.41 to 1.52, and 0.49 to 0.58.
+        assert_followed(&both_orders(component, &[1], &guidance), 1.35, 0.65);
     }
 }
 
@@ -107,7 +109,7 @@ fn a_single_key_at_the_start_is_the_constant_bit_for_bit() {
     assert_eq!(constant.guided, keyed.guided);
     assert_eq!(constant.target, keyed.target);
     assert_eq!(constant.loss, keyed.loss);
-    assert_eq!(keyed.scale, scale(Component::Weight, "0:1.5"));
+    assert_eq!(keyed.goals.scale(), scale(Component::Weight, "0:1.5"));
 }
 
 #[test]
@@ -127,7 +129,7 @@ fn the_target_is_the_baseline_times_the_factor_at_each_frame() {
             .frames()
             .iter()
             .zip(result.baseline_laban.frames());
-        for ((asked, before), factors) in rows.zip(result.scale.frames(frames)) {
+        for ((asked, before), factors) in rows.zip(result.goals.scale().frames(frames)) {
             for ((asked, before), factor) in asked.iter().zip(before).zip(factors) {
                 assert!((asked - before * factor).abs() <= 1e-6 * before.max(1e-6));
             }

@@ -83,6 +83,7 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
         x_t: batch.noise.clone(),
         time: model.embed_timesteps(&[500]),
         embedding: batch.prompt.embedding.clone(),
+        modulation: None,
         mask: FrameMask::new(&batch.lengths, frames, device),
     };
     let median = |task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>| {

@@ -53,11 +53,31 @@ impl<S: Numbers> Decoder<S> {
     pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
         on_the_pool(|| {
-            let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
-            let (modulations, _) = self.unroll(input, tape, gradient, &mut nobody, &mut []);
+            let modulations = self.modulation_gradient(input, tape, gradient);
             self.modulations
                 .modulate_backward(input.condition, &modulations)
         })
+    }
+
+    /// The gradient with respect to the scales and shifts of all stylization layers, `[batch, outputs of the modulations]`, as
+    /// [`backward`](Self::backward) gives it with respect to the condition.
+    ///
+    /// # Panics
+    ///
+    /// As [`backward`](Self::backward).
+    pub fn backward_to_modulation(
+        &self,
+        input: Input<'_>,
+        tape: Tape,
+        gradient: &[f32],
+    ) -> Vec<f32> {
+        self.check_tape(input, &tape, gradient);
+        on_the_pool(|| self.modulation_gradient(input, tape, gradient))
+    }
+
+    fn modulation_gradient(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+        let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
+        self.unroll(input, tape, gradient, &mut nobody, &mut []).0
     }
 
     /// The gradient with respect to the noisy motion, `[batch, frames, features]`, as [`backward`](Self::backward) gives it with respect to

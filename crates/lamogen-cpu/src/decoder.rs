@@ -80,6 +80,8 @@ pub struct Input<'a> {
     pub x_t: &'a [f32],
     /// Embedded timestep plus sentence embedding, `[batch, condition]`.
     pub condition: &'a [f32],
+    /// What is added to the scales and shifts of all stylization layers, `[batch, outputs of the modulations]`; nothing if not given.
+    pub modulation: Option<&'a [f32]>,
     /// What each block attends to in the text, `[batch, heads, d, d]`.
     pub text: &'a [&'a [f32]],
     /// Frames of each motion, at least 1.
@@ -169,6 +171,13 @@ impl<S: Numbers> Decoder<S> {
             motions * outputs.inputs(),
             input.condition.len(),
         );
+        if let Some(modulation) = input.modulation {
+            is(
+                "scales and shifts",
+                motions * outputs.outputs(),
+                modulation.len(),
+            );
+        }
         is("blocks of the text", blocks, input.text.len());
         for text in input.text {
             is(

@@ -29,7 +29,7 @@ impl<S: Numbers> Decoder<S> {
             self.attend(passage, 0, keep);
         };
         let (styles, ()) = rayon::join(
-            || self.styles(input.condition),
+            || self.styles(input),
             || passages.par_iter_mut().for_each(begin),
         );
         let mut contexts = Vec::new();
@@ -60,8 +60,11 @@ impl<S: Numbers> Decoder<S> {
         (out, tape)
     }
 
-    fn styles(&self, condition: &[f32]) -> Styles {
-        let modulations = self.modulations.modulate(condition);
+    fn styles(&self, input: Input<'_>) -> Styles {
+        let mut modulations = self.modulations.modulate(input.condition);
+        if let Some(added) = input.modulation {
+            math::add(&mut modulations, added);
+        }
         let motions = modulations.chunks_exact(self.modulations.weight.outputs());
         let of_motion = |modulations: &[f32]| {
             let mut layers = modulations.chunks_exact(2 * self.width());

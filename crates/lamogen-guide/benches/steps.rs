@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use lamogen_guide::{Batch, Guidance, Sampler, noise};
-use lamogen_laban::{Scale, ScaleCurve};
+use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, ModelConfig, MotionDiffuse};
 use lamogen_motion::{Normalization, POSE_FEATURES, npy};
 
@@ -28,7 +28,7 @@ fn steps(criterion: &mut Criterion) {
     let model = MotionDiffuse::new(&config, &device);
     let normalization = normalization(&device);
     let sampler = Sampler::new(&model, &normalization, STEPS).expect("a few steps");
-    let scale = ScaleCurve::from(Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale"));
+    let scale = Goals::from(Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale"));
     let mut group = criterion.benchmark_group(format!("{STEPS} steps, {FRAMES} frames"));
     for motions in [1, 8] {
         let tokens: Vec<i32> = (1..=config.clip.context_length as i32).collect();

@@ -21,6 +21,11 @@ pub enum GuideError {
     /// A guidance option that makes no sense.
     #[error("guidance: {0}")]
     Guidance(String),
+    /// A network without stylization layers whose scales and shifts were to be moved.
+    #[error(
+        "guidance: expected a network whose stylization layers have scales and shifts to move, found one without; move its sentence embedding"
+    )]
+    NoModulation,
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
     Stopped(Box<Stopped>),

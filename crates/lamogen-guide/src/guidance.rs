@@ -1,14 +1,16 @@
 //! Options of the guided pass.
 
-use lamogen_laban::{Divisor, LabanOptions};
+use std::f64::consts::PI;
+
+use lamogen_laban::{COMPONENTS, Divisor, LabanOptions};
 
 use crate::error::GuideError;
 use crate::schedule::TRAINING_STEPS;
 
-/// When a step's update of the embedding takes effect.
+/// When a step's update of the embedding or modulation takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Update {
-    /// At once: the network is evaluated again with the new embedding (paper, section "Step 2").
+    /// At once: the network is evaluated again with what was updated (paper, section "Step 2").
     #[default]
     Immediate,
     /// From the next step on: the evaluation that the gradient came from makes the step. Saves a
@@ -22,6 +24,11 @@ pub enum Moved {
     /// The sentence embedding, by Adam at every DDIM step of a second pass: the paper's method.
     #[default]
     Embedding,
+    /// What is added to the scales and shifts that embedding and timestep become, in each stylization layer its own, by Adam
+    /// at every DDIM step of a second pass; it begins with nothing. As the style space of image generators is to their latent code
+    /// (Wu et al. 2021, "StyleSpace Analysis"): as many dimensions as the layers have channels, so that one property can be moved
+    /// and the others kept.
+    Modulation,
     /// The clean motion that the network predicts, down the gradient at every DDIM step of a second pass: the paper's rival
     /// "classifier guidance".
     Prediction,
@@ -45,19 +52,24 @@ pub struct Guidance {
     pub moved: Moved,
     /// Adam's learning rate; for [`Moved::Prediction`] the factor on the gradient.
     pub learning_rate: f64,
+    /// What it becomes at the last step, on half a cosine; none where it stays. Where it rises, the first steps, which decide what
+    /// the motion is, are left more to the sentence, and the last ones, which decide how it is done, follow more exactly.
+    pub last_learning_rate: Option<f64>,
     /// Adam's decay of the first and second moment, which carry over from step to step.
     pub betas: [f32; 2],
-    /// Adam's epsilon.
+    /// Adam's epsilon. What has gradients far below it hardly moves; a tiny one moves all numbers alike, those too that
+    /// play no part.
     pub epsilon: f32,
-    /// Updates of the embedding or prediction at each DDIM step (the paper's K).
+    /// Updates of the embedding, modulation or prediction at each DDIM step (the paper's K).
     pub updates_per_step: usize,
-    /// When those of the embedding take effect.
+    /// When those of the embedding or modulation take effect.
     pub update: Update,
     /// What the loss divides by.
     pub divisor: Divisor,
-    /// Weight in the loss of components that the scale changes at any moment; the others weigh 1. Above 1,
-    /// targets are reached more exactly and the other components move more.
-    pub emphasis: f32,
+    /// Weight in the loss of components that shall change at any moment, in the order of
+    /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
+    /// other components move more.
+    pub emphasis: [f32; COMPONENTS],
     /// How Laban features are measured.
     pub laban: LabanOptions,
 }
@@ -71,6 +83,9 @@ pub enum Preset {
     /// on the embedded model more selective than the paper's numbers.
     #[default]
     Fast,
+    /// 50 steps, two updates of the modulation at each: nearest to what the tags ask for, with the least else
+    /// moved. For networks with stylization layers, as MotionDiffuse; what the embedded model runs with.
+    Precise,
 }
 
 impl Preset {
@@ -79,6 +94,7 @@ impl Preset {
         match self {
             Preset::Paper => TRAINING_STEPS,
             Preset::Fast => 100,
+            Preset::Precise => 50,
         }
     }
 
@@ -87,6 +103,7 @@ impl Preset {
         match self {
             Preset::Paper => Guidance::paper(),
             Preset::Fast => Guidance::fast(),
+            Preset::Precise => Guidance::precise(),
         }
     }
 }
@@ -97,12 +114,13 @@ impl Guidance {
         Guidance {
             moved: Moved::Embedding,
             learning_rate: 0.005,
+            last_learning_rate: None,
             betas: [0.7, 0.9],
             epsilon: 1e-8,
             updates_per_step: 1,
             update: Update::Immediate,
             divisor: Divisor::Frame,
-            emphasis: 1.0,
+            emphasis: [1.0; COMPONENTS],
             laban: LabanOptions::default(),
         }
     }
@@ -113,6 +131,20 @@ impl Guidance {
             learning_rate: 0.05,
             divisor: Divisor::Mean,
             ..Guidance::paper()
+        }
+    }
+
+    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, with more weight on what is
+    /// asked for; meant for 50 DDIM steps.
+    pub fn precise() -> Self {
+        Guidance {
+            moved: Moved::Modulation,
+            learning_rate: 0.02,
+            last_learning_rate: Some(0.06),
+            epsilon: 0.04,
+            updates_per_step: 2,
+            emphasis: [1.0, 5.0, 7.0, 1.0],
+            ..Guidance::fast()
         }
     }
 
@@ -146,9 +178,17 @@ impl Guidance {
     /// How many steps a guided pass has beside a first pass of so many DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
         match self.moved {
-            Moved::Embedding | Moved::Prediction => ddim,
+            Moved::Embedding | Moved::Modulation | Moved::Prediction => ddim,
             Moved::Motion { iterations } | Moved::Noise { iterations } => iterations,
         }
+    }
+
+    /// The learning rate at a step, from 0, of so many.
+    pub(crate) fn rate(&self, step: usize, steps: usize) -> f64 {
+        let first = self.learning_rate;
+        let last = self.last_learning_rate.unwrap_or(first);
+        let way = step as f64 / steps.saturating_sub(1).max(1) as f64;
+        first + (last - first) * 0.5 * (1.0 - (PI * way).cos())
     }
 
     /// Whether the options make sense.
@@ -162,8 +202,10 @@ impl Guidance {
                 "expected {expected}, found {found:?}"
             )))
         };
-        if !self.learning_rate.is_finite() || self.learning_rate < 0.0 {
-            return problem("a finite learning rate of at least 0", &self.learning_rate);
+        let rates = [Some(self.learning_rate), self.last_learning_rate];
+        let makes_sense = |rate: &f64| rate.is_finite() && *rate >= 0.0;
+        if let Some(rate) = rates.iter().flatten().find(|rate| !makes_sense(rate)) {
+            return problem("a finite learning rate of at least 0", rate);
         }
         if !self.betas.iter().all(|beta| (0.0..1.0).contains(beta)) {
             return problem("betas from 0 to below 1", &self.betas);
@@ -177,7 +219,8 @@ impl Guidance {
         if let Moved::Motion { iterations: 0 } | Moved::Noise { iterations: 0 } = self.moved {
             return problem("at least one iteration", &self.moved);
         }
-        if !self.emphasis.is_finite() || self.emphasis < 0.0 {
+        let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
+        if !self.emphasis.iter().all(makes_sense) {
             return problem("a finite emphasis of at least 0", &self.emphasis);
         }
         Ok(())
@@ -187,5 +230,25 @@ impl Guidance {
 impl Default for Guidance {
     fn default() -> Self {
         Guidance::fast()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_learning_rate_stays_or_goes_to_its_last_value() {
+        let fast = Guidance::fast();
+        assert!((0..100).all(|step| fast.rate(step, 100) == 0.05));
+        let rising = Guidance {
+            learning_rate: 0.01,
+            last_learning_rate: Some(0.05),
+            ..fast
+        };
+        let rates: Vec<f64> = (0..5).map(|step| rising.rate(step, 5)).collect();
+        assert_eq!((rates[0], rising.rate(0, 1)), (0.01, 0.01));
+        assert!((rates[2] - 0.03).abs() < 1e-12 && (rates[4] - 0.05).abs() < 1e-12);
+        assert!(rates.is_sorted());
     }
 }

@@ -36,7 +36,8 @@ pub struct Step<'a> {
     pub timestep: usize,
     /// The Laban loss of each motion of the batch, before the step's last update; guided pass only.
     pub loss: Option<&'a [f32]>,
-    /// The gradient of the last update of the embedding, `[batch, d_condition]`; only where guidance moves that.
+    /// The gradient of the last update of the embedding, `[batch, d_condition]`, or of the modulation, `[batch, modulations]`; only
+    /// where guidance moves one of them.
     pub gradient: Option<&'a Tensor<2>>,
     /// The sentence embedding after the step, `[batch, d_condition]`.
     pub embedding: &'a Tensor<2>,

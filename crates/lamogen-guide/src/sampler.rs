@@ -31,10 +31,12 @@ pub struct Batch<C> {
     pub lengths: Vec<usize>,
 }
 
-/// A noisy batch on its way, with what the network needs beside the embedding.
+/// A noisy batch on its way, with all else that the network is told.
 #[derive(Clone)]
 pub(crate) struct Latent<'a, C> {
     pub(crate) x: Tensor<3>,
+    pub(crate) embedding: Tensor<2>,
+    pub(crate) modulation: Option<Tensor<2>>,
     pub(crate) context: &'a C,
     pub(crate) mask: FrameMask,
     /// Smooths predictions along time, where that is asked for.
@@ -95,10 +97,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         batch: &Batch<D::Context>,
         observer: &mut dyn Observer,
     ) -> Result<Tensor<3>, GuideError> {
-        let embedding = &batch.prompt.embedding;
         let mut latent = self.start(batch);
         for (index, step) in self.steps.iter().enumerate() {
-            let output = self.evaluate(&latent, index, embedding.clone());
+            let output = self.evaluate(&latent, index);
             let prediction = self.clean(&latent, output.clone(), step);
             latent.x = self.advance(&latent, &prediction, output, step);
             let step = Step {
@@ -108,7 +109,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
                 timestep: step.timestep,
                 loss: None,
                 gradient: None,
-                embedding,
+                embedding: &latent.embedding,
                 prediction: &prediction,
             };
             if observer.step(&step).is_break() {
@@ -127,6 +128,8 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         );
         Latent {
             x: batch.noise.clone(),
+            embedding: batch.prompt.embedding.clone(),
+            modulation: None,
             context: &batch.prompt.context,
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
             window: { self.coherence }
@@ -145,14 +148,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     }
 
     /// The network's output at a step.
-    pub(crate) fn evaluate(
-        &self,
-        latent: &Latent<'_, D::Context>,
-        index: usize,
-        embedding: Tensor<2>,
-    ) -> Tensor<3> {
-        let input = self.input(latent, index, embedding);
-        self.model.denoise(input, latent.context)
+    pub(crate) fn evaluate(&self, latent: &Latent<'_, D::Context>, index: usize) -> Tensor<3> {
+        self.model
+            .denoise(self.input(latent, index), latent.context)
     }
 
     /// The network's output at a step, with the way back to the noisy motion.
@@ -161,33 +159,30 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         latent: &Latent<'_, D::Context>,
         context: &'b D::Context,
         index: usize,
-        embedding: Tensor<2>,
     ) -> Linearized<'b, 3> {
-        let input = self.input(latent, index, embedding);
-        self.model.linearize_motion(input, context)
+        self.model
+            .linearize_motion(self.input(latent, index), context)
     }
 
-    /// The network's output at a step, with the way back to the embedding.
+    /// The network's output at a step, with the way back to the embedding, or to the modulation where the latent has one.
     pub(crate) fn linearize<'b>(
         &'b self,
         latent: &'b Latent<'_, D::Context>,
         index: usize,
-        embedding: Tensor<2>,
     ) -> Linearized<'b> {
-        let input = self.input(latent, index, embedding);
-        self.model.linearize(input, latent.context)
+        let input = self.input(latent, index);
+        match input.modulation {
+            None => self.model.linearize(input, latent.context),
+            Some(_) => self.model.linearize_modulation(input, latent.context),
+        }
     }
 
-    fn input(
-        &self,
-        latent: &Latent<'_, D::Context>,
-        index: usize,
-        embedding: Tensor<2>,
-    ) -> DenoiserInput {
+    fn input(&self, latent: &Latent<'_, D::Context>, index: usize) -> DenoiserInput {
         DenoiserInput {
             x_t: latent.x.clone(),
             time: self.time.clone().narrow(0, index, 1),
-            embedding,
+            embedding: latent.embedding.clone(),
+            modulation: latent.modulation.clone(),
             mask: latent.mask.clone(),
         }
     }

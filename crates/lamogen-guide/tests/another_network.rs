@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_guide::{Batch, Guidance, GuideError, Pass, Quantity, Sampler, Step, Update, noise};
-use lamogen_laban::{Component, Scale, ScaleCurve};
+use lamogen_laban::{Component, Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput};
 use lamogen_motion::POSE_FEATURES;
 use toy::{Says, Toy, normalization};
@@ -65,11 +65,11 @@ fn batch(network: &Toy<Swing>, sizes: &[i32]) -> Batch<()> {
     }
 }
 
-fn scale(factors: [f32; 4]) -> ScaleCurve {
+fn scale(factors: [f32; 4]) -> Goals {
     Scale::new(factors).unwrap().into()
 }
 
-fn weight(factor: f32) -> ScaleCurve {
+fn weight(factor: f32) -> Goals {
     scale([factor, 1.0, 1.0, 1.0])
 }
 
@@ -88,7 +88,7 @@ fn guidance_lowers_the_loss_of_any_denoiser() {
     // emphasis decides for Weight.
     for update in [Update::Immediate, Update::Lagged] {
         let guidance = Guidance {
-            emphasis: 1e4,
+            emphasis: [1e4; 4],
             update,
             ..Guidance::fast()
         };
@@ -115,7 +115,7 @@ fn several_updates_a_step_go_further() {
     let last_loss = |updates_per_step| {
         let guidance = Guidance {
             updates_per_step,
-            emphasis: 1e4,
+            emphasis: [1e4; 4],
             ..Guidance::fast()
         };
         let guided = sampler.guided(&batch, baseline.clone(), &[weight(4.0)], &guidance, &mut ());
@@ -244,8 +244,8 @@ fn options_that_make_no_sense_are_refused() {
         (|g| g.betas = [0.7, 1.0], "betas"),
         (|g| g.epsilon = 0.0, "epsilon"),
         (|g| g.updates_per_step = 0, "update"),
-        (|g| g.emphasis = f32::INFINITY, "emphasis"),
-        (|g| g.emphasis = -1.0, "emphasis"),
+        (|g| g.emphasis[1] = f32::INFINITY, "emphasis"),
+        (|g| g.emphasis[3] = -1.0, "emphasis"),
     ];
     for (change, part) in changes {
         let mut guidance = Guidance::default();

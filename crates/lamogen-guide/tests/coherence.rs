@@ -65,7 +65,7 @@ fn padding_does_not_leak_in_and_guidance_goes_through() {
 
     let scales = [[4.0, 1.0, 1.0, 1.0], [1.0; 4]].map(|scale| Scale::new(scale).unwrap().into());
     let guidance = Guidance {
-        emphasis: 1e3,
+        emphasis: [1e3; 4],
         ..Guidance::fast()
     };
     let guided = sampler.guided(&padded, together, &scales, &guidance, &mut ());

@@ -9,18 +9,23 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use batches::batch;
 use burn::tensor::{Device, Tensor};
 use lamogen_guide::{Batch, Guidance, GuideError, Moved, Sampler, Step};
-use lamogen_laban::{Scale, ScaleCurve};
+use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::POSE_FEATURES;
 use toy::{Says, Toy, normalization};
 
-/// Says that the motion is what it sees of it, and a swing as large as the embedding; counts how often it is asked.
+/// Says that the motion is what it sees of it, and a swing as large as the embedding and the mean of both its modulations; counts how
+/// often it is asked.
 #[derive(Default)]
 struct Echo {
     asked: AtomicUsize,
 }
 
 impl Says for Echo {
+    fn modulations(&self) -> usize {
+        2
+    }
+
     fn says(&self, input: DenoiserInput) -> Tensor<3> {
         self.asked.fetch_add(1, Ordering::Relaxed);
         let [_, frames, _] = input.x_t.dims();
@@ -32,23 +37,28 @@ impl Says for Echo {
             .collect();
         let swing = Tensor::<1>::from_floats(&swing[..], &Device::flex());
         let swing = swing.reshape([1, frames, POSE_FEATURES]);
-        let size = input.embedding.unsqueeze_dim::<3>(2);
+        let mut size = input.embedding;
+        if let Some(modulation) = input.modulation {
+            size = size + modulation.mean_dim(1);
+        }
+        let size = size.unsqueeze_dim::<3>(2);
         input.x_t.tanh() * 0.8 + swing * size * 0.3
     }
 }
 
-fn strong() -> ScaleCurve {
+fn strong() -> Goals {
     Scale::new([2.0, 1.0, 1.0, 1.0]).unwrap().into()
 }
 
-fn ways() -> [Guidance; 4] {
+fn ways() -> [Guidance; 5] {
     let few = |moved| Guidance {
         moved,
-        emphasis: 100.0,
+        emphasis: [100.0; 4],
         ..Guidance::fast()
     };
     [
         few(Moved::Embedding),
+        few(Moved::Modulation),
         Guidance {
             updates_per_step: 3,
             // A factor on the gradient, not the length of a step.
@@ -70,7 +80,11 @@ fn whatever_is_moved_the_motion_nears_the_target() {
         let mut steps = 0;
         let mut watch = |step: &Step<'_>| {
             assert_eq!((step.index, step.steps), (steps, guidance.steps(10)));
-            assert_eq!(step.gradient.is_some(), guidance.moved == Moved::Embedding);
+            let told = matches!(guidance.moved, Moved::Embedding | Moved::Modulation);
+            assert_eq!(step.gradient.is_some(), told);
+            let is_moved = guidance.moved == Moved::Embedding;
+            let size: f32 = step.embedding.clone().into_scalar();
+            assert_eq!(size != 1.0, is_moved, "{:?}", guidance.moved);
             steps += 1;
             ControlFlow::Continue(())
         };
@@ -79,11 +93,11 @@ fn whatever_is_moved_the_motion_nears_the_target() {
         let guided = guided.unwrap();
         assert_eq!((steps, guided.loss.len()), (guidance.steps(10), steps));
         let distance = |features: &Tensor<3>| -> f32 {
-            let [found, asked] = [features, &guided.target_features]
+            let [found, asked] = [features, &guided.whole.target]
                 .map(|features| features.clone().narrow(2, 0, 1).mean());
             (found - asked).abs().into_scalar()
         };
-        let [before, after] = [&guided.baseline_features, &guided.features].map(distance);
+        let [before, after] = [&guided.whole.baseline, &guided.whole.guided].map(distance);
         println!("{:?}: {before} to {after}", guidance.moved);
         assert!(after < 0.7 * before, "{:?}", guidance.moved);
     }
@@ -140,9 +154,29 @@ fn a_finished_motion_is_moved_without_the_network() {
         guided.unwrap();
         network.asked.load(Ordering::Relaxed)
     };
-    let [embedding, prediction, motion, noise] = ways().map(|guidance| asked(&guidance));
+    let [embedding, modulation, prediction, motion, noise] =
+        ways().map(|guidance| asked(&guidance));
     // The embedding: once for the gradient, once with the new embedding. The noise: all steps each time, and once more at the end.
-    assert_eq!([embedding, prediction, motion, noise], [20, 10, 0, 310]);
+    assert_eq!([embedding, modulation], [20, 20]);
+    assert_eq!([prediction, motion, noise], [10, 0, 310]);
+}
+
+#[test]
+fn without_scales_and_shifts_there_is_nothing_to_move() {
+    struct Plain;
+    impl Says for Plain {
+        fn says(&self, input: DenoiserInput) -> Tensor<3> {
+            input.x_t
+        }
+    }
+    let (network, normalization) = (Toy(Plain), normalization(0.3));
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let guidance = Guidance::precise();
+    let refused = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut ());
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("scales and shifts"), "{message}");
 }
 
 #[test]

@@ -37,12 +37,20 @@ impl Says for Knowing {
         self.prediction
     }
 
+    fn modulations(&self) -> usize {
+        1
+    }
+
     fn says(&self, input: DenoiserInput) -> Tensor<3> {
         let alpha = input.time.unsqueeze_dim::<3>(2);
         let rest: Tensor<3> = 1.0 - alpha.clone();
         let (signal, rest) = (alpha.sqrt(), rest.sqrt());
         let clean = self.motion.clone() * input.embedding.unsqueeze_dim::<3>(2)
             + input.x_t.clone().tanh() * self.echo;
+        let clean = match input.modulation {
+            Some(modulation) => clean + self.motion.clone() * modulation.unsqueeze_dim::<3>(2),
+            None => clean,
+        };
         let noise = (input.x_t - clean.clone() * signal.clone()) / rest.clone();
         match self.prediction {
             Prediction::Sample => clean,
@@ -83,7 +91,7 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
         let known = largest(baseline.clone() - network.motion.clone());
         assert!(known < 2e-4, "{prediction:?}: {known}");
         let guidance = Guidance {
-            emphasis: 1e4,
+            emphasis: [1e4; 4],
             ..Guidance::fast()
         };
         let guided = sampler.guided(
@@ -116,6 +124,7 @@ fn so_do_they_whatever_is_moved() {
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     for (moved, learning_rate) in [
         (Moved::Embedding, 0.05),
+        (Moved::Modulation, 0.05),
         (Moved::Prediction, 1e-5),
         (Moved::Noise { iterations: 3 }, 0.05),
     ] {

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use lamogen_laban::{Divisor, LabanFeatures, LabanOptions, Scale, Target};
+use lamogen_laban::{Divisor, Goals, LabanFeatures, LabanOptions, Scale, Target};
 use lamogen_motion::JOINTS;
 
 fn features(criterion: &mut Criterion) {
@@ -21,9 +21,9 @@ fn features(criterion: &mut Criterion) {
             bencher.iter(|| features.measure(joints.clone()));
         });
         let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale");
-        let scales = vec![scale.into(); motions];
+        let goals = vec![Goals::from(scale).whole().clone(); motions];
         let baseline = features.measure(joints.clone());
-        let target = Target::new(baseline, &lengths, &scales, Divisor::Mean, 1.0);
+        let target = Target::new(baseline, &lengths, &goals, Divisor::Mean, [1.0; 4]);
         group.bench_function(BenchmarkId::new("gradient", &size), |bencher| {
             bencher.iter(|| {
                 let leaf = (joints.clone() * 0.9).autodiff().require_grad();

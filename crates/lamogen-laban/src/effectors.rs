@@ -1,6 +1,11 @@
 //! The joints whose movement is measured.
 
+use std::fmt;
+use std::str::FromStr;
+
 use lamogen_motion::Joint;
+
+use crate::goals::GoalError;
 
 /// The end-effectors of Weight, Time and Flow, each with its mass.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +61,13 @@ impl EndEffectors {
         self.0.iter().map(|&(_, mass)| mass)
     }
 
+    /// The set without some joints; none if nothing is left.
+    pub(crate) fn without(&self, joints: &[Joint]) -> Option<EndEffectors> {
+        let rest = self.0.iter().filter(|(joint, _)| !joints.contains(joint));
+        let rest: Vec<_> = rest.copied().collect();
+        (!rest.is_empty()).then_some(EndEffectors(rest))
+    }
+
     /// How many there are.
     pub fn count(&self) -> usize {
         self.0.len()
@@ -78,6 +90,107 @@ impl Default for EndEffectors {
             .map(|joint| (joint, 1.0))
             .to_vec(),
         )
+    }
+}
+
+/// The name of a [`BodyPart`] where the set is one, or else the joints' names.
+impl fmt::Display for EndEffectors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_it = |part: &BodyPart| EndEffectors::from(*part) == *self;
+        match BodyPart::ALL.into_iter().find(is_it) {
+            Some(part) => part.fmt(f),
+            None => {
+                let names: Vec<&str> = self.joints().map(Joint::name).collect();
+                f.write_str(&names.join("+"))
+            }
+        }
+    }
+}
+
+/// End-effectors that belong together, each of mass 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BodyPart {
+    /// Both wrists.
+    Arms,
+    /// The left wrist.
+    LeftArm,
+    /// The right wrist.
+    RightArm,
+    /// Both feet.
+    Legs,
+    /// The left foot.
+    LeftLeg,
+    /// The right foot.
+    RightLeg,
+    /// The head.
+    Head,
+    /// The upper spine.
+    Torso,
+}
+
+impl BodyPart {
+    /// All of them.
+    pub const ALL: [BodyPart; 8] = [
+        BodyPart::Arms,
+        BodyPart::LeftArm,
+        BodyPart::RightArm,
+        BodyPart::Legs,
+        BodyPart::LeftLeg,
+        BodyPart::RightLeg,
+        BodyPart::Head,
+        BodyPart::Torso,
+    ];
+
+    /// Its name, as it is parsed.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BodyPart::Arms => "arms",
+            BodyPart::LeftArm => "left-arm",
+            BodyPart::RightArm => "right-arm",
+            BodyPart::Legs => "legs",
+            BodyPart::LeftLeg => "left-leg",
+            BodyPart::RightLeg => "right-leg",
+            BodyPart::Head => "head",
+            BodyPart::Torso => "torso",
+        }
+    }
+
+    const fn joints(self) -> &'static [Joint] {
+        match self {
+            BodyPart::Arms => &[Joint::LeftWrist, Joint::RightWrist],
+            BodyPart::LeftArm => &[Joint::LeftWrist],
+            BodyPart::RightArm => &[Joint::RightWrist],
+            BodyPart::Legs => &[Joint::LeftFoot, Joint::RightFoot],
+            BodyPart::LeftLeg => &[Joint::LeftFoot],
+            BodyPart::RightLeg => &[Joint::RightFoot],
+            BodyPart::Head => &[Joint::Head],
+            BodyPart::Torso => &[Joint::Spine3],
+        }
+    }
+}
+
+impl From<BodyPart> for EndEffectors {
+    fn from(part: BodyPart) -> Self {
+        EndEffectors(part.joints().iter().map(|&joint| (joint, 1.0)).collect())
+    }
+}
+
+impl fmt::Display for BodyPart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for BodyPart {
+    type Err = GoalError;
+
+    fn from_str(text: &str) -> Result<Self, GoalError> {
+        let mut all = BodyPart::ALL.into_iter();
+        all.find(|part| part.name().eq_ignore_ascii_case(text))
+            .ok_or_else(|| GoalError::BodyPart {
+                expected: BodyPart::ALL.map(BodyPart::name).join(", "),
+                found: text.into(),
+            })
     }
 }
 

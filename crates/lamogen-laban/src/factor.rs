@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use lamogen_motion::FRAMES_PER_SECOND;
+
 use crate::tags::{Component, Tag};
 
 /// How a component's baseline is multiplied at every moment of a motion; 1 asks for no change.
@@ -203,6 +205,11 @@ impl Factor {
             }
             _ => key.factor,
         }
+    }
+
+    /// The factor at each of a motion's frames, 20 a second, the first at 0 s.
+    pub fn frames(&self, frames: usize) -> impl ExactSizeIterator<Item = f32> + '_ {
+        (0..frames).map(|frame| self.at(frame as f32 / FRAMES_PER_SECOND))
     }
 
     /// The keys, in order of time; none if the factor is constant.

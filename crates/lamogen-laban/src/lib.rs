@@ -4,8 +4,8 @@
 //! ```text
 //! joints ──LabanFeatures──▶ features ──Target──▶ loss per component
 //! [batch, frames, 22, 3]    [batch, frames, 4]     [batch, 4]
-//! tags ─▶ Scale ─▶ ScaleCurve ──────────┘
-//!                  [frames, 4]
+//! tags ─▶ Scale ─▶ ScaleCurve ─▶ Goals ─┘
+//!                  [frames, 4]   of the body and its parts
 //! ```
 //!
 //! Everything on tensors is differentiable and works on whole batches of motions of different
@@ -16,7 +16,9 @@ mod curve;
 mod effectors;
 mod factor;
 mod features;
+mod goals;
 mod loss;
+mod parts;
 mod peaks;
 mod series;
 mod smoothing;
@@ -24,10 +26,12 @@ mod tags;
 mod window;
 
 pub use curve::ScaleCurve;
-pub use effectors::{EffectorError, EndEffectors};
+pub use effectors::{BodyPart, EffectorError, EndEffectors};
 pub use factor::{Factor, FactorError, Interpolation, Key};
 pub use features::{LabanFeatures, LabanOptions};
+pub use goals::{Goal, GoalError, Goals, Term};
 pub use loss::{Divisor, Target};
+pub use parts::PartScale;
 pub use series::{LabanSeries, Summary};
 pub use smoothing::{Gaussian, GaussianError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Tensor, TensorData};
 
-use crate::curve::ScaleCurve;
+use crate::goals::Goal;
 use crate::tags::{COMPONENTS, Component};
 
 /// Keeps the relative loss finite where the baseline rests (paper, appendix "Hyperparameters").
@@ -28,57 +28,53 @@ pub struct Target {
 
 impl Target {
     /// The target of each motion of a batch: `scale(t) ⊙ baseline(t)` at every frame t (paper, section
-    /// "Step 1", where the scale is the same at all frames).
+    /// "Step 1", where the scale is the same at all frames), or what else its goals say.
     ///
-    /// `emphasis` weighs components in the loss that a scale changes at any moment, at all frames; the
-    /// others weigh 1.
+    /// `emphasis` weighs components in the loss that shall change at any moment, at all frames, each its own; the
+    /// others weigh 1, and those that may be anything 0. Differences from a target that is no multiple of the baseline are divided by
+    /// the larger of both.
     ///
     /// # Shapes
     ///
     /// - `baseline`: `[batch, frames, 4]`, with 0 past each motion's length
     /// - `lengths`: frames of each motion
-    /// - `scales`: one for each motion
+    /// - `goals`: those of each motion's components
     ///
     /// # Panics
     ///
-    /// If the numbers of motions differ.
+    /// If the numbers of motions differ, or a series has fewer than 4 values.
     pub fn new(
         baseline: Tensor<3>,
         lengths: &[usize],
-        scales: &[ScaleCurve],
+        goals: &[[Goal; COMPONENTS]],
         divisor: Divisor,
-        emphasis: f32,
+        emphasis: [f32; COMPONENTS],
     ) -> Target {
         let [batch, frames, _] = baseline.dims();
-        assert_eq!([lengths.len(), scales.len()], [batch, batch]);
+        assert_eq!([lengths.len(), goals.len()], [batch, batch]);
         let device = baseline.device();
-        let tensor = |values: Vec<f32>, frames| {
+        let measured: Vec<f32> = baseline.try_into_vec_as().expect("floats convert to f32");
+        let (mut features, mut weights) = (measured.clone(), vec![0.0; measured.len()]);
+        for (motion, (&length, goals)) in lengths.iter().zip(goals).enumerate() {
+            for (component, goal) in Component::ALL.into_iter().zip(goals) {
+                let place = |frame| (motion * frames + frame) * COMPONENTS + component.index();
+                let before: Vec<f32> = (0..length).map(|frame| measured[place(frame)]).collect();
+                let asked = goal.target(component, &before);
+                let emphasis = emphasis[component.index()];
+                let rows = goal.weights(&before, &asked, divisor, emphasis);
+                for (frame, (asked, weight)) in asked.into_iter().zip(rows).enumerate() {
+                    features[place(frame)] = asked;
+                    weights[place(frame)] = weight;
+                }
+            }
+        }
+        let tensor = |values| {
             let data = TensorData::new(values, [batch, frames, COMPONENTS]);
             Tensor::<3>::from_data(data, &device)
         };
-        let factors = scales.iter().flat_map(|scale| scale.frames(frames));
-        let factors = tensor(factors.flatten().collect(), frames);
-        // The loss is squared, so the weight enters as its root.
-        let root = |scale: &ScaleCurve, component| match scale.changes(component) {
-            true => emphasis.sqrt(),
-            false => 1.0,
-        };
-        let roots = scales
-            .iter()
-            .flat_map(|scale| Component::ALL.map(|component| root(scale, component)));
-        let emphasis = tensor(roots.collect(), 1);
-        let divisor = match divisor {
-            Divisor::Frame => baseline.clone(),
-            Divisor::Mean => {
-                let lengths: Vec<f32> = lengths.iter().map(|&length| length as f32).collect();
-                let lengths = TensorData::new(lengths, [batch, 1, 1]);
-                (baseline.clone().sum_dim(1) / Tensor::from_data(lengths, &device))
-                    .repeat_dim(1, frames)
-            }
-        };
         Target {
-            features: baseline * factors,
-            weight: emphasis / (divisor + DELTA),
+            features: tensor(features),
+            weight: tensor(weights),
         }
     }
 
@@ -103,21 +99,65 @@ impl Target {
     }
 }
 
+impl Goal {
+    /// What the difference from the target is multiplied by at each frame, before it is squared.
+    fn weights(
+        &self,
+        baseline: &[f32],
+        target: &[f32],
+        divisor: Divisor,
+        emphasis: f32,
+    ) -> Vec<f32> {
+        // The loss is squared, so the weight enters as its root.
+        let root = match self {
+            Goal::Any => return vec![0.0; baseline.len()],
+            goal if goal.changes() => emphasis.sqrt(),
+            _ => 1.0,
+        };
+        let is_multiple = !matches!(self, Goal::Series(_));
+        let larger = |before: f32, asked: f32| match is_multiple {
+            true => before,
+            false => before.max(asked),
+        };
+        let divisors = baseline.iter().zip(target);
+        let divisors: Vec<f32> = match divisor {
+            Divisor::Frame => divisors.map(|(b, t)| larger(*b, *t)).collect(),
+            Divisor::Mean => {
+                let mean = |values: &[f32]| {
+                    let sum: f64 = values.iter().map(|&value| f64::from(value)).sum();
+                    (sum / values.len() as f64) as f32
+                };
+                vec![larger(mean(baseline), mean(target)); baseline.len()]
+            }
+        };
+        let weights = divisors.into_iter().map(|divisor| root / (divisor + DELTA));
+        weights.collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::ScaleCurve;
     use crate::factor::Factor;
     use crate::features::{LabanFeatures, LabanOptions};
     use crate::tags::Scale;
     use burn::tensor::Device;
     use lamogen_motion::JOINTS;
 
-    fn scale(factors: [f32; COMPONENTS]) -> ScaleCurve {
-        Scale::new(factors).unwrap().into()
+    type Goals = [Goal; COMPONENTS];
+
+    fn goals(scale: ScaleCurve) -> Goals {
+        Component::ALL.map(|component| scale.of(component).clone().into())
     }
 
-    fn over_time(component: Component, text: &str) -> ScaleCurve {
-        ScaleCurve::default().with(component, Factor::parse(component, text).unwrap())
+    fn scale(factors: [f32; COMPONENTS]) -> Goals {
+        goals(Scale::new(factors).unwrap().into())
+    }
+
+    fn over_time(component: Component, text: &str) -> Goals {
+        let factor = Factor::parse(component, text).unwrap();
+        goals(ScaleCurve::default().with(component, factor))
     }
 
     #[test]
@@ -125,7 +165,7 @@ mod tests {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0], [2.0, 1.0, 1.0, 8.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 0.5])];
         for (divisor, shape) in [(Divisor::Frame, 0.5), (Divisor::Mean, 20.0 / 36.0)] {
-            let target = Target::new(baseline.clone(), &[2], &scales, divisor, 1.0);
+            let target = Target::new(baseline.clone(), &[2], &scales, divisor, [1.0; COMPONENTS]);
             let loss = target.loss(baseline.clone()).into_data();
             let loss = loss.as_slice::<f32>().unwrap();
             // Weight is 1 from 3 of 2 at both frames: 2 · (1/2)².
@@ -140,11 +180,17 @@ mod tests {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 1.0])];
         let loss = |emphasis| {
-            Target::new(baseline.clone(), &[1], &scales, Divisor::Frame, emphasis)
-                .loss(baseline.clone() * 2.0)
-                .into_data()
-                .try_to_vec::<f32>()
-                .unwrap()
+            Target::new(
+                baseline.clone(),
+                &[1],
+                &scales,
+                Divisor::Frame,
+                [emphasis; COMPONENTS],
+            )
+            .loss(baseline.clone() * 2.0)
+            .into_data()
+            .try_to_vec::<f32>()
+            .unwrap()
         };
         let (plain, heavy) = (loss(1.0), loss(10.0));
         assert!((heavy[0] / plain[0] - 10.0).abs() < 1e-3);
@@ -165,7 +211,13 @@ mod tests {
             over_time(Component::Weight, "0.5:1.5 1:0.5"),
             over_time(Component::Shape, "0:1 ~ 1:2"),
         ];
-        let target = Target::new(baseline.clone(), &[30, 20], &scales, Divisor::Frame, 1.0);
+        let target = Target::new(
+            baseline.clone(),
+            &[30, 20],
+            &scales,
+            Divisor::Frame,
+            [1.0; COMPONENTS],
+        );
         let [asked, baseline] =
             [target.features(), baseline].map(|t| t.into_data().try_to_vec::<f32>().unwrap());
         for (i, (asked, before)) in asked.iter().zip(&baseline).enumerate() {
@@ -192,11 +244,17 @@ mod tests {
         let baseline = Tensor::<3>::ones([1, 40, COMPONENTS], &Device::flex());
         let scales = [over_time(Component::Time, "1:1.2")];
         let loss = |emphasis| {
-            Target::new(baseline.clone(), &[40], &scales, Divisor::Mean, emphasis)
-                .loss(baseline.clone() * 2.0)
-                .into_data()
-                .try_to_vec::<f32>()
-                .unwrap()
+            Target::new(
+                baseline.clone(),
+                &[40],
+                &scales,
+                Divisor::Mean,
+                [emphasis; COMPONENTS],
+            )
+            .loss(baseline.clone() * 2.0)
+            .into_data()
+            .try_to_vec::<f32>()
+            .unwrap()
         };
         let (plain, heavy) = (loss(1.0), loss(10.0));
         // Half the frames ask for 1, the other half for 1.2, and all are at 2.
@@ -212,14 +270,37 @@ mod tests {
     }
 
     #[test]
+    fn a_target_that_is_no_multiple_is_held_against_the_larger_of_both() {
+        let baseline = Tensor::<3>::ones([1, 4, COMPONENTS], &Device::flex());
+        let mut asked = goals(ScaleCurve::default());
+        asked[Component::Shape.index()] = Goal::Series(vec![3.0; 4]);
+        asked[Component::Time.index()] = Goal::Any;
+        for divisor in [Divisor::Frame, Divisor::Mean] {
+            let target = Target::new(
+                baseline.clone(),
+                &[4],
+                &[asked.clone()],
+                divisor,
+                [2.0; COMPONENTS],
+            );
+            let loss = target.loss(baseline.clone() * 2.0).into_data();
+            let loss = loss.as_slice::<f32>().unwrap();
+            // Shape is 2 of 3, of 3, with twice the weight; Time may be anything.
+            for (found, expected) in loss.iter().zip([4.0, 0.0, 4.0, 8.0 / 9.0]) {
+                assert!((found - expected).abs() < 1e-5, "{loss:?}");
+            }
+        }
+    }
+
+    #[test]
     fn a_resting_baseline_keeps_the_loss_finite() {
         let still = Tensor::<3>::zeros([1, 5, COMPONENTS], &Device::flex());
         let target = Target::new(
             still.clone(),
             &[5],
-            &[ScaleCurve::default()],
+            &[goals(ScaleCurve::default())],
             Divisor::Frame,
-            1.0,
+            [1.0; COMPONENTS],
         );
         assert_eq!(target.loss(still).sum().into_scalar::<f32>(), 0.0);
     }
@@ -243,7 +324,7 @@ mod tests {
         let scales = [scale([1.5, 0.8, 1.2, 0.5])];
         for divisor in [Divisor::Frame, Divisor::Mean] {
             let baseline = features.measure(joints(&positions));
-            let target = Target::new(baseline, &[frames], &scales, divisor, 2.0);
+            let target = Target::new(baseline, &[frames], &scales, divisor, [2.0; COMPONENTS]);
             let loss = |joints: Tensor<4>| target.loss(features.measure(joints)).sum();
 
             let leaf = joints(&positions).autodiff().require_grad();

@@ -30,6 +30,19 @@ impl Component {
         Component::Shape,
     ];
 
+    /// Those of the end-effectors, which come first: all but Shape.
+    pub const EFFORTS: [Component; 3] = [Component::Weight, Component::Time, Component::Flow];
+
+    /// The first frame that has a value; those before have no difference, and hold 0.
+    pub(crate) const fn first_frame(self) -> usize {
+        match self {
+            Component::Weight => 1,
+            Component::Time => 2,
+            Component::Flow => 3,
+            Component::Shape => 0,
+        }
+    }
+
     /// Index on the last axis of feature tensors.
     pub const fn index(self) -> usize {
         self as usize

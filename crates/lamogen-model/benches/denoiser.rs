@@ -25,6 +25,7 @@ fn denoiser(criterion: &mut Criterion) {
             x_t: Tensor::from_data(x_t, &device),
             time: model.embed_timesteps(&[500]),
             embedding: prompt.embedding,
+            modulation: None,
             mask: FrameMask::new(&[frames], frames, &device),
         };
         let context = &prompt.context;

@@ -69,6 +69,25 @@ pub trait Denoiser {
         Linearized::by_autodiff(input, |input| self.denoise(input, context))
     }
 
+    /// How many scales and shifts a sentence and a timestep become on their way into the network, over all its stylization layers: what
+    /// [`DenoiserInput::modulation`] is added to. 0, the default, where a network has none.
+    fn modulations(&self) -> usize {
+        0
+    }
+
+    /// As [`linearize`](Denoiser::linearize), with the way back to the modulation.
+    ///
+    /// # Panics
+    ///
+    /// As [`denoise`](Denoiser::denoise), and if the input has no modulation.
+    fn linearize_modulation<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> Linearized<'a> {
+        Linearized::of_modulation_by_autodiff(input, |input| self.denoise(input, context))
+    }
+
     /// As [`linearize`](Denoiser::linearize), with the way back to the noisy motion `x_t`: for what moves the start noise through all steps
     /// of a pass.
     ///
@@ -84,8 +103,8 @@ pub trait Denoiser {
     }
 }
 
-/// An evaluation of a network with the derivative of its output: with respect to the embedding (`D` is 2) or to the noisy
-/// motion (3).
+/// An evaluation of a network with the derivative of its output: with respect to the embedding or modulation (`D` is 2) or to the
+/// noisy motion (3).
 pub struct Linearized<'a, const D: usize = 2> {
     /// As [`Denoiser::denoise`] returns it, `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
@@ -94,7 +113,7 @@ pub struct Linearized<'a, const D: usize = 2> {
 }
 
 impl<'a, const D: usize> Linearized<'a, D> {
-    /// An output, and what turns its gradient into that of the embedding or the noisy motion.
+    /// An output, and what turns its gradient into that of the embedding, the modulation or the noisy motion.
     pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<D> + 'a) -> Self {
         Linearized {
             shape: output.dims(),
@@ -118,8 +137,8 @@ impl<'a, const D: usize> Linearized<'a, D> {
         })
     }
 
-    /// The gradient with respect to the embedding, `[batch, d_condition]`, or the noisy motion, `[batch, frames, features]`, of what has the
-    /// given gradient with respect to the output, `[batch, frames, features]`, on the same device and not
+    /// The gradient with respect to the embedding, `[batch, d_condition]`, the modulation, `[batch, modulations]`, or the noisy motion,
+    /// `[batch, frames, features]`, of what has the given gradient with respect to the output, `[batch, frames, features]`, on the same device and not
     /// tracked.
     ///
     /// # Panics
@@ -143,6 +162,26 @@ impl Linearized<'_> {
     ) -> Self {
         Self::followed(input.embedding.clone(), |embedding| {
             evaluate(DenoiserInput { embedding, ..input })
+        })
+    }
+
+    /// By autodiff through an evaluation, back to the modulation.
+    ///
+    /// # Panics
+    ///
+    /// If the input has none.
+    pub fn of_modulation_by_autodiff(
+        input: DenoiserInput,
+        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
+    ) -> Self {
+        let modulation = input.modulation.clone();
+        let modulation = modulation.expect("an input with a modulation to go back to");
+        Self::followed(modulation, |modulation| {
+            let modulation = Some(modulation);
+            evaluate(DenoiserInput {
+                modulation,
+                ..input
+            })
         })
     }
 }
@@ -177,6 +216,9 @@ pub struct DenoiserInput {
     pub time: Tensor<2>,
     /// The sentence embedding, `[batch, d_condition]`.
     pub embedding: Tensor<2>,
+    /// What is added to the scales and shifts of all stylization layers, `[batch, modulations]` (see
+    /// [`Denoiser::modulations`]); nothing by default. Networks without such layers ignore it.
+    pub modulation: Option<Tensor<2>>,
     /// Which frames are part of each motion.
     pub mask: FrameMask,
 }

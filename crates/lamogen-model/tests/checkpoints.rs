@@ -47,6 +47,7 @@ fn output(model: &MotionDiffuse) -> Vec<f32> {
         x_t,
         time: model.embed_timesteps(&[321]),
         embedding: prompt.embedding,
+        modulation: None,
         mask: FrameMask::new(&[5], 6, &device),
     };
     model

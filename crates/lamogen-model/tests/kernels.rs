@@ -59,6 +59,7 @@ fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Deno
         x_t: numbers([4, FRAMES, 37], 0.731),
         time: model.embed_timesteps(&[321]),
         embedding: prompt.embedding.clone(),
+        modulation: None,
         mask: FrameMask::new(&LENGTHS, FRAMES, &device),
     };
     (input, prompt)
@@ -151,6 +152,36 @@ fn kernels_are_the_network_and_its_gradient() {
         let alone = model.denoise(input.clone(), context) * input.mask.keep().unwrap();
         assert_eq!(host(alone), kernels.0, "with and without a record");
     }
+}
+
+#[test]
+fn kernels_know_the_gradient_of_scales_and_shifts() {
+    let model = trained();
+    let (plain, prompt) = input(&model);
+    let context = &prompt.context;
+    let with = |modulation| DenoiserInput {
+        modulation: Some(modulation),
+        ..plain.clone()
+    };
+    let unmoved = with(Tensor::zeros([4, model.modulations()], &Device::flex()));
+    let [unmoved, nothing] = [unmoved, plain.clone()].map(|input| model.denoise(input, context));
+    assert_eq!(host(unmoved), host(nothing.clone()));
+
+    let moved = with(numbers([4, model.modulations()], 0.217) * 0.5);
+    let kernels = both(
+        model.linearize_modulation(moved.clone(), context),
+        &moved.mask,
+    );
+    let evaluate = |input| model.denoise(input, context);
+    let tensors = Linearized::of_modulation_by_autodiff(moved.clone(), evaluate);
+    let tensors = both(tensors, &moved.mask);
+    let (output, gradient) = (
+        distance(&kernels.0, &tensors.0),
+        distance(&kernels.1, &tensors.1),
+    );
+    assert!(output < 1e-5 && gradient < 1e-5, "{output} {gradient}");
+    let nothing = nothing * plain.mask.keep().unwrap();
+    assert!(distance(&kernels.0, &host(nothing)) > 1e-3);
 }
 
 #[test]
@@ -259,6 +290,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
             x_t: batch.x_t,
             time: model.embed_timesteps(&batch.timesteps),
             embedding: prompt.embedding,
+            modulation: None,
             mask: batch.mask,
         };
         let expected = loss(model.denoise(input, &prompt.context), &mask);

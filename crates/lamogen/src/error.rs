@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use lamogen_guide::{GuideError, Pass};
-use lamogen_laban::ScaleError;
+use lamogen_laban::{GoalError, ScaleError};
 use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
 
@@ -129,12 +129,15 @@ pub enum RequestError {
         shortest: usize,
         longest: usize,
     },
-    /// Tags and factors at once.
+    /// Tags and factors or other goals at once.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,
-    /// Tags that contradict each other, or a key past the motion's end.
+    /// Tags that contradict each other.
     #[error(transparent)]
     Scale(#[from] ScaleError),
+    /// Goals that make no sense, such as a key past the motion's end.
+    #[error(transparent)]
+    Goal(#[from] GoalError),
     /// Steps or guidance options.
     #[error(transparent)]
     Guidance(#[from] GuideError),

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lamogen_guide::{Coherence, GuideError, Preset, Step};
-use lamogen_laban::{LabanSeries, ScaleCurve};
+use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
@@ -30,8 +30,8 @@ pub struct LaMoGen<D = MotionDiffuse> {
 pub struct Generation {
     /// How many tokens of the prompt did not fit the model and were left out.
     pub cut_tokens: usize,
-    /// The factors that were asked for, as such or by tags.
-    pub scale: ScaleCurve,
+    /// What was asked for, by tags, factors or else.
+    pub goals: Goals,
     /// The motion of the text alone.
     pub baseline: Motion,
     /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
@@ -41,10 +41,26 @@ pub struct Generation {
     pub baseline_laban: LabanSeries,
     /// Laban features of the guided motion.
     pub guided_laban: LabanSeries,
-    /// Laban features to reach: the baseline's, times the scale at each frame.
+    /// Laban features to reach; the baseline's where they may be anything.
     pub target: LabanSeries,
+    /// Where parts of the body have goals of their own: Weight, Time and Flow of each, and of the rest.
+    pub parts: Vec<PartLaban>,
     /// The Laban loss at every step of the guided pass.
     pub loss: Vec<f32>,
+}
+
+/// Laban features of some end-effectors; Shape is that of the whole body.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct PartLaban {
+    /// The joints that are meant.
+    pub end_effectors: EndEffectors,
+    /// In the motion of the text alone.
+    pub baseline: LabanSeries,
+    /// To reach.
+    pub target: LabanSeries,
+    /// In the motion that follows.
+    pub guided: LabanSeries,
 }
 
 /// How far a call has come.
@@ -90,6 +106,11 @@ impl<D: Denoiser> LaMoGen<D> {
     /// Sets what requests run with that say nothing else.
     pub fn with_preset(self, preset: Preset) -> Self {
         LaMoGen { preset, ..self }
+    }
+
+    /// What requests run with that say nothing else.
+    pub fn preset(&self) -> Preset {
+        self.preset
     }
 
     /// Sets how many motions run together in [`generate_all`](Self::generate_all); 8 by default.

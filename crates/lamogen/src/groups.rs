@@ -1,7 +1,7 @@
 //! Which requests run together.
 
 use lamogen_guide::{Guidance, Preset, Schedule};
-use lamogen_laban::{Scale, ScaleCurve};
+use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, Tokenizer};
 
 use crate::error::RequestError;
@@ -16,8 +16,8 @@ pub(crate) struct Job {
     pub(crate) cut: usize,
     pub(crate) frames: usize,
     pub(crate) seed: u64,
-    /// `None` where no tags or factors are given: the text alone.
-    pub(crate) scale: Option<ScaleCurve>,
+    /// `None` where nothing is asked for: the text alone.
+    pub(crate) goals: Option<Goals>,
 }
 
 /// Jobs that are one batch: they agree in what all motions of a batch must share.
@@ -51,10 +51,17 @@ pub(crate) fn assign(
     if request.prompt.trim().is_empty() {
         return Err(RequestError::EmptyPrompt);
     }
-    let scale = match (&request.tags[..], &request.scale) {
-        ([], scale) => scale.clone(),
+    let goals = match (&request.tags[..], &request.goals) {
+        ([], goals) => goals.clone(),
         (tags, None) => Some(Scale::from_tags(tags)?.into()),
         (_, Some(_)) => return Err(RequestError::TagsAndScale),
+    };
+    let goals = match &request.parts[..] {
+        [] => goals,
+        parts => {
+            let goals = goals.unwrap_or_default();
+            Some(parts.iter().cloned().fold(goals, Goals::with_part))
+        }
     };
     let preset = request.preset.unwrap_or(default);
     let steps = request.steps.unwrap_or(preset.steps());
@@ -69,17 +76,17 @@ pub(crate) fn assign(
     let frames = request
         .length
         .frames(model.min_frames(), model.max_frames())?;
-    if let Some(scale) = &scale {
-        scale.check(frames)?;
+    if let Some(goals) = &goals {
+        goals.check(frames)?;
     }
-    let is_guided = scale.is_some();
+    let is_guided = goals.is_some();
     let job = Job {
         request: index,
         ids: tokens.ids,
         cut: tokens.cut,
         frames,
         seed: request.seed,
-        scale,
+        goals,
     };
     let joins = |group: &&mut Group| {
         group.steps == steps

@@ -37,15 +37,16 @@ pub use device::{DeviceError, DeviceName};
 pub use error::{
     Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
 };
-pub use generation::{Generation, LaMoGen, Progress};
+pub use generation::{Generation, LaMoGen, PartLaban, Progress};
 pub use licence::Licence;
 pub use request::{Length, Request};
 
 pub use burn::tensor::Device;
 pub use lamogen_guide::{Coherence, Guidance, Moved, Pass, Preset, Step, Update};
 pub use lamogen_laban::{
-    COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Interpolation,
-    Key, LabanOptions, LabanSeries, Scale, ScaleCurve, Smoothing, Summary, Tag,
+    BodyPart, COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Goal,
+    Goals, Interpolation, Key, LabanOptions, LabanSeries, PartScale, Scale, ScaleCurve, Smoothing,
+    Summary, Tag,
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 

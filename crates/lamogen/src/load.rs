@@ -13,8 +13,8 @@ use crate::licence::Licence;
 
 impl LaMoGen<MotionDiffuse> {
     /// The compact model that is part of the program. Its licence, CC BY-NC 4.0, excludes
-    /// commercial use. Requests that say nothing else run with [`Preset::Fast`], and predictions are smoothed along
-    /// time ([`Coherence`]).
+    /// commercial use. Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
+    /// along time ([`Coherence`]).
     ///
     /// # Errors
     ///
@@ -36,7 +36,7 @@ impl LaMoGen<MotionDiffuse> {
         let network = checkpoint.load(&config, device)?;
         Ok(LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
-            .with_preset(Preset::Fast)
+            .with_preset(Preset::Precise)
             .with_coherence(Some(Coherence::default()))
             .expect("the default makes sense"))
     }

@@ -1,7 +1,7 @@
 //! What is asked for.
 
 use lamogen_guide::{Guidance, Preset};
-use lamogen_laban::{ScaleCurve, Tag};
+use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
 use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::error::RequestError;
@@ -32,7 +32,8 @@ pub struct Request {
     pub(crate) length: Length,
     pub(crate) seed: u64,
     pub(crate) tags: Vec<Tag>,
-    pub(crate) scale: Option<ScaleCurve>,
+    pub(crate) goals: Option<Goals>,
+    pub(crate) parts: Vec<PartScale>,
     pub(crate) preset: Option<Preset>,
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
@@ -46,7 +47,8 @@ impl Request {
             length: Length::Seconds(3.0),
             seed: 0,
             tags: Vec::new(),
-            scale: None,
+            goals: None,
+            parts: Vec::new(),
             preset: None,
             steps: None,
             guidance: None,
@@ -86,12 +88,48 @@ impl Request {
     }
 
     /// Sets the factors on the four components, instead of tags: a [`Scale`](lamogen_laban::Scale) for the
-    /// whole motion, or a [`ScaleCurve`] over time.
-    pub fn scale(self, scale: impl Into<ScaleCurve>) -> Self {
+    /// whole motion, a [`ScaleCurve`](lamogen_laban::ScaleCurve) over time, or all [`Goals`] at once.
+    pub fn scale(self, goals: impl Into<Goals>) -> Self {
         Request {
-            scale: Some(scale.into()),
+            goals: Some(goals.into()),
             ..self
         }
+    }
+
+    /// Sets what a component shall become, instead of a tag: a factor, a peak or a mean in its own unit, a series, or anything
+    /// it likes.
+    ///
+    /// ```
+    /// use lamogen::{Component, Goal, Request};
+    ///
+    /// let request = Request::new("a person jumps")
+    ///     .goal(Component::Shape, Goal::Peak(1.4))
+    ///     .goal(Component::Flow, Goal::Any);
+    /// ```
+    pub fn goal(self, component: Component, goal: impl Into<Goal>) -> Self {
+        let goals = self.goals.clone().unwrap_or_default();
+        self.scale(goals.with(component, goal))
+    }
+
+    /// Asks for the Laban features of another motion, whatever its length: they are stretched to this one's. Other goals may
+    /// be set after it.
+    pub fn like(self, series: &LabanSeries) -> Self {
+        self.scale(Goals::like(series))
+    }
+
+    /// Gives a part of the body factors of its own on Weight, Time and Flow.
+    ///
+    /// ```
+    /// use lamogen::{BodyPart, PartScale, Request, Tag};
+    ///
+    /// let request = Request::new("a person walks forward")
+    ///     .part(PartScale::new(BodyPart::Arms).tag(Tag::Strong)?)
+    ///     .part(PartScale::new(BodyPart::Legs).tag(Tag::Light)?);
+    /// # Ok::<(), lamogen::laban::GoalError>(())
+    /// ```
+    pub fn part(mut self, part: PartScale) -> Self {
+        self.parts.push(part);
+        self
     }
 
     /// Sets steps and guidance together; each can still be set apart.

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
-use lamogen_guide::{Batch, GuideError, Pass, Sampler, Step, noise};
-use lamogen_laban::{COMPONENTS, LabanFeatures, LabanSeries, ScaleCurve};
+use lamogen_guide::{Batch, GuideError, Guided, Pass, Sampler, Step, noise};
+use lamogen_laban::{COMPONENTS, Goals, LabanFeatures, LabanSeries};
 use lamogen_model::Denoiser;
 use lamogen_motion::{Motion, MotionError, joints};
 
 use crate::error::{Error, Failed, Failure, Partial, Stopped, Unfinished, Which};
-use crate::generation::{Generation, LaMoGen};
+use crate::generation::{Generation, LaMoGen, PartLaban};
 use crate::groups::Group;
 use crate::request::Request;
 
@@ -52,9 +52,9 @@ impl<'a, D: Denoiser> Run<'a, D> {
             return Ok(self.text_alone(&baseline, baselines));
         }
         let jobs = self.group.jobs.iter();
-        let scales: Vec<ScaleCurve> = jobs.filter_map(|job| job.scale.clone()).collect();
+        let goals: Vec<Goals> = jobs.filter_map(|job| job.goals.clone()).collect();
         let guided = sampler
-            .guided(&batch, baseline, &scales, &self.group.guidance, &mut watch)
+            .guided(&batch, baseline, &goals, &self.group.guidance, &mut watch)
             .map_err(|error| self.interrupted(error, &baselines))?;
         let motions = self.motions(&guided.motion, Pass::Guided, &baselines)?;
 
@@ -66,12 +66,13 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let generations = jobs.enumerate().map(|(index, (job, (baseline, motion)))| {
             let generation = Generation {
                 cut_tokens: job.cut,
-                scale: scales[index].clone(),
+                goals: goals[index].clone(),
                 guided: motion,
                 baseline,
-                guided_laban: self.series(&guided.features, index),
-                target: self.series(&guided.target_features, index),
-                baseline_laban: self.series(&guided.baseline_features, index),
+                guided_laban: self.series(&guided.whole.guided, index),
+                target: self.series(&guided.whole.target, index),
+                baseline_laban: self.series(&guided.whole.baseline, index),
+                parts: self.parts(&goals[index], &guided, index),
                 loss: guided.loss.iter().map(|losses| losses[index]).collect(),
             };
             (job.request, generation)
@@ -91,12 +92,13 @@ impl<'a, D: Denoiser> Run<'a, D> {
             let laban = self.series(&features, index);
             let generation = Generation {
                 cut_tokens: job.cut,
-                scale: ScaleCurve::default(),
+                goals: Goals::default(),
                 guided: motion.clone(),
                 baseline: motion,
                 guided_laban: laban.clone(),
                 target: laban.clone(),
                 baseline_laban: laban,
+                parts: Vec::new(),
                 loss: Vec::new(),
             };
             (job.request, generation)
@@ -161,6 +163,24 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let frames = self.group.jobs[index].frames;
         let rows = features.clone().narrow(0, index, 1).narrow(1, 0, frames);
         LabanSeries::from_tensor(rows.reshape([frames, COMPONENTS]))
+    }
+
+    /// Laban features of the parts that a motion asks something of.
+    fn parts(&self, goals: &Goals, guided: &Guided, index: usize) -> Vec<PartLaban> {
+        let all = &self.group.guidance.laban.end_effectors;
+        let own = goals.terms(all).into_iter().skip(1);
+        let own = own.map(|term| {
+            let found = guided.parts.iter();
+            let mut found = found.filter(|part| part.end_effectors == term.end_effectors);
+            let part = found.next().unwrap_or(&guided.whole);
+            PartLaban {
+                end_effectors: term.end_effectors,
+                baseline: self.series(&part.baseline, index),
+                target: self.series(&part.target, index),
+                guided: self.series(&part.guided, index),
+            }
+        });
+        own.collect()
     }
 
     /// The end of a pass before its time. `baselines` are empty until the first pass is finished.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{Batch, Guidance, Sampler, Schedule, Step, noise};
-use lamogen_laban::{Divisor, LabanFeatures, LabanOptions, Smoothing, Target};
+use lamogen_laban::{Divisor, Goals, LabanFeatures, LabanOptions, Smoothing, Target};
 use lamogen_model::{
     Checkpoint, CrossAttentionContext, Denoiser, DenoiserInput, FrameMask, ModelConfig,
     MotionDiffuse, Prompt,
@@ -156,6 +156,7 @@ impl Network {
             x_t: x_t.clone(),
             time: self.model.embed_timesteps(&timesteps),
             embedding: prompt.embedding.clone(),
+            modulation: None,
             mask: FrameMask::new(&lengths, x_t.dims()[1], &case.device),
         };
         let eps = self.model.denoise(input, &prompt.context);
@@ -264,8 +265,8 @@ pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError>
     let baseline = features.measure(joints.clone());
     actual.insert("out.laban", Actual::of(baseline.clone(), SINGLE));
 
-    let scales = vec![case.scale()?.into(); batch];
-    let target = Target::new(baseline, &lengths, &scales, Divisor::Frame, 1.0);
+    let goals = vec![Goals::from(case.scale()?).whole().clone(); batch];
+    let target = Target::new(baseline, &lengths, &goals, Divisor::Frame, [1.0; 4]);
     let leaf = (joints * 0.9).autodiff().require_grad();
     let loss = target.loss(features.measure(leaf.clone())).sum();
     let gradient = leaf

@@ -32,7 +32,7 @@ fn options() -> [(&'static str, Guidance); 6] {
         (
             "out.emphasis_10",
             Guidance {
-                emphasis: 10.0,
+                emphasis: [10.0; 4],
                 ..fast()
             },
         ),

@@ -9,27 +9,26 @@ mod optimised;
 mod subjects;
 
 use burn::tensor::Tensor;
-use lamogen_laban::ScaleCurve;
+use lamogen_laban::Goals;
 use lamogen_model::Denoiser;
 
 use crate::error::GuideError;
 use crate::guidance::{Guidance, Moved};
 use crate::observer::{Observer, Pass, Step};
 use crate::sampler::{Batch, Sampler};
+pub use objective::Reached;
 use objective::{Broken, Objective};
-use subjects::Subject;
+use subjects::{Condition, Subject, Told};
 
 /// What the guided pass gives.
 #[derive(Clone, Debug)]
 pub struct Guided {
     /// The motions, normalised, `[batch, frames, features]`.
     pub motion: Tensor<3>,
-    /// Their Laban features, `[batch, frames, 4]`.
-    pub features: Tensor<3>,
-    /// Laban features of the baseline, `[batch, frames, 4]`.
-    pub baseline_features: Tensor<3>,
-    /// Laban features to reach, `[batch, frames, 4]`.
-    pub target_features: Tensor<3>,
+    /// Laban features of the whole body.
+    pub whole: Reached,
+    /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
+    pub parts: Vec<Reached>,
     /// The Laban loss of each motion at every step: `[step][motion]`.
     pub loss: Vec<Vec<f32>>,
 }
@@ -38,23 +37,23 @@ impl<D: Denoiser> Sampler<'_, D> {
     /// Pass 2: from the same noise towards the scaled Laban features of the baseline (paper,
     /// section "Step 2: Laban-Guided Generation").
     ///
-    /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there is one
-    /// scale for each motion.
+    /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there are
+    /// goals for each motion, such as a scale.
     ///
     /// # Errors
     ///
-    /// If an option makes no sense, the observer stops the run, or a loss or gradient is not
+    /// If an option makes no sense, the network has no scales and shifts to move, the observer stops the run, or a loss or gradient is not
     /// finite.
     ///
     /// # Panics
     ///
-    /// If noise, lengths, prompts, baseline and scales are not of as many motions, or a length is 0 or
+    /// If noise, lengths, prompts, baseline and goals are not of as many motions, or a length is 0 or
     /// beyond the noise's frames.
     pub fn guided(
         &self,
         batch: &Batch<D::Context>,
         baseline: Tensor<3>,
-        scales: &[ScaleCurve],
+        goals: &[Goals],
         guidance: &Guidance,
         observer: &mut dyn Observer,
     ) -> Result<Guided, GuideError> {
@@ -64,14 +63,20 @@ impl<D: Denoiser> Sampler<'_, D> {
             self.normalization,
             baseline.clone(),
             lengths,
-            scales,
+            goals,
             guidance,
         );
         let embedding = &batch.prompt.embedding;
+        let condition = |told| -> Box<dyn Subject + '_> {
+            let condition = Condition::new(self, &objective, batch, told, guidance);
+            Box::new(condition)
+        };
         let subject: Box<dyn Subject + '_> = match guidance.moved {
-            Moved::Embedding => {
-                Box::new(subjects::Embedding::new(self, &objective, batch, guidance))
-            }
+            Moved::Embedding => condition(Told::Embedding),
+            Moved::Modulation => match self.model.modulations() {
+                0 => return Err(GuideError::NoModulation),
+                _ => condition(Told::Modulation),
+            },
             Moved::Prediction => {
                 Box::new(subjects::Prediction::new(self, &objective, batch, guidance))
             }
@@ -83,11 +88,11 @@ impl<D: Denoiser> Sampler<'_, D> {
             )),
         };
         let (motion, loss) = pursue(subject, observer)?;
+        let mut reached = objective.reached(motion.clone()).into_iter();
         Ok(Guided {
-            features: objective.measure(motion.clone()),
-            target_features: objective.target(),
             motion,
-            baseline_features: objective.baseline,
+            whole: reached.next().expect("the whole body is a term"),
+            parts: reached.collect(),
             loss,
         })
     }

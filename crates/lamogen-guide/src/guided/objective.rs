@@ -1,7 +1,9 @@
 //! What motions shall become, and how far they are from it.
 
 use burn::tensor::Tensor;
-use lamogen_laban::{COMPONENTS, Component, LabanFeatures, ScaleCurve, Target};
+use lamogen_laban::{
+    COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, Target,
+};
 use lamogen_motion::{Normalization, joints};
 
 use crate::error::Quantity;
@@ -10,10 +12,30 @@ use crate::guidance::Guidance;
 /// Laban features to reach, and the loss of not reaching them.
 pub(super) struct Objective<'a> {
     normalization: &'a Normalization,
+    /// First that of the whole body, then those of parts that any motion of the batch asks something of.
+    terms: Vec<Term>,
+}
+
+/// The same of one set of end-effectors.
+struct Term {
+    end_effectors: EndEffectors,
     features: LabanFeatures,
     target: Target,
     /// Of the baseline, `[batch, frames, 4]`.
-    pub(super) baseline: Tensor<3>,
+    baseline: Tensor<3>,
+}
+
+/// Laban features of one set of end-effectors, before, asked for and after: `[batch, frames, 4]`.
+#[derive(Clone, Debug)]
+pub struct Reached {
+    /// The joints whose Weight, Time and Flow it is; Shape is that of the whole body.
+    pub end_effectors: EndEffectors,
+    /// Of the baseline.
+    pub baseline: Tensor<3>,
+    /// To reach; the baseline's where nothing is asked for.
+    pub target: Tensor<3>,
+    /// Of the motions that guidance made.
+    pub guided: Tensor<3>,
 }
 
 /// How what is moved becomes motions.
@@ -49,36 +71,45 @@ impl<'a> Objective<'a> {
         normalization: &'a Normalization,
         baseline: Tensor<3>,
         lengths: &[usize],
-        scales: &[ScaleCurve],
+        goals: &[Goals],
         guidance: &Guidance,
     ) -> Self {
         let [_, frames, _] = baseline.dims();
-        let features = LabanFeatures::new(&guidance.laban, frames, lengths, &baseline.device());
-        let baseline = features.measure(joints(normalization.denormalize(baseline)));
-        let target = Target::new(
-            baseline.clone(),
-            lengths,
-            scales,
-            guidance.divisor,
-            guidance.emphasis,
-        );
+        let baseline = joints(normalization.denormalize(baseline));
+        let terms = by_end_effectors(goals, &guidance.laban.end_effectors);
+        let terms = terms.into_iter().map(|(end_effectors, goals)| {
+            let options = LabanOptions {
+                end_effectors: end_effectors.clone(),
+                ..guidance.laban.clone()
+            };
+            let features = LabanFeatures::new(&options, frames, lengths, &baseline.device());
+            let baseline = features.measure(baseline.clone());
+            let (divisor, emphasis) = (guidance.divisor, guidance.emphasis);
+            Term {
+                target: Target::new(baseline.clone(), lengths, &goals, divisor, emphasis),
+                end_effectors,
+                features,
+                baseline,
+            }
+        });
         Objective {
             normalization,
-            features,
-            target,
-            baseline,
+            terms: terms.collect(),
         }
     }
 
-    /// Laban features of normalised motions, `[batch, frames, 4]`.
-    pub(super) fn measure(&self, motions: Tensor<3>) -> Tensor<3> {
-        self.features
-            .measure(joints(self.normalization.denormalize(motions)))
-    }
-
-    /// The features to reach, `[batch, frames, 4]`.
-    pub(super) fn target(&self) -> Tensor<3> {
-        self.target.features()
+    /// What became of it in finished motions, normalised: of the whole body first.
+    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<Reached> {
+        let joints = joints(self.normalization.denormalize(motions));
+        let terms = self.terms.into_iter();
+        terms
+            .map(|term| Reached {
+                end_effectors: term.end_effectors,
+                baseline: term.baseline,
+                target: term.target.features(),
+                guided: term.features.measure(joints.clone()),
+            })
+            .collect()
     }
 
     /// The loss, and its gradient back along a way. The way is asked for again only to find what broke.
@@ -119,8 +150,11 @@ impl<'a> Objective<'a> {
         clean: &dyn Fn(Tensor<3>) -> Tensor<3>,
     ) -> (Tensor<3>, Tensor<2>) {
         let leaf = leaf.clone().autodiff().require_grad();
-        let features = self.measure(clean(leaf.clone()));
-        (leaf, self.target.loss(features))
+        let joints = joints(self.normalization.denormalize(clean(leaf.clone())));
+        let losses = { self.terms.iter() }
+            .map(|term| term.target.loss(term.features.measure(joints.clone())));
+        let loss = losses.reduce(|all, loss| all + loss);
+        (leaf, loss.expect("the whole body is a term"))
     }
 
     /// The component whose gradient is not finite for a motion; the first where each is finite
@@ -136,6 +170,29 @@ impl<'a> Objective<'a> {
             })
             .unwrap_or(Component::Weight)
     }
+}
+
+/// What each motion asks of every set of end-effectors that any of them names; the whole body's first.
+fn by_end_effectors(
+    goals: &[Goals],
+    all: &EndEffectors,
+) -> Vec<(EndEffectors, Vec<[Goal; COMPONENTS]>)> {
+    let nothing = || vec![[const { Goal::Any }; COMPONENTS]; goals.len()];
+    let mut sets = vec![(all.clone(), nothing())];
+    for (motion, goals) in goals.iter().enumerate() {
+        for term in goals.terms(all) {
+            let place = sets.iter().position(|(set, _)| *set == term.end_effectors);
+            let place = place.unwrap_or_else(|| {
+                sets.push((term.end_effectors, nothing()));
+                sets.len() - 1
+            });
+            let asked = sets[place].1[motion].iter_mut().zip(term.goals);
+            for (all, goal) in asked.filter(|(_, goal)| *goal != Goal::Any) {
+                *all = goal;
+            }
+        }
+    }
+    sets
 }
 
 /// The gradient of a loss with respect to a leaf: zeros where it does not depend on it.

@@ -8,7 +8,6 @@ use crate::guidance::Guidance;
 /// What Adam moves, with its moments.
 pub(super) struct Optimised<const D: usize> {
     pub(super) value: Tensor<D>,
-    learning_rate: f64,
     adam: Adam,
     state: Option<AdamState<D>>,
 }
@@ -24,16 +23,15 @@ impl<const D: usize> Optimised<D> {
             .build();
         Optimised {
             value,
-            learning_rate: guidance.learning_rate,
             adam,
             state: None,
         }
     }
 
     /// A step down a gradient.
-    pub(super) fn update(&mut self, gradient: Tensor<D>) {
+    pub(super) fn update(&mut self, gradient: Tensor<D>, learning_rate: f64) {
         let (value, state) = self.adam.step(
-            self.learning_rate,
+            learning_rate,
             self.value.clone(),
             gradient,
             self.state.take(),

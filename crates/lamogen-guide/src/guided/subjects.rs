@@ -1,7 +1,7 @@
 //! What may be moved towards the target: each says what a step does to it.
 //!
 //! ```text
-//! Embedding    e ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
+//! Condition    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
 //! Prediction              clean motion ──▶ loss                    at every DDIM step
 //! Motion                  finished motion ──▶ loss                 again and again
 //! Noise        z ──all steps of a pass──▶ finished motion ──▶ loss again and again
@@ -19,7 +19,7 @@ use crate::sampler::{Batch, Latent, Sampler, mix};
 pub(super) struct Made {
     /// Of each motion, before the step's last update.
     pub(super) loss: Vec<f32>,
-    /// With respect to the embedding, where that is moved.
+    /// With respect to the embedding or modulation, where that is moved.
     pub(super) gradient: Option<Tensor<2>>,
     /// The clean motions as they are now seen, normalised.
     pub(super) prediction: Tensor<3>,
@@ -43,40 +43,74 @@ pub(super) trait Subject {
     fn finish(self: Box<Self>) -> Tensor<3>;
 }
 
-/// The sentence embedding (the paper's method).
-pub(super) struct Embedding<'s, 'a, D: Denoiser> {
+/// What the network is told of the sentence: its embedding (the paper's method), or the scales and shifts that this becomes in
+/// the stylization layers.
+pub(super) struct Condition<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     latent: Latent<'s, D::Context>,
     optimised: Optimised<2>,
-    updates: usize,
-    update: Update,
+    told: Told,
+    guidance: &'s Guidance,
 }
 
-impl<'s, 'a, D: Denoiser> Embedding<'s, 'a, D> {
+/// Which part of a latent is moved.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Told {
+    Embedding,
+    Modulation,
+}
+
+impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
     pub(super) fn new(
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
-        guidance: &Guidance,
+        told: Told,
+        guidance: &'s Guidance,
     ) -> Self {
-        Embedding {
+        let latent = sampler.start(batch);
+        let start = match told {
+            Told::Embedding => latent.embedding.clone(),
+            Told::Modulation => {
+                let shape = [batch.lengths.len(), sampler.model.modulations()];
+                Tensor::zeros(shape, &latent.embedding.device())
+            }
+        };
+        let mut condition = Condition {
             sampler,
             objective,
-            latent: sampler.start(batch),
-            optimised: Optimised::new(batch.prompt.embedding.clone(), guidance),
-            updates: guidance.updates_per_step,
-            update: guidance.update,
+            latent,
+            optimised: Optimised::new(start, guidance),
+            told,
+            guidance,
+        };
+        condition.tell();
+        condition
+    }
+
+    fn move_down(&mut self, gradient: Tensor<2>, index: usize) {
+        let rate = self.guidance.rate(index, self.steps());
+        self.optimised.update(gradient, rate);
+        self.tell();
+    }
+
+    /// Hands what is moved to the network.
+    fn tell(&mut self) {
+        let value = self.optimised.value.clone();
+        match self.told {
+            Told::Embedding => self.latent.embedding = value,
+            Told::Modulation => self.latent.modulation = Some(value),
         }
     }
 
     fn gradient(&self, index: usize) -> Result<Gradient<2>, Broken> {
-        let Embedding {
+        let Condition {
             sampler, latent, ..
         } = self;
         let step = &sampler.steps()[index];
         self.objective.gradient(|| {
-            let linearized = sampler.linearize(latent, index, self.optimised.value.clone());
+            let linearized = sampler.linearize(latent, index);
             Way {
                 leaf: linearized.output.clone(),
                 clean: Box::new(|output| sampler.clean(latent, output, step)),
@@ -86,7 +120,7 @@ impl<'s, 'a, D: Denoiser> Embedding<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Subject for Embedding<'_, '_, D> {
+impl<D: Denoiser> Subject for Condition<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }
@@ -97,17 +131,14 @@ impl<D: Denoiser> Subject for Embedding<'_, '_, D> {
 
     fn step(&mut self, index: usize) -> Result<Made, Broken> {
         let mut found = self.gradient(index)?;
-        for _ in 1..self.updates {
-            self.optimised.update(found.gradient);
+        for _ in 1..self.guidance.updates_per_step {
+            self.move_down(found.gradient, index);
             found = self.gradient(index)?;
         }
-        self.optimised.update(found.gradient.clone());
-        let output = match self.update {
+        self.move_down(found.gradient.clone(), index);
+        let output = match self.guidance.update {
             Update::Lagged => found.leaf,
-            Update::Immediate => {
-                let embedding = self.optimised.value.clone();
-                self.sampler.evaluate(&self.latent, index, embedding)
-            }
+            Update::Immediate => self.sampler.evaluate(&self.latent, index),
         };
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean(&self.latent, output.clone(), step);
@@ -120,7 +151,7 @@ impl<D: Denoiser> Subject for Embedding<'_, '_, D> {
     }
 
     fn embedding(&self) -> &Tensor<2> {
-        &self.optimised.value
+        &self.latent.embedding
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
@@ -133,9 +164,7 @@ pub(super) struct Prediction<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     latent: Latent<'s, D::Context>,
-    embedding: &'s Tensor<2>,
-    updates: usize,
-    rate: f64,
+    guidance: &'s Guidance,
 }
 
 impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
@@ -143,15 +172,13 @@ impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
-        guidance: &Guidance,
+        guidance: &'s Guidance,
     ) -> Self {
         Prediction {
             sampler,
             objective,
             latent: sampler.start(batch),
-            embedding: &batch.prompt.embedding,
-            updates: guidance.updates_per_step,
-            rate: guidance.learning_rate,
+            guidance,
         }
     }
 }
@@ -168,14 +195,15 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
     fn step(&mut self, index: usize) -> Result<Made, Broken> {
         let (sampler, latent) = (self.sampler, &mut self.latent);
         let step = &sampler.steps()[index];
-        let output = sampler.evaluate(latent, index, self.embedding.clone());
+        let output = sampler.evaluate(latent, index);
         let mut prediction = sampler.clean(latent, output.clone(), step);
         // The noise stays what the network saw.
         let noise = sampler.noise(latent, latent.x.clone(), &prediction, output, step);
         let mut loss = Vec::new();
-        for _ in 0..self.updates {
+        let rate = self.guidance.rate(index, sampler.steps().len());
+        for _ in 0..self.guidance.updates_per_step {
             let found = { self.objective }.gradient(|| itself(&prediction))?;
-            prediction = prediction - found.gradient * self.rate;
+            prediction = prediction - found.gradient * rate;
             loss = found.loss;
         }
         latent.x = mix(&prediction, noise, step);
@@ -187,7 +215,7 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
     }
 
     fn embedding(&self) -> &Tensor<2> {
-        self.embedding
+        &self.latent.embedding
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
@@ -201,6 +229,7 @@ pub(super) struct Motion<'s, 'a> {
     optimised: Optimised<3>,
     embedding: &'s Tensor<2>,
     iterations: usize,
+    guidance: &'s Guidance,
 }
 
 impl<'s, 'a> Motion<'s, 'a> {
@@ -209,13 +238,14 @@ impl<'s, 'a> Motion<'s, 'a> {
         baseline: Tensor<3>,
         embedding: &'s Tensor<2>,
         iterations: usize,
-        guidance: &Guidance,
+        guidance: &'s Guidance,
     ) -> Self {
         Motion {
             objective,
             optimised: Optimised::new(baseline, guidance),
             embedding,
             iterations,
+            guidance,
         }
     }
 }
@@ -229,9 +259,10 @@ impl Subject for Motion<'_, '_> {
         0
     }
 
-    fn step(&mut self, _: usize) -> Result<Made, Broken> {
+    fn step(&mut self, index: usize) -> Result<Made, Broken> {
         let found = { self.objective }.gradient(|| itself(&self.optimised.value))?;
-        self.optimised.update(found.gradient);
+        let rate = self.guidance.rate(index, self.iterations);
+        self.optimised.update(found.gradient, rate);
         Ok(Made {
             loss: found.loss,
             gradient: None,
@@ -259,6 +290,7 @@ pub(super) struct Noise<'s, 'a, D: Denoiser> {
     /// How long the noise of each motion is, `[batch, 1, 1]`: it stays so.
     length: Tensor<3>,
     iterations: usize,
+    guidance: &'s Guidance,
 }
 
 impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
@@ -267,7 +299,7 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
         iterations: usize,
-        guidance: &Guidance,
+        guidance: &'s Guidance,
     ) -> Self {
         let keep = sampler.start(batch).mask.keep();
         Noise {
@@ -278,22 +310,18 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
             objective,
             batch,
             iterations,
+            guidance,
         }
     }
 
     /// A whole pass from a noise, with the way back to it.
     fn pass(&self) -> Way<'_, 3> {
-        let (sampler, embedding) = (self.sampler, &self.batch.prompt.embedding);
+        let sampler = self.sampler;
         let mut latent = sampler.start(self.batch);
         latent.x = self.optimised.value.clone();
         let mut back: Vec<Box<dyn FnOnce(Tensor<3>) -> Tensor<3> + '_>> = Vec::new();
         for (index, step) in sampler.steps().iter().enumerate() {
-            let seen = sampler.linearize_motion(
-                &latent,
-                &self.batch.prompt.context,
-                index,
-                embedding.clone(),
-            );
+            let seen = sampler.linearize_motion(&latent, &self.batch.prompt.context, index);
             let (x, output) = (latent.x.clone(), seen.output.clone());
             let prediction = sampler.clean(&latent, output.clone(), step);
             let next = sampler.advance(&latent, &prediction, output.clone(), step);
@@ -332,9 +360,10 @@ impl<D: Denoiser> Subject for Noise<'_, '_, D> {
         0
     }
 
-    fn step(&mut self, _: usize) -> Result<Made, Broken> {
+    fn step(&mut self, index: usize) -> Result<Made, Broken> {
         let found = { self.objective }.gradient(|| self.pass())?;
-        self.optimised.update(found.gradient);
+        let rate = self.guidance.rate(index, self.iterations);
+        self.optimised.update(found.gradient, rate);
         // Adam would let it grow, and noise of another size is none that the network knows.
         let noise = self.optimised.value.clone();
         self.optimised.value = noise.clone() * (self.length.clone() / length(&noise, &self.keep));

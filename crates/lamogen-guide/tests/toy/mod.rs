@@ -14,6 +14,11 @@ pub trait Says {
         Prediction::Sample
     }
 
+    /// How many scales and shifts it has.
+    fn modulations(&self) -> usize {
+        0
+    }
+
     fn says(&self, input: DenoiserInput) -> Tensor<3>;
 }
 
@@ -45,6 +50,10 @@ impl<S: Says> Denoiser for Toy<S> {
 
     fn device(&self) -> Device {
         Device::flex()
+    }
+
+    fn modulations(&self) -> usize {
+        self.0.modulations()
     }
 
     fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {

@@ -117,6 +117,7 @@ pub(super) struct Evaluation {
     decoder: Decoder<Numbers>,
     x_t: Numbers,
     condition: Numbers,
+    modulation: Option<Numbers>,
     text: Vec<Numbers>,
     lengths: Vec<usize>,
     /// Batch, frames, features.
@@ -141,7 +142,12 @@ impl Evaluation {
         let condition = input.time.clone() + input.embedding.clone();
         let condition_shape = condition.dims();
         let text = context.0.iter().cloned();
+        let modulation = match input.modulation.clone() {
+            Some(modulation) => Some(Numbers::of(modulation)?),
+            None => None,
+        };
         Some(Evaluation {
+            modulation,
             shape,
             x_t,
             condition: Numbers::of(condition)?,
@@ -167,11 +173,22 @@ impl Evaluation {
 
     /// The gradient with respect to the embedding.
     pub(super) fn backward(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
-        let gradient = Numbers::of(gradient).expect(
-            "a gradient of 32-bit floats that lies where the output does and is not tracked",
-        );
+        let gradient = untracked(gradient);
         let out = self.with_input(|input| self.decoder.backward(input, tape, gradient.as_ref()));
         tensor(out, self.condition_shape)
+    }
+
+    /// The gradient with respect to what is added to scales and shifts.
+    pub(super) fn backward_to_modulation(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
+        let gradient = untracked(gradient);
+        let backward = |input: Input<'_>| {
+            let decoder = &self.decoder;
+            decoder.backward_to_modulation(input, tape, gradient.as_ref())
+        };
+        let out = self.with_input(backward);
+        let [motions, _, _] = self.shape;
+        let width = out.len() / motions;
+        tensor(out, [motions, width])
     }
 
     /// The network's output, and what [`gradients`](Self::gradients) needs.
@@ -184,9 +201,7 @@ impl Evaluation {
 
     /// The gradient with respect to the noisy motion; of an evaluation recorded for training.
     pub(super) fn backward_to_motion(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<3> {
-        let gradient = Numbers::of(gradient).expect(
-            "a gradient of 32-bit floats that lies where the output does and is not tracked",
-        );
+        let gradient = untracked(gradient);
         let backward = |input: Input<'_>| {
             let decoder = &self.decoder;
             decoder.backward_to_motion(input, tape, gradient.as_ref())
@@ -196,7 +211,7 @@ impl Evaluation {
 
     /// All gradients from that of the output.
     pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> Gradients {
-        let gradient = Numbers::of(gradient).expect("a gradient on the CPU that is not tracked");
+        let gradient = untracked(gradient);
         self.with_input(|input| self.decoder.gradients(input, tape, gradient.as_ref()))
     }
 
@@ -210,11 +225,18 @@ impl Evaluation {
         function(Input {
             x_t: self.x_t.as_ref(),
             condition: self.condition.as_ref(),
+            modulation: self.modulation.as_ref().map(AsRef::as_ref),
             text: &text,
             lengths: &self.lengths,
             frames,
         })
     }
+}
+
+/// The numbers of a gradient that a caller hands back.
+fn untracked(gradient: Tensor<3>) -> Numbers {
+    Numbers::of(gradient)
+        .expect("a gradient of 32-bit floats that lies where the output does and is not tracked")
 }
 
 pub(super) fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {

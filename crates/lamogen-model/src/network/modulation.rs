@@ -27,14 +27,29 @@ impl Modulations {
         }
     }
 
+    /// Scales and shifts of all layers.
+    pub(super) fn width(&self) -> usize {
+        let [_, width] = self.project.weight.lazy_shape().dims();
+        width
+    }
+
     /// Modulations in the order of the layers.
     ///
     /// # Shapes
     ///
     /// - `condition`: `[batch, d_condition]`, timestep plus sentence embedding
-    pub(super) fn forward(&self, condition: Tensor<2>) -> impl Iterator<Item = Modulation> {
+    /// - `added`: `[batch, width]`, to all scales and shifts
+    pub(super) fn forward(
+        &self,
+        condition: Tensor<2>,
+        added: Option<Tensor<2>>,
+    ) -> impl Iterator<Item = Modulation> {
         let latent = self.latent;
-        let all = self.project.forward(silu(condition)).unsqueeze_dim::<3>(1);
+        let mut all = self.project.forward(silu(condition));
+        if let Some(added) = added {
+            all = all + added;
+        }
+        let all = all.unsqueeze_dim::<3>(1);
         let [_, _, width] = all.dims();
         let part = move |start: usize| all.clone().narrow(2, start, latent);
         (0..width).step_by(2 * latent).map(move |start| Modulation {

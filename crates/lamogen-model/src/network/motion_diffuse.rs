@@ -144,6 +144,25 @@ impl Denoiser for MotionDiffuse {
         Linearized::by_autodiff(input, |input| self.forward(input, context))
     }
 
+    fn modulations(&self) -> usize {
+        self.modulations.width()
+    }
+
+    fn linearize_modulation<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a CrossAttentionContext,
+    ) -> Linearized<'a> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.on_cpu(&input, context) {
+            let (output, tape) = evaluation.record();
+            return Linearized::new(output, move |gradient| {
+                evaluation.backward_to_modulation(tape, gradient)
+            });
+        }
+        Linearized::of_modulation_by_autodiff(input, |input| self.forward(input, context))
+    }
+
     fn linearize_motion<'a>(
         &'a self,
         input: DenoiserInput,
@@ -169,7 +188,7 @@ impl MotionDiffuse {
     ) -> Tensor<3> {
         let [_, frames, _] = input.x_t.dims();
         let condition = input.time + input.embedding;
-        let mut modulations = self.modulations.forward(condition);
+        let mut modulations = self.modulations.forward(condition, input.modulation);
         let positions = self.frame_embedding.val().narrow(0, 0, frames);
         let mut x = self.pose_embedding.forward(input.x_t) + positions.unsqueeze();
         for (block, context) in self.blocks.iter().zip(&context.0) {

@@ -102,6 +102,7 @@ impl MotionDiffuse {
             x_t: batch.x_t,
             time: self.embed_timesteps(&batch.timesteps),
             embedding: prompt.embedding,
+            modulation: None,
             mask: batch.mask,
         };
         (input, prompt.context)
@@ -120,6 +121,7 @@ impl MotionDiffuse {
             x_t: input.x_t.clone().inner(),
             time: input.time.clone().inner(),
             embedding: input.embedding.clone().inner(),
+            modulation: None,
             mask: input.mask.clone(),
         };
         let context = context.0.iter().map(|text| text.clone().inner());

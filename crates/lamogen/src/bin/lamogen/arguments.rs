@@ -6,15 +6,16 @@ use std::str::FromStr;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
+use lamogen::laban::GoalError;
 use lamogen::{
-    COMPONENTS, Coherence, Component, DeviceName, Factor, FactorError, Preset, Request, Scale,
-    ScaleCurve,
+    COMPONENTS, Coherence, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
 };
 use serde::{Deserialize, Serialize};
 
 use lamogen_data::Split;
 
 use crate::eval::{Method, Study};
+use crate::goals::Asked;
 use crate::output::{Format, Output};
 
 /// Human motion from a sentence and a few words of Laban movement analysis.
@@ -92,7 +93,8 @@ pub enum Task {
 
 const GENERATE_HELP: &str = "\
 Factors are numbers, words, or keys over time: --weight strong, --weight 1.5, --weight \"0:1 1:1.5 2:0.5\" \
-(second:factor, each holds until the next; with ~ between two keys the factor slides).
+(second:factor, each holds until the next; with ~ between two keys the factor slides). Instead of a factor peak= and mean= ask \
+for a value, in the unit that lamogen laban prints, and any for nothing at all.
 
 Files: .glb and .bvh for Blender and engines, .npy (joints) and .features.npy for NumPy, .html a page that \
 plays the motion, .gif, .svg and .png pictures, .csv the Laban series, .json everything.
@@ -100,6 +102,8 @@ plays the motion, .gif, .svg and .png pictures, .csv the Laban series, .json eve
 Examples:
   lamogen generate \"a person jumps\" --weight strong --time sudden --seconds 4 --seed 7 --out jump.glb
   lamogen generate \"a person walks\" --weight \"0:light 2:strong\" --emphasis 10 --out walk.html
+  lamogen generate \"a person walks\" --part arms:strong --part legs:light --out arms.html
+  lamogen generate \"a person dances\" --like dance.bvh --shape any --out alike.html
   lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
 
 const BATCH_HELP: &str = "\
@@ -185,7 +189,7 @@ pub struct PassArguments {
     /// DDIM steps of each pass, 1 to 1000.
     #[arg(long)]
     pub steps: Option<usize>,
-    /// Steps and guidance together: fast is the embedded model's default, paper that of others.
+    /// Steps and guidance together: precise is the embedded model's default, paper that of others.
     #[arg(long, value_enum)]
     pub preset: Option<PresetName>,
     /// How much the components that shall change count in the loss beside those that shall not: more follows
@@ -197,6 +201,7 @@ pub struct PassArguments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PresetName {
+    Precise,
     Fast,
     Paper,
 }
@@ -204,6 +209,7 @@ pub enum PresetName {
 impl PresetName {
     pub fn name(self) -> &'static str {
         match self {
+            PresetName::Precise => "precise",
             PresetName::Fast => "fast",
             PresetName::Paper => "paper",
         }
@@ -212,6 +218,7 @@ impl PresetName {
     /// The name of what a model runs with.
     pub fn of(preset: Preset) -> PresetName {
         match preset {
+            Preset::Precise => PresetName::Precise,
             Preset::Fast => PresetName::Fast,
             Preset::Paper => PresetName::Paper,
         }
@@ -219,6 +226,7 @@ impl PresetName {
 
     pub fn preset(self) -> Preset {
         match self {
+            PresetName::Precise => Preset::Precise,
             PresetName::Fast => Preset::Fast,
             PresetName::Paper => Preset::Paper,
         }
@@ -235,57 +243,57 @@ impl PassArguments {
         }
         if let Some(emphasis) = self.emphasis {
             let mut guidance = preset.guidance();
-            guidance.emphasis = emphasis;
+            guidance.emphasis = [emphasis; COMPONENTS];
             request = request.guidance(guidance);
         }
         request
     }
 }
 
-/// Factors on the components.
+/// What the components shall become.
 #[derive(Args, Clone)]
-pub struct FactorArguments {
-    /// Factor on Weight (kinetic energy): light, strong, a number, or keys over time.
-    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Weight))]
-    pub weight: Option<Factor>,
-    /// Factor on Time (acceleration): sustained, sudden, a number, or keys over time.
-    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Time))]
-    pub time: Option<Factor>,
-    /// Factor on Flow (jerk): bound, free, a number, or keys over time.
-    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Flow))]
-    pub flow: Option<Factor>,
-    /// Factor on Shape (the room that the body takes): near, far, a number, or keys over time.
-    #[arg(long, value_name = "FACTOR", value_parser = factor(Component::Shape))]
-    pub shape: Option<Factor>,
+pub struct GoalArguments {
+    /// Weight (kinetic energy): light, strong, a factor, keys over time, peak=, mean=, or any.
+    #[arg(long, value_name = "GOAL", value_parser = goal(Component::Weight))]
+    pub weight: Option<Goal>,
+    /// Time (acceleration): sustained, sudden, a factor, keys over time, peak=, mean=, or any.
+    #[arg(long, value_name = "GOAL", value_parser = goal(Component::Time))]
+    pub time: Option<Goal>,
+    /// Flow (jerk): bound, free, a factor, keys over time, peak=, mean=, or any.
+    #[arg(long, value_name = "GOAL", value_parser = goal(Component::Flow))]
+    pub flow: Option<Goal>,
+    /// Shape (the room that the body takes): near, far, a factor, keys over time, peak=, mean=, or any.
+    #[arg(long, value_name = "GOAL", value_parser = goal(Component::Shape))]
+    pub shape: Option<Goal>,
     /// Factors on Weight, Time, Flow and Shape at once, such as 1.5,1.2,1,1.
     #[arg(long, value_name = "W,T,F,S", value_parser = scale, conflicts_with_all = ["weight", "time", "flow", "shape"])]
     pub scale: Option<Scale>,
+    /// A motion file whose Weight, Time, Flow and Shape shall be reached, stretched to this motion's length; --weight and the others
+    /// replace what it says of them.
+    #[arg(long, value_name = "FILE", conflicts_with = "scale")]
+    pub like: Option<PathBuf>,
+    /// A part of the body with factors of its own on Weight, Time and Flow, such as arms:strong,sudden or left-leg:weight=0.7; parts
+    /// are arms, left-arm, right-arm, legs, left-leg, right-leg, head and torso. May be given several times.
+    #[arg(long, value_name = "PART:WORDS")]
+    pub part: Vec<PartScale>,
 }
 
-impl FactorArguments {
-    /// The factors, if there are any.
-    pub fn curve(&self) -> Option<ScaleCurve> {
-        if let Some(scale) = self.scale {
-            return Some(scale.into());
+impl GoalArguments {
+    /// All that is asked for.
+    pub fn asked(&self) -> Asked<'_> {
+        Asked {
+            goals: [&self.weight, &self.time, &self.flow, &self.shape].map(Clone::clone),
+            scale: self.scale,
+            like: self.like.as_deref(),
+            parts: self.part.clone(),
         }
-        let factors = [&self.weight, &self.time, &self.flow, &self.shape];
-        curve(factors.map(Clone::clone))
     }
 }
 
-/// Factors in the order of the components; no curve if there is none.
-pub fn curve(factors: [Option<Factor>; COMPONENTS]) -> Option<ScaleCurve> {
-    let given = Component::ALL.into_iter().zip(factors);
-    given.fold(None, |curve, (component, factor)| match factor {
-        Some(factor) => Some(curve.unwrap_or_default().with(component, factor)),
-        None => curve,
-    })
-}
-
-fn factor(
+fn goal(
     component: Component,
-) -> impl Fn(&str) -> Result<Factor, FactorError> + Clone + Send + Sync + 'static {
-    move |text| Factor::parse(component, text)
+) -> impl Fn(&str) -> Result<Goal, GoalError> + Clone + Send + Sync + 'static {
+    move |text| Goal::parse(component, text)
 }
 
 fn scale(text: &str) -> Result<Scale, String> {
@@ -359,7 +367,7 @@ pub struct Generate {
     /// What the person does, such as "a person jumps".
     pub prompt: String,
     #[command(flatten)]
-    pub factors: FactorArguments,
+    pub goals: GoalArguments,
     /// Length in seconds.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f32,
@@ -373,7 +381,7 @@ pub struct Generate {
     #[arg(long, short, value_name = "FILE", default_value = "motion.html")]
     pub out: Vec<Output>,
     /// Only the motion of the text alone.
-    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "emphasis"])]
+    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "like", "part", "emphasis"])]
     pub baseline_only: bool,
     #[command(flatten)]
     pub pass: PassArguments,
@@ -521,10 +529,10 @@ pub struct Eval {
     #[arg(long, default_value_t = 10, value_parser = steps)]
     pub noise_steps: usize,
     /// What is compared with the text alone.
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "prompt", "raw", "classifier", "noise"])]
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "embedding", "prompt", "raw", "classifier", "noise"])]
     pub methods: Vec<Method>,
     /// What is varied; --studies without a name leaves all out.
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "learning-rate", "steps", "update", "updates", "emphasis", "divisor", "smoothing"])]
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "learning-rate", "rise", "steps", "update", "updates", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
     /// How many sentences each study is made with.
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
@@ -638,20 +646,27 @@ mod tests {
     }
 
     #[test]
-    fn factors_are_words_numbers_or_keys_of_their_own_component() {
+    fn goals_are_words_numbers_keys_or_values_of_their_own_component() {
         let parse = |arguments: &[&str]| {
             let all = [&["lamogen", "generate", "a person jumps"], arguments].concat();
             Arguments::try_parse_from(all).map(|arguments| match arguments.task {
-                Task::Generate(options) => options.factors.curve(),
+                Task::Generate(options) => {
+                    options.goals.asked().goals(&lamogen::Device::flex()).ok()?
+                }
                 _ => None,
             })
         };
         assert_eq!(parse(&[]).unwrap(), None);
-        let curve = parse(&["--weight", "0:1 1:1.5 2:0.5", "--time", "sudden"]);
-        let curve = curve.unwrap().unwrap();
-        assert_eq!(curve.at(1.5), [1.5, 1.2, 1.0, 1.0]);
-        let curve = parse(&["--scale", "1.5, 1.2,1,0.5"]).unwrap().unwrap();
-        assert_eq!(curve.at(0.0), [1.5, 1.2, 1.0, 0.5]);
+        let goals = parse(&["--weight", "0:1 1:1.5 2:0.5", "--time", "sudden"]);
+        let goals = goals.unwrap().unwrap();
+        assert_eq!(goals.scale().at(1.5), [1.5, 1.2, 1.0, 1.0]);
+        let goals = parse(&["--scale", "1.5, 1.2,1,0.5", "--part", "arms:light"]);
+        let goals = goals.unwrap().unwrap();
+        assert_eq!(goals.scale().at(0.0), [1.5, 1.2, 1.0, 0.5]);
+        assert_eq!(goals.parts().len(), 1);
+        let goals = parse(&["--shape", "peak=1.5", "--flow", "any"]);
+        let goals = goals.unwrap().unwrap();
+        assert_eq!(goals.to_string(), "Flow any, Shape peak=1.5");
         for (wrong, part) in [
             (&["--weight", "sudden"][..], "speaks of Time"),
             (&["--scale", "1,2,3"], "four numbers"),
@@ -664,6 +679,16 @@ mod tests {
                 &["--baseline-only", "--flow", "free"],
                 "cannot be used with",
             ),
+            (
+                &["--baseline-only", "--part", "arms:strong"],
+                "cannot be used with",
+            ),
+            (
+                &["--scale", "1,1,1,1", "--like", "a.bvh"],
+                "cannot be used with",
+            ),
+            (&["--part", "arms:far"], "Shape is of the whole body"),
+            (&["--shape", "mean=-1"], "at least 0"),
             (&["--samples", "0"], "1..=10000"),
         ] {
             let message = parse(wrong).unwrap_err().to_string();

@@ -21,7 +21,7 @@ use crate::failure::{Code, Failure};
 use crate::generate::facts;
 use crate::output::{Format, Output};
 use crate::scene::Scene;
-use crate::source::Source;
+use crate::source::{Source, device};
 use line::Item;
 
 /// Wrong lines that are named.
@@ -42,8 +42,9 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
         source: &source,
         console,
     };
-    let (finished, pending): (Vec<Item>, Vec<Item>) =
+    let (finished, mut pending): (Vec<Item>, Vec<Item>) =
         items.into_iter().partition(|item| work.is_finished(item));
+    work.prepare(&mut pending)?;
     work.check(&pending)?;
 
     let start = Instant::now();
@@ -134,7 +135,7 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn request(&self, item: &Item) -> Request {
-        item.request(&self.options.pass, self.source.preset)
+        item.request(&self.options.pass, self.source.model.preset())
     }
 
     /// What makes a motion this one: a finished file that says the same need not be made again.
@@ -185,6 +186,16 @@ impl Work<'_> {
                     .metadata()
                     .is_ok_and(|file| file.len() > 0)
             })
+    }
+
+    /// Reads what requests refer to, before anything is run.
+    fn prepare(&self, items: &mut [Item]) -> Result<(), Failure> {
+        let device = device(self.options.source.device)?;
+        let wrong = items.iter_mut().filter_map(|item| {
+            let reason = item.prepare(&device).err()?;
+            Some((item.number, reason))
+        });
+        refuse(&self.options.requests, wrong.collect())
     }
 
     /// Refuses requests that make no sense, before anything is run.

@@ -44,7 +44,7 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
     let judge = Judge::load(&options.evaluator, &device)
         .map_err(|error| Failure::new(Code::Input, error))?;
     let (prompts, real) = prompts(options, &source, &judge, console)?;
-    let plan = Plan::new(options, source.preset, prompts.len());
+    let plan = Plan::new(options, source.model.preset(), prompts.len());
     let work = Work {
         source: &source,
         judge: &judge,
@@ -271,6 +271,7 @@ fn check_identity(
     let Basis {
         preset,
         steps,
+        embedding_steps: _,
         noise_steps,
     } = plan.basis;
     let identity = json!({

@@ -11,21 +11,25 @@ use crate::failure::{Code, Failure};
 use crate::output::Output;
 use crate::report;
 use crate::scene::Scene;
-use crate::source::Source;
+use crate::source::{Source, device};
 
 pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     let seeds = seeds(options)?;
     let outputs = outputs(options, &seeds)?;
     let source = Source::open(&options.source, console)?;
+    let goals = options
+        .goals
+        .asked()
+        .goals(&device(options.source.device)?)?;
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
             let request = Request::new(&options.prompt)
                 .seconds(options.seconds)
                 .seed(seed);
-            let request = options.pass.apply(request, source.preset);
-            match options.factors.curve() {
-                Some(curve) => request.scale(curve),
+            let request = options.pass.apply(request, source.model.preset());
+            match goals.clone() {
+                Some(goals) => request.scale(goals),
                 None => request,
             }
         })
@@ -126,13 +130,13 @@ pub fn facts(
     pass: &PassArguments,
     source: &Source,
 ) -> Map<String, Value> {
-    let preset = pass.preset.unwrap_or(PresetName::of(source.preset));
+    let preset = pass.preset.unwrap_or(PresetName::of(source.model.preset()));
     let licence = source.model.licence().map(ToString::to_string);
     let facts = json!({
         "prompt": prompt,
         "seed": seed,
         "seconds": generation.guided.seconds(),
-        "scale": generation.scale.to_string(),
+        "goals": generation.goals.to_string(),
         "model": source.name,
         "licence": licence,
         "preset": preset.name(),
@@ -155,12 +159,7 @@ fn result(scene: &Scene, outputs: &[Output], json: bool) -> String {
         return Value::from(summary).to_string();
     }
     let table = match (&scene.motions[..], &scene.target) {
-        ([baseline, guided], Some(target)) => report::comparison(
-            ["baseline", "guided"],
-            &baseline.laban,
-            &guided.laban,
-            Some(target),
-        ),
+        ([baseline, guided], Some(target)) => report::guided(scene, baseline, guided, target),
         _ => report::text(scene.main()),
     };
     format!("{}\n{table}{}", scene.heading(), files.join("\n"))

@@ -61,7 +61,7 @@ fn as_text(file: &Opened, other: Option<&Opened>) -> String {
         let with = other.scene.main();
         let columns = [short(&with.label), short(&shown.label)];
         text += &format!("\ncompared with {}\n", with.label);
-        text += &report::comparison([&columns[0], &columns[1]], &with.laban, &shown.laban, None);
+        text += &report::comparison([&columns[0], &columns[1]], &with.laban, &shown.laban);
         text += &format!(
             "joints are {:.3} m apart on average\n",
             motion.distance(&with.motion)

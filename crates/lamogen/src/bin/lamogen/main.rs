@@ -1,7 +1,7 @@
 //! The command `lamogen`: motion from a sentence, and what there is to do with motion files.
 //!
 //! ```text
-//! arguments.rs ──▶ generate.rs ─┐
+//! arguments.rs ──▶ generate.rs ─┐   (goals.rs: what is asked of a motion)
 //!                  batch.rs ────┼─▶ scene.rs ──▶ output.rs: one file of any format
 //!    opened.rs ──▶ convert.rs ──┤
 //!    a motion file play.rs ─────┘
@@ -21,6 +21,7 @@ mod each;
 mod eval;
 mod failure;
 mod generate;
+mod goals;
 mod laban;
 mod model;
 mod opened;

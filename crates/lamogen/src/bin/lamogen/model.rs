@@ -44,7 +44,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let source = Source::open(&arguments, console)?;
     let (network, licence) = (source.model.network(), source.model.licence());
     let config = source.model.config();
-    let steps = source.preset.steps();
+    let steps = source.model.preset().steps();
     if console.json {
         let licence = licence.map(|licence| {
             json!({

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lamogen::COMPONENTS;
 use serde_json::{Map, json};
 
 use crate::arguments::Play;
@@ -23,6 +24,8 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
         notes: String::new(),
         motions,
         target: None,
+        free: [false; COMPONENTS],
+        parts: Vec::new(),
         facts: Map::new(),
         copyright: None,
     };

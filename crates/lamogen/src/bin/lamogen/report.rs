@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use lamogen::motion::{BoneDrift, FootSliding};
 use lamogen::{
-    COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, Summary,
+    COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, PartLaban,
+    Summary,
 };
 use serde_json::{Map, Value, json};
 
@@ -43,6 +44,28 @@ pub fn measured(scene: &Scene) -> Map<String, Value> {
     whole
 }
 
+/// Laban features of the parts that have goals of their own, and of the rest.
+fn parts(scene: &Scene) -> Option<Value> {
+    let parts = scene.parts.iter().map(|part| {
+        let mut laban = Map::new();
+        for (which, series) in [
+            ("baseline", &part.baseline),
+            ("target", &part.target),
+            ("guided", &part.guided),
+        ] {
+            let mut found = summaries(series);
+            // Shape is that of the whole body.
+            if let Some(found) = found.as_object_mut() {
+                found.remove(&name(Component::Shape));
+            }
+            laban.insert(which.into(), found);
+        }
+        json!({ "part": part.end_effectors.to_string(), "laban": laban })
+    });
+    let parts: Vec<Value> = parts.collect();
+    (!parts.is_empty()).then(|| parts.into())
+}
+
 /// A scene's facts and measures without the numbers of every frame.
 pub fn summary(scene: &Scene) -> Map<String, Value> {
     let mut whole = facts(scene);
@@ -63,6 +86,7 @@ fn facts(scene: &Scene) -> Map<String, Value> {
     whole.insert("generator".into(), generator.into());
     whole.insert("title".into(), scene.title.as_str().into());
     whole.extend(scene.facts.clone());
+    whole.extend(parts(scene).map(|parts| ("parts".to_owned(), parts)));
     whole.insert("frames_per_second".into(), FRAMES_PER_SECOND.into());
     whole
 }
@@ -195,12 +219,45 @@ fn value(number: f32) -> String {
     }
 }
 
-/// Two or three series beside each other: the first, what was asked for, and what came out.
-pub fn comparison(
+/// Two series beside each other.
+pub fn comparison(columns: [&str; 2], before: &LabanSeries, after: &LabanSeries) -> String {
+    let all = Component::ALL.into_iter().map(|c| (c, false));
+    compared(columns, before, after, None, all)
+}
+
+/// The guided motion of a scene beside the baseline, and its parts that have goals of their own.
+pub fn guided(scene: &Scene, baseline: &Shown, guided: &Shown, target: &LabanSeries) -> String {
+    let all = Component::ALL.into_iter().zip(scene.free);
+    let (before, after) = (&baseline.laban, &guided.laban);
+    let table = compared(["baseline", "guided"], before, after, Some(target), all);
+    table + &parts_compared(scene)
+}
+
+/// The parts of the body.
+fn parts_compared(scene: &Scene) -> String {
+    let parts = scene.parts.iter().map(|part| {
+        let PartLaban {
+            end_effectors,
+            baseline,
+            target,
+            guided,
+            ..
+        } = part;
+        let columns = ["baseline", "guided"];
+        let efforts = Component::EFFORTS.into_iter().map(|c| (c, false));
+        let table = compared(columns, baseline, guided, Some(target), efforts);
+        format!("\n{end_effectors}\n{table}")
+    });
+    parts.collect()
+}
+
+/// The first series, what came out, and what was asked for; components that may become anything are marked.
+fn compared(
     columns: [&str; 2],
     before: &LabanSeries,
     after: &LabanSeries,
     target: Option<&LabanSeries>,
+    components: impl Iterator<Item = (Component, bool)> + Clone,
 ) -> String {
     let mut text = String::new();
     for (summary, title) in [
@@ -219,14 +276,15 @@ pub fn comparison(
             asked.unwrap_or_default()
         )
         .expect("a string takes all");
-        for component in Component::ALL {
+        for (component, is_free) in components.clone() {
             let at = component.index();
-            let asked = target.map(|target: [f32; COMPONENTS]| {
-                format!(
+            let asked = target.map(|target: [f32; COMPONENTS]| match is_free {
+                true => format!(" {:>10} {:>9}", "any", ""),
+                false => format!(
                     " {:>10} {:>9}",
                     value(target[at]),
                     change(before[at], target[at])
-                )
+                ),
             });
             writeln!(
                 text,

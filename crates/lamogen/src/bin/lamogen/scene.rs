@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use lamogen::files::Imported;
-use lamogen::{Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries, Licence, Motion};
+use lamogen::{
+    COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
+    Licence, Motion, PartLaban,
+};
 use lamogen_view::{Curve, Figure, Page, Row};
 use serde_json::{Map, Value, json};
 
@@ -23,6 +26,10 @@ pub struct Scene {
     /// The last one is what motion files get.
     pub motions: Vec<Shown>,
     pub target: Option<LabanSeries>,
+    /// Components that may become anything, whatever the target holds.
+    pub free: [bool; COMPONENTS],
+    /// Parts of the body that have goals of their own, and the rest.
+    pub parts: Vec<PartLaban>,
     /// What the JSON says beside the motions.
     pub facts: Map<String, Value>,
     /// Under which terms the motion may be used.
@@ -40,7 +47,7 @@ impl Scene {
         facts: Map<String, Value>,
         licence: Option<&Licence>,
     ) -> Scene {
-        let scale = generation.scale.to_string();
+        let scale = generation.goals.to_string();
         let is_guided = !generation.loss.is_empty();
         let guided = Shown {
             label: if is_guided {
@@ -68,6 +75,8 @@ impl Scene {
                 vec![guided]
             },
             target: is_guided.then_some(generation.target),
+            free: Component::ALL.map(|component| generation.goals.is_free(component)),
+            parts: generation.parts,
             facts,
             copyright: licence.map(|licence| format!("Made with a model under {licence}")),
         }
@@ -96,6 +105,8 @@ impl Scene {
                 laban,
             }],
             target: None,
+            free: [false; COMPONENTS],
+            parts: Vec::new(),
             facts: facts.as_object().cloned().unwrap_or_default(),
             copyright: None,
         }

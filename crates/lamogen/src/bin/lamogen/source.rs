@@ -1,6 +1,6 @@
 //! The model that a command works with.
 
-use lamogen::{Device, DeviceName, LaMoGen, Preset};
+use lamogen::{Device, DeviceName, LaMoGen};
 
 use crate::arguments::{CoherenceChoice, SourceArguments};
 use crate::console::Console;
@@ -11,8 +11,6 @@ pub struct Source {
     pub model: LaMoGen,
     /// `embedded`, or its folder.
     pub name: String,
-    /// What its requests run with that say nothing else.
-    pub preset: Preset,
 }
 
 /// The name of the embedded model.
@@ -28,13 +26,11 @@ impl Source {
                 Source {
                     model: LaMoGen::load(folder, &device)?,
                     name: folder.display().to_string(),
-                    preset: Preset::Paper,
                 }
             }
             None => Source {
                 model: embedded(&device)?,
                 name: EMBEDDED.into(),
-                preset: Preset::Fast,
             },
         };
         if let Some(CoherenceChoice(coherence)) = arguments.coherence {

@@ -1,11 +1,16 @@
 //! One line of a file of requests.
 
 use std::collections::HashMap;
+use std::path::PathBuf;
 
-use lamogen::{COMPONENTS, Component, Factor, Preset, Request, Scale, ScaleCurve};
+use lamogen::laban::GoalError;
+use lamogen::{
+    COMPONENTS, Component, Device, Factor, Goal, Goals, PartScale, Preset, Request, Scale,
+};
 use serde::{Deserialize, Serialize};
 
-use crate::arguments::{PassArguments, PresetName, curve};
+use crate::arguments::{PassArguments, PresetName};
+use crate::goals::Asked;
 use crate::report::name;
 
 /// A request as it stands in the file.
@@ -16,15 +21,19 @@ pub struct Line {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     id: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    weight: Option<FactorText>,
+    weight: Option<GoalText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    time: Option<FactorText>,
+    time: Option<GoalText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    flow: Option<FactorText>,
+    flow: Option<GoalText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    shape: Option<FactorText>,
+    shape: Option<GoalText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     scale: Option<[f32; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    like: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    part: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     seconds: Option<f32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -37,10 +46,10 @@ pub struct Line {
     emphasis: Option<f32>,
 }
 
-/// A factor as the command line has it, or a plain number.
+/// A goal as the command line has it, or a plain number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a number, a word or keys such as \"0:1 1:1.5\"")]
-enum FactorText {
+enum GoalText {
     Number(f32),
     Text(String),
 }
@@ -53,7 +62,7 @@ pub struct Item {
     /// What its files are called.
     pub id: String,
     pub line: Line,
-    curve: Option<ScaleCurve>,
+    goals: Option<Goals>,
 }
 
 /// Longest id, in letters.
@@ -109,40 +118,54 @@ fn item(number: usize, text: &str) -> Result<Item, String> {
         }
         None => format!("line-{number:05}"),
     };
-    let curve = line.curve()?;
+    line.asked()?;
     Ok(Item {
         number,
         id,
         line,
-        curve,
+        goals: None,
     })
 }
 
 impl Line {
-    fn curve(&self) -> Result<Option<ScaleCurve>, String> {
-        let factors = [&self.weight, &self.time, &self.flow, &self.shape];
-        if let Some(scale) = self.scale {
-            if factors.iter().any(|factor| factor.is_some()) {
-                return Err("expected a scale or factors of components, found both".into());
-            }
-            let scale = Scale::new(scale).map_err(|error| error.to_string())?;
-            return Ok(Some(scale.into()));
+    fn asked(&self) -> Result<Asked<'_>, String> {
+        let goals = [&self.weight, &self.time, &self.flow, &self.shape];
+        if self.scale.is_some() && goals.iter().any(|goal| goal.is_some()) {
+            return Err("expected a scale or factors of components, found both".into());
+        }
+        if self.scale.is_some() && self.like.is_some() {
+            return Err("expected a scale or a motion to be like, found both".into());
         }
         let mut parsed = [const { None }; COMPONENTS];
-        for (component, text) in Component::ALL.into_iter().zip(factors) {
-            let factor = text.as_ref().map(|text| match text {
-                FactorText::Number(number) => Factor::constant(*number),
-                FactorText::Text(text) => Factor::parse(component, text),
+        for (component, text) in Component::ALL.into_iter().zip(goals) {
+            let goal = text.as_ref().map(|text| match text {
+                GoalText::Number(number) => Ok(Factor::constant(*number)?.into()),
+                GoalText::Text(text) => Goal::parse(component, text),
             });
-            parsed[component.index()] = factor
+            parsed[component.index()] = goal
                 .transpose()
                 .map_err(|error| format!("{}: {error}", name(component)))?;
         }
-        Ok(curve(parsed))
+        let parts = self.part.iter().map(|part| part.parse());
+        let parts: Result<Vec<PartScale>, GoalError> = parts.collect();
+        let scale = self.scale.map(Scale::new).transpose();
+        Ok(Asked {
+            goals: parsed,
+            scale: scale.map_err(|error| error.to_string())?,
+            like: self.like.as_deref(),
+            parts: parts.map_err(|error| format!("part: {error}"))?,
+        })
     }
 }
 
 impl Item {
+    /// Reads the motion that this one shall be like, if there is one.
+    pub fn prepare(&mut self, device: &Device) -> Result<(), String> {
+        let goals = self.line.asked()?.goals(device);
+        self.goals = goals.map_err(|failure| failure.message)?;
+        Ok(())
+    }
+
     pub fn seed(&self) -> u64 {
         self.line.seed.unwrap_or(0)
     }
@@ -161,8 +184,8 @@ impl Item {
         if let Some(seconds) = self.line.seconds {
             request = request.seconds(seconds);
         }
-        if let Some(curve) = &self.curve {
-            request = request.scale(curve.clone());
+        if let Some(goals) = &self.goals {
+            request = request.scale(goals.clone());
         }
         self.pass(general).apply(request, default)
     }
@@ -175,14 +198,15 @@ mod tests {
     #[test]
     fn a_prompt_is_enough_and_everything_may_be_said() {
         let text = "\u{feff}{\"prompt\": \"a person jumps\"}\n\n{\"prompt\": \"walk\", \"id\": \"w.1\", \"weight\": \
-                    \"0:1 1:strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"steps\": 20, \"preset\": \"paper\", \
+                    \"0:1 1:strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"shape\": \"peak=2\", \"part\": [\"arms:bound\"], \"steps\": 20, \"preset\": \"paper\", \
                     \"emphasis\": 3}\r\n";
-        let (items, wrong) = items(text);
+        let (mut items, wrong) = items(text);
         assert_eq!(wrong, []);
+        items[1].prepare(&Device::flex()).unwrap();
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
         assert_eq!(
-            items[1].curve.as_ref().unwrap().at(2.0),
-            [1.5, 1.2, 1.0, 1.0]
+            items[1].goals.as_ref().unwrap().to_string(),
+            "Weight 0:1 1:1.5, Time 1.2, Shape peak=2, arms Flow 0.8"
         );
         assert_eq!((items[1].number, items[1].seed()), (3, 7));
     }
@@ -209,6 +233,14 @@ mod tests {
                 "found both",
             ),
             ("{\"prompt\": \"a\", \"scale\": [1,1,1,-1]}", "Shape"),
+            (
+                "{\"prompt\": \"a\", \"part\": [\"wings:strong\"]}",
+                "part: expected one of arms",
+            ),
+            (
+                "{\"prompt\": \"a\", \"flow\": \"peak=-1\"}",
+                "flow: a peak must be",
+            ),
             ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \"A\"}", "that of line 1"),

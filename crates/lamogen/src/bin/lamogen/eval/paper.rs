@@ -101,7 +101,7 @@ pub fn control(method: Method) -> Option<Control> {
             ],
             0.802,
         ),
-        Method::Laban => (
+        Method::Laban | Method::Embedding => (
             [
                 [
                     (3.081, 2.033),
@@ -142,7 +142,7 @@ pub fn fidelity(method: Method) -> Option<[f64; 5]> {
         Method::Prompt => Some([0.445, 0.630, 0.737, 1.67, 8.72]),
         Method::Raw => Some([0.383, 0.565, 0.689, 1.73, 8.54]),
         Method::Classifier => Some([0.432, 0.629, 0.720, 1.70, 8.59]),
-        Method::Laban => Some([0.424, 0.613, 0.729, 2.80, 7.92]),
+        Method::Laban | Method::Embedding => Some([0.424, 0.613, 0.729, 2.80, 7.92]),
         Method::Noise => None,
     }
 }

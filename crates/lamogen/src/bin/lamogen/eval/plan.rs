@@ -20,8 +20,10 @@ use crate::arguments::{Eval, PresetName};
 pub enum Method {
     /// The sentence alone.
     Text,
-    /// Laban guidance: the paper's method.
+    /// Laban guidance as the model is used, by its preset.
     Laban,
+    /// Laban guidance that moves the sentence embedding: the paper's method, with the preset fast.
+    Embedding,
     /// Phrases in the prompt.
     Prompt,
     /// Raw frame update: the finished motion is moved.
@@ -38,6 +40,7 @@ impl Method {
         match self {
             Method::Text => "Text alone",
             Method::Laban => "Laban guidance",
+            Method::Embedding => "Laban guidance, embedding",
             Method::Prompt => "Prompt editing",
             Method::Raw => "Raw frame update",
             Method::Classifier => "Classifier guidance",
@@ -94,8 +97,7 @@ pub struct Setting {
 impl Setting {
     /// Whether the motions of both are the same.
     fn generates_as(&self, other: &Setting) -> bool {
-        self.method == other.method
-            && self.guidance == other.guidance
+        self.guidance == other.guidance
             && self.steps == other.steps
             && self.demands == other.demands
     }
@@ -184,14 +186,16 @@ pub enum Study {
     Interpolation,
     /// The learning rate, up to where it fails.
     LearningRate,
+    /// A learning rate that stays, rises or falls from step to step.
+    Rise,
     /// DDIM steps.
     Steps,
     /// Immediate and lagged updates.
     Update,
     /// Updates a step: 1, 2, 4.
     Updates,
-    /// How much the component that is asked for counts in the loss.
-    Emphasis,
+    /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
+    Front,
     /// What the loss divides by.
     Divisor,
     /// Smoothing before the differences are taken, before each, and none.
@@ -203,10 +207,11 @@ impl Study {
         match self {
             Study::Interpolation => "Scale interpolation",
             Study::LearningRate => "Learning rate",
+            Study::Rise => "A learning rate that rises",
             Study::Steps => "DDIM steps",
             Study::Update => "Immediate and lagged updates",
             Study::Updates => "Updates a step",
-            Study::Emphasis => "Emphasis",
+            Study::Front => "Exactness against selectivity",
             Study::Divisor => "What the loss divides by",
             Study::Smoothing => "Smoothing",
         }
@@ -216,11 +221,17 @@ impl Study {
 /// The factors of [`Study::Interpolation`].
 pub const INTERPOLATION: [f32; 5] = [0.5, 0.8, 1.0, 1.2, 1.5];
 
+/// How much the asked component counts in [`Study::Front`].
+const FRONT: [f32; 5] = [1.0, 2.0, 3.0, 10.0, 30.0];
+
 /// How everything is generated that a setting does not change.
 #[derive(Clone, Copy, Debug)]
 pub struct Basis {
     pub preset: Preset,
+    /// As given; else the preset's.
     pub steps: usize,
+    /// Of the preset fast.
+    pub embedding_steps: usize,
     /// Of the start noise, whose every update is a pass.
     pub noise_steps: usize,
 }
@@ -246,6 +257,10 @@ impl Basis {
             setting.method = method;
             match method {
                 Method::Laban => {}
+                Method::Embedding => {
+                    setting.guidance = Guidance::fast();
+                    setting.steps = self.embedding_steps;
+                }
                 Method::Text => setting.demands = vec![Demand::Nothing],
                 Method::Prompt => setting.demands = tags(Demand::Phrase),
                 Method::Raw => setting.guidance = Guidance::raw_frame_update(),
@@ -265,8 +280,9 @@ impl Basis {
             let name = format!("laban, {label}");
             let mut setting = self.laban(name, prompts, change);
             // Generated once, under one name, whatever else is asked for.
-            let method = self.method(Method::Laban, prompts);
-            if setting.generates_as(&method) {
+            let methods = [Method::Laban, Method::Embedding];
+            let methods = methods.map(|method| self.method(method, prompts));
+            if let Some(method) = methods.into_iter().find(|m| m.generates_as(&setting)) {
                 setting.name = method.name;
             }
             (label, setting)
@@ -284,10 +300,28 @@ impl Basis {
             Study::LearningRate => [0.001, 0.005, 0.02, 0.05, 0.1, 0.2, 0.5]
                 .map(|rate| {
                     vary(format!("learning rate {rate}"), &|setting| {
+                        // Where it rises, it rises as much.
+                        let last = usual.last_learning_rate;
+                        setting.guidance.last_learning_rate =
+                            last.map(|last| last / usual.learning_rate * rate);
                         setting.guidance.learning_rate = rate;
                     })
                 })
                 .into(),
+            Study::Rise => [
+                ("0.02 all the time", 0.02, None),
+                ("0.04 all the time", 0.04, None),
+                ("0.06 all the time", 0.06, None),
+                ("rising from 0.02 to 0.06", 0.02, Some(0.06)),
+                ("falling from 0.06 to 0.02", 0.06, Some(0.02)),
+            ]
+            .map(|(name, first, last)| {
+                vary(format!("learning rate {name}"), &|setting| {
+                    setting.guidance.learning_rate = first;
+                    setting.guidance.last_learning_rate = last;
+                })
+            })
+            .into(),
             Study::Steps => [10, 20, 50, 100, 200, 500, 1000]
                 .map(|steps| vary(format!("{steps} steps"), &|setting| setting.steps = steps))
                 .into(),
@@ -303,13 +337,24 @@ impl Basis {
                     })
                 })
                 .into(),
-            Study::Emphasis => [1.0, 3.0, 10.0, 30.0]
-                .map(|emphasis| {
-                    vary(format!("emphasis {emphasis}"), &|setting| {
-                        setting.guidance.emphasis = emphasis;
+            Study::Front => {
+                let moved = [
+                    ("embedding", Guidance::fast(), self.embedding_steps),
+                    ("modulation", Guidance::precise(), self.steps),
+                ];
+                let rows = moved.into_iter().flat_map(|(name, guidance, steps)| {
+                    FRONT.map(|emphasis| {
+                        vary(format!("{name}, emphasis {emphasis}"), &|setting| {
+                            setting.guidance = Guidance {
+                                emphasis: [emphasis; COMPONENTS],
+                                ..guidance.clone()
+                            };
+                            setting.steps = steps;
+                        })
                     })
-                })
-                .into(),
+                });
+                rows.collect()
+            }
             Study::Divisor => [
                 ("by each frame", Divisor::Frame),
                 ("by the mean over time", Divisor::Mean),
@@ -383,11 +428,15 @@ impl Plan {
         let basis = Basis {
             preset,
             steps: options.steps.unwrap_or(preset.steps()),
+            embedding_steps: options.steps.unwrap_or(Preset::Fast.steps()),
             noise_steps: options.noise_steps,
         };
         let methods = [Method::Text].iter().chain(&options.methods);
         let methods = methods.map(|&method| basis.method(method, prompts));
-        let methods = merged(methods);
+        let mut methods = merged(methods);
+        // With the preset fast both are the same.
+        let laban = basis.method(Method::Laban, prompts);
+        methods.retain(|setting| setting.name == laban.name || !setting.generates_as(&laban));
         let few = (options.study_prompts as usize).min(prompts);
         let mut studies: Vec<(Study, Vec<(String, Setting)>)> = Vec::new();
         for &study in &options.studies {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lamogen::motion::write_atomically;
-use lamogen::{COMPONENTS, Component};
+use lamogen::{COMPONENTS, Component, Moved};
 use lamogen_eval::MetricError;
 use lamogen_view::{Axis, CurveError, Line, plot};
 use serde_json::{Map, Value, json};
@@ -15,6 +15,7 @@ use super::pictures::Shown;
 use super::plan::{INTERPOLATION, Plan, Setting, Study};
 use super::summary::{Control, Evidence, Figures, Mean, Ratio};
 use super::work::Work;
+use crate::arguments::PresetName;
 use crate::failure::Failure;
 
 /// Names of the components, as the tables have them.
@@ -120,9 +121,12 @@ impl Report {
             None => "predictions as they are".into(),
         };
         let mut text = format!(
-            "{prompts} sentences, {repeats}; {} DDIM steps ({} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
+            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} where the embedding is moved, {} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
-            plan.basis.steps, plan.basis.noise_steps
+            PresetName::of(plan.basis.preset).name(),
+            plan.basis.steps,
+            plan.basis.embedding_steps,
+            plan.basis.noise_steps
         );
         if missing > 0 {
             text.push_str(&format!(
@@ -281,7 +285,7 @@ impl Report {
         evidence: &Evidence<'_>,
     ) -> Result<(), ReportError> {
         let mut table = Vec::new();
-        let mut numbers = Vec::new();
+        let (mut numbers, mut measured) = (Vec::new(), Vec::new());
         let mut points: Vec<(f64, f64, Option<f64>)> = Vec::new();
         for (label, setting) in rows {
             // Over the sentences of the study alone, so that its rows can be compared.
@@ -315,6 +319,7 @@ impl Report {
                 points.push((number, error.mean, top.map(|top| top.mean)));
             }
             numbers.push(json!({ "row": label, "figures": figures }));
+            measured.push(figures);
         }
         self.others.insert(study.title().into(), numbers.into());
         self.blocks.push(Block::table(
@@ -331,6 +336,9 @@ impl Report {
             ],
             table,
         ));
+        if study == Study::Front {
+            self.front(rows, &measured)?;
+        }
         if matches!(study, Study::Steps | Study::LearningRate) && points.len() > 1 {
             let line = |label, colour, values: Vec<[f64; 2]>| Line {
                 label,
@@ -366,6 +374,42 @@ impl Report {
             self.blocks
                 .push(Block::picture(study.title(), caption, svg));
         }
+        Ok(())
+    }
+
+    /// How far from what was asked, against how much of all change was asked for: a line for all that one thing moved makes.
+    fn front(
+        &mut self,
+        rows: &[(String, Setting)],
+        figures: &[Figures],
+    ) -> Result<(), ReportError> {
+        let line = |label, moved, colour| {
+            let own = rows.iter().zip(figures);
+            let own = own.filter(|((_, setting), _)| setting.guidance.moved == moved);
+            let points = own.filter_map(|(_, figures)| {
+                let control = figures.control.as_ref()?;
+                Some([figures.error?.mean, control.diagonality])
+            });
+            Line {
+                label,
+                points: points.collect(),
+                colour,
+                marked: true,
+            }
+        };
+        let axis = |label| Axis {
+            label,
+            logarithmic: false,
+        };
+        let axes = [axis("distance from what was asked"), axis("diagonality")];
+        let lines = [
+            line("embedding", Moved::Embedding, COLOURS[0]),
+            line("modulation", Moved::Modulation, COLOURS[1]),
+        ];
+        let title = Study::Front.title();
+        let svg = plot(title, axes, &lines)?;
+        let caption = "Diagonality over the distance from what was asked; each line goes from little emphasis on the right to much on the left";
+        self.blocks.push(Block::picture(title, caption, svg));
         Ok(())
     }
 

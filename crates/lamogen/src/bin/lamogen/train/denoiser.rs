@@ -70,7 +70,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let model = options.out.join("model");
     // A network that is narrower than a pose needs its neighbours' help (docs/method.md).
     let sampling = match config.model.latent_dim < config.model.input_feats {
-        true => " --preset fast --coherence 1",
+        true => " --preset precise --coherence 1",
         false => "",
     };
     let hint = format!(

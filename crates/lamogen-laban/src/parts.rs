@@ -1,0 +1,165 @@
+//! Factors on parts of the body.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::curve::ScaleCurve;
+use crate::effectors::{BodyPart, EndEffectors};
+use crate::factor::Factor;
+use crate::goals::GoalError;
+use crate::tags::{Component, Tag};
+
+/// Factors on Weight, Time and Flow of some end-effectors alone. Components that are left open do as the whole body.
+///
+/// As text it is the name of a [`BodyPart`], a colon, and tags or `component=factor`, with commas between them:
+///
+/// ```
+/// use lamogen_laban::{BodyPart, PartScale, Tag};
+///
+/// let part: PartScale = "arms:strong,time=1.1".parse()?;
+/// assert_eq!(part.to_string(), "arms Weight 1.5, arms Time 1.1");
+/// assert_eq!("legs:light".parse(), PartScale::new(BodyPart::Legs).tag(Tag::Light));
+/// # Ok::<(), lamogen_laban::GoalError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartScale {
+    end_effectors: EndEffectors,
+    factors: [Option<Factor>; Component::EFFORTS.len()],
+}
+
+impl PartScale {
+    /// A part, whose factors are all open.
+    pub fn new(end_effectors: impl Into<EndEffectors>) -> Self {
+        PartScale {
+            end_effectors: end_effectors.into(),
+            factors: [const { None }; Component::EFFORTS.len()],
+        }
+    }
+
+    /// Sets the factor on a component.
+    ///
+    /// # Errors
+    ///
+    /// If the component is Shape, which is of the whole body.
+    pub fn with(mut self, component: Component, factor: Factor) -> Result<Self, GoalError> {
+        match self.factors.get_mut(component.index()) {
+            Some(place) => *place = Some(factor),
+            None => {
+                let part = self.end_effectors.to_string();
+                return Err(GoalError::PartShape { part });
+            }
+        }
+        Ok(self)
+    }
+
+    /// Sets a tag's factor.
+    ///
+    /// # Errors
+    ///
+    /// As [`with`](Self::with).
+    pub fn tag(self, tag: Tag) -> Result<Self, GoalError> {
+        self.with(tag.component(), Factor::unchecked(tag.scale()))
+    }
+
+    /// The joints.
+    pub fn end_effectors(&self) -> &EndEffectors {
+        &self.end_effectors
+    }
+
+    /// The factor on a component, if it has one of its own.
+    pub fn of(&self, component: Component) -> Option<&Factor> {
+        self.factors.get(component.index())?.as_ref()
+    }
+
+    /// Whether a change is asked for at any moment.
+    pub fn changes(&self) -> bool {
+        self.factors.iter().flatten().any(Factor::changes)
+    }
+
+    pub(crate) fn check(&self, frames: usize) -> Result<(), GoalError> {
+        let mut curve = ScaleCurve::default();
+        for component in Component::EFFORTS {
+            if let Some(factor) = self.of(component) {
+                curve = curve.with(component, factor.clone());
+            }
+        }
+        Ok(curve.check(frames)?)
+    }
+}
+
+impl FromStr for PartScale {
+    type Err = GoalError;
+
+    fn from_str(text: &str) -> Result<Self, GoalError> {
+        let no_part = || GoalError::Part { found: text.into() };
+        let (name, words) = text.split_once(':').ok_or_else(no_part)?;
+        let part: BodyPart = name.trim().parse()?;
+        let mut scale = PartScale::new(part);
+        for word in words.split(',').map(str::trim) {
+            scale = match word.split_once('=') {
+                None => scale.tag(word.parse().map_err(|_| no_part())?)?,
+                Some((component, factor)) => {
+                    let name = component.trim();
+                    let mut all = Component::ALL.into_iter();
+                    let component =
+                        all.find(|component| component.to_string().eq_ignore_ascii_case(name));
+                    let component = component.ok_or_else(no_part)?;
+                    scale.with(component, Factor::parse(component, factor)?)?
+                }
+            };
+        }
+        Ok(scale)
+    }
+}
+
+/// The factors, each with the part's name.
+impl fmt::Display for PartScale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let own = Component::EFFORTS.into_iter().zip(&self.factors);
+        let own = own.filter_map(|(component, factor)| {
+            Some(format!(
+                "{} {component} {}",
+                self.end_effectors,
+                factor.as_ref()?
+            ))
+        });
+        let own: Vec<String> = own.collect();
+        match own.is_empty() {
+            true => write!(f, "{} as the whole", self.end_effectors),
+            false => f.write_str(&own.join(", ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_part_is_refused_with_what_was_found() {
+        for (text, part) in [
+            ("arms", "\"arms:strong,sudden\""),
+            ("wings:strong", "left-arm"),
+            ("arms:", "found \"arms:\""),
+            ("arms:strong,,", "found \"arms:strong,,\""),
+            ("arms:heavy", "found \"arms:heavy\""),
+            ("arms:far", "Shape is of the whole body, not of arms"),
+            ("arms:shape=2", "Shape is of the whole body"),
+            ("arms:speed=2", "found \"arms:speed=2\""),
+            ("arms:weight=-1", "at least 0"),
+        ] {
+            let message = text.parse::<PartScale>().unwrap_err().to_string();
+            assert!(message.contains(part), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn factors_over_time_have_keys_within_the_motion() {
+        let part: PartScale = "left-leg:weight=0:1 1:strong".parse().unwrap();
+        assert_eq!(part.to_string(), "left-leg Weight 0:1 1:1.5");
+        assert_eq!(part.check(40), Ok(()));
+        assert!(part.check(20).unwrap_err().to_string().contains("Weight"));
+        assert!(part.changes());
+        assert!(!PartScale::new(BodyPart::Head).changes());
+    }
+}
