@@ -36,7 +36,7 @@ fn arms_are_strong_and_legs_light_in_one_motion() {
         println!("{name}: {before:?} to {after:?}, asked {asked:?}");
         (after[0] / before[0], asked[0] / before[0])
     };
-    let [arms, legs, rest] = ["arms", "legs", "head+spine3"].map(part);
+    let [arms, legs, rest] = ["arms", "legs", "head+torso"].map(part);
     assert_eq!(result.parts.len(), 3);
     for ((_, asked), expected) in [arms, legs, rest].into_iter().zip([1.5, 0.5, 1.0]) {
         assert!((asked - expected).abs() < 1e-3);

@@ -93,17 +93,19 @@ impl Default for EndEffectors {
     }
 }
 
-/// The name of a [`BodyPart`] where the set is one, or else the joints' names.
+/// Names of the [body parts](BodyPart) that the set is made of, and of joints that are in none.
 impl fmt::Display for EndEffectors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let is_it = |part: &BodyPart| EndEffectors::from(*part) == *self;
-        match BodyPart::ALL.into_iter().find(is_it) {
-            Some(part) => part.fmt(f),
-            None => {
-                let names: Vec<&str> = self.joints().map(Joint::name).collect();
-                f.write_str(&names.join("+"))
+        let mut rest: Vec<Joint> = self.joints().collect();
+        let mut names: Vec<&str> = Vec::new();
+        for part in BodyPart::ALL {
+            if part.joints().iter().all(|joint| rest.contains(joint)) {
+                rest.retain(|joint| !part.joints().contains(joint));
+                names.push(part.name());
             }
         }
+        names.extend(rest.into_iter().map(Joint::name));
+        f.write_str(&names.join("+"))
     }
 }
 
@@ -197,6 +199,17 @@ impl FromStr for BodyPart {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_set_is_named_by_its_parts() {
+        assert_eq!(EndEffectors::default().to_string(), "arms+legs+head+torso");
+        let odd = EndEffectors::new([(Joint::LeftElbow, 1.0), (Joint::RightWrist, 2.0)]);
+        assert_eq!(odd.unwrap().to_string(), "right-arm+left_elbow");
+        for part in BodyPart::ALL {
+            assert_eq!(EndEffectors::from(part).to_string(), part.name());
+            assert_eq!(part.name().parse(), Ok(part));
+        }
+    }
 
     #[test]
     fn a_set_that_makes_no_sense_is_refused() {
