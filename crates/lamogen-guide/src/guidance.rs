@@ -134,8 +134,8 @@ impl Guidance {
         }
     }
 
-    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, with more weight on what is
-    /// asked for; meant for 50 DDIM steps.
+    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, with more weight on Time and
+    /// Flow where they are asked for; meant for 50 DDIM steps.
     pub fn precise() -> Self {
         Guidance {
             moved: Moved::Modulation,

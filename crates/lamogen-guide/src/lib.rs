@@ -7,7 +7,8 @@
 //!                                            so that the predicted motion's features reach it
 //! ```
 //!
-//! The same pass moves something else where [`Guidance::moved`] says so: the predicted motion, the finished motion, the start noise.
+//! The same pass moves something else where [`Guidance::moved`] says so: the scales and shifts that `e` becomes in every layer (the most exact,
+//! [`Preset::Precise`]), the predicted motion, the finished motion, the start noise.
 //!
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise gives the same motion.
