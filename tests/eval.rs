@@ -60,7 +60,7 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     prepare(folder);
     let more = [
         "--studies",
-        "interpolation,learning-rate,divisor",
+        "interpolation,front,learning-rate,divisor",
         "--out",
         "evidence",
         "--methods",
@@ -79,6 +79,9 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
         "| Real motions |",
         "## Scale interpolation",
         "| asked | 0.5 | 0.8 | 1 | 1.2 | 1.5 |",
+        "## Exactness against selectivity",
+        "| modulation, emphasis 10 |",
+        "| start noise |",
         "## Learning rate",
         "| learning rate 0.5 |",
         "## What the loss divides by",
@@ -88,7 +91,7 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     }
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let pictures = text.matches("![").count();
-    assert!(pictures >= 8, "{pictures}");
+    assert!(pictures >= 9, "{pictures}");
     assert_eq!(page.matches("<figure>").count(), pictures);
     for name in text
         .split("](")

@@ -353,7 +353,15 @@ impl Basis {
                         })
                     })
                 });
-                rows.collect()
+                // The rivals as they are: the paper gives them no emphasis.
+                let others = [
+                    ("finished motion", Method::Raw),
+                    ("predicted motion", Method::Classifier),
+                    ("start noise", Method::Noise),
+                ];
+                let others =
+                    others.map(|(name, method)| (name.into(), self.method(method, prompts)));
+                rows.chain(others).collect()
             }
             Study::Divisor => [
                 ("by each frame", Divisor::Frame),

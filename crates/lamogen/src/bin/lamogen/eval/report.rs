@@ -383,9 +383,9 @@ impl Report {
         rows: &[(String, Setting)],
         figures: &[Figures],
     ) -> Result<(), ReportError> {
-        let line = |label, moved, colour| {
+        let line = |label, colour, is_own: &dyn Fn(Moved) -> bool| {
             let own = rows.iter().zip(figures);
-            let own = own.filter(|((_, setting), _)| setting.guidance.moved == moved);
+            let own = own.filter(|((_, setting), _)| is_own(setting.guidance.moved));
             let points = own.filter_map(|(_, figures)| {
                 let control = figures.control.as_ref()?;
                 Some([figures.error?.mean, control.diagonality])
@@ -403,9 +403,22 @@ impl Report {
         };
         let axes = [axis("distance from what was asked"), axis("diagonality")];
         let lines = [
-            line("embedding", Moved::Embedding, COLOURS[0]),
-            line("modulation", Moved::Modulation, COLOURS[1]),
+            line("embedding", COLOURS[0], &|moved| moved == Moved::Embedding),
+            line("modulation", COLOURS[1], &|moved| {
+                moved == Moved::Modulation
+            }),
+            line("finished motion", COLOURS[2], &|moved| {
+                matches!(moved, Moved::Motion { .. })
+            }),
+            line("predicted motion", [156, 163, 175], &|moved| {
+                moved == Moved::Prediction
+            }),
+            line("start noise", COLOURS[3], &|moved| {
+                matches!(moved, Moved::Noise { .. })
+            }),
         ];
+        let lines = lines.into_iter().filter(|line| !line.points.is_empty());
+        let lines: Vec<Line<'_>> = lines.collect();
         let title = Study::Front.title();
         let svg = plot(title, axes, &lines)?;
         let caption = "Diagonality over the distance from what was asked; each line goes from little emphasis on the right to much on the left";
