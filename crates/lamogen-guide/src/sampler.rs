@@ -170,11 +170,8 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         latent: &'b Latent<'_, D::Context>,
         index: usize,
     ) -> Linearized<'b> {
-        let input = self.input(latent, index);
-        match input.modulation {
-            None => self.model.linearize(input, latent.context),
-            Some(_) => self.model.linearize_modulation(input, latent.context),
-        }
+        self.model
+            .linearize(self.input(latent, index), latent.context)
     }
 
     fn input(&self, latent: &Latent<'_, D::Context>, index: usize) -> DenoiserInput {

@@ -6,7 +6,7 @@ use crate::curve::ScaleCurve;
 use crate::effectors::EndEffectors;
 use crate::factor::{Factor, FactorError};
 use crate::parts::PartScale;
-use crate::series::LabanSeries;
+use crate::series::{LabanSeries, mean};
 use crate::tags::{COMPONENTS, Component, Scale, ScaleError};
 
 /// What one Laban component shall become.
@@ -84,19 +84,21 @@ impl Goal {
     ///
     /// If the text is of another form, or a number is negative or not finite.
     pub fn parse(component: Component, text: &str) -> Result<Goal, GoalError> {
-        let number = |what, text: &str| match text.trim().parse::<f32>() {
-            Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
-            _ => Err(GoalError::Value {
+        let number = |what, text: &str| {
+            let found = text.trim();
+            found.parse().map_err(|_| GoalError::Value {
                 what,
-                found: text.trim().into(),
-            }),
+                found: found.into(),
+            })
         };
-        match text.trim().split_once('=') {
-            Some(("peak", value)) => Ok(Goal::Peak(number("peak", value)?)),
-            Some(("mean", value)) => Ok(Goal::Mean(number("mean", value)?)),
-            None if text.trim().eq_ignore_ascii_case("any") => Ok(Goal::Any),
-            _ => Ok(Goal::Factor(Factor::parse(component, text)?)),
-        }
+        let goal = match text.trim().split_once('=') {
+            Some(("peak", value)) => Goal::Peak(number("peak", value)?),
+            Some(("mean", value)) => Goal::Mean(number("mean", value)?),
+            None if text.trim().eq_ignore_ascii_case("any") => Goal::Any,
+            _ => Goal::Factor(Factor::parse(component, text)?),
+        };
+        goal.check()?;
+        Ok(goal)
     }
 
     /// Whether it is anything else than what was there before.
@@ -148,10 +150,7 @@ impl Goal {
                 baseline.iter().zip(factors).map(|(b, f)| b * f).collect()
             }
             Goal::Peak(peak) => scaled(*peak, baseline.iter().copied().fold(0.0, f32::max)),
-            Goal::Mean(mean) => {
-                let sum: f64 = baseline.iter().map(|&value| f64::from(value)).sum();
-                scaled(*mean, (sum / baseline.len() as f64) as f32)
-            }
+            Goal::Mean(asked) => scaled(*asked, mean(baseline.iter().copied())),
             Goal::Series(values) => {
                 // The first frames have no differences, however long the motion is.
                 let first = component.first_frame().min(baseline.len());

@@ -3,6 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 
 use crate::goals::Goal;
+use crate::series::mean;
 use crate::tags::{COMPONENTS, Component};
 
 /// Keeps the relative loss finite where the baseline rests (paper, appendix "Hyperparameters").
@@ -123,11 +124,8 @@ impl Goal {
         let divisors: Vec<f32> = match divisor {
             Divisor::Frame => divisors.map(|(b, t)| larger(*b, *t)).collect(),
             Divisor::Mean => {
-                let mean = |values: &[f32]| {
-                    let sum: f64 = values.iter().map(|&value| f64::from(value)).sum();
-                    (sum / values.len() as f64) as f32
-                };
-                vec![larger(mean(baseline), mean(target)); baseline.len()]
+                let [before, asked] = [baseline, target].map(|values| mean(values.iter().copied()));
+                vec![larger(before, asked); baseline.len()]
             }
         };
         let weights = divisors.into_iter().map(|divisor| root / (divisor + DELTA));

@@ -76,13 +76,16 @@ impl LabanSeries {
             let values = self.component(component);
             match summary {
                 Summary::Maximum => values.fold(0.0, f32::max),
-                Summary::Mean => {
-                    let count = values.len().max(1) as f64;
-                    (values.map(f64::from).sum::<f64>() / count) as f32
-                }
+                Summary::Mean => mean(values),
             }
         })
     }
+}
+
+/// The mean of some numbers; 0 of none.
+pub(crate) fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
+    let count = values.len().max(1) as f64;
+    (values.map(f64::from).sum::<f64>() / count) as f32
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub trait Denoiser {
     /// many motions.
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
 
-    /// One evaluation, and the way back from its output to the embedding. Nothing of the input is
+    /// One evaluation, and the way back from its output to the embedding, or to the modulation where the input has one. Nothing of the input is
     /// tracked by autodiff. By default autodiff goes through [`denoise`](Denoiser::denoise); a network
     /// that knows a shorter way says so here.
     ///
@@ -73,19 +73,6 @@ pub trait Denoiser {
     /// [`DenoiserInput::modulation`] is added to. 0, the default, where a network has none.
     fn modulations(&self) -> usize {
         0
-    }
-
-    /// As [`linearize`](Denoiser::linearize), with the way back to the modulation.
-    ///
-    /// # Panics
-    ///
-    /// As [`denoise`](Denoiser::denoise), and if the input has no modulation.
-    fn linearize_modulation<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a Self::Context,
-    ) -> Linearized<'a> {
-        Linearized::of_modulation_by_autodiff(input, |input| self.denoise(input, context))
     }
 
     /// As [`linearize`](Denoiser::linearize), with the way back to the noisy motion `x_t`: for what moves the start noise through all steps
@@ -155,34 +142,23 @@ impl<'a, const D: usize> Linearized<'a, D> {
 }
 
 impl Linearized<'_> {
-    /// By autodiff through an evaluation, back to the embedding.
+    /// By autodiff through an evaluation, back to the embedding, or to the modulation where the input has one.
     pub fn by_autodiff(
         input: DenoiserInput,
         evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
     ) -> Self {
-        Self::followed(input.embedding.clone(), |embedding| {
-            evaluate(DenoiserInput { embedding, ..input })
-        })
-    }
-
-    /// By autodiff through an evaluation, back to the modulation.
-    ///
-    /// # Panics
-    ///
-    /// If the input has none.
-    pub fn of_modulation_by_autodiff(
-        input: DenoiserInput,
-        evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
-    ) -> Self {
-        let modulation = input.modulation.clone();
-        let modulation = modulation.expect("an input with a modulation to go back to");
-        Self::followed(modulation, |modulation| {
-            let modulation = Some(modulation);
-            evaluate(DenoiserInput {
-                modulation,
-                ..input
-            })
-        })
+        match input.modulation.clone() {
+            None => Self::followed(input.embedding.clone(), |embedding| {
+                evaluate(DenoiserInput { embedding, ..input })
+            }),
+            Some(modulation) => Self::followed(modulation, |modulation| {
+                let modulation = Some(modulation);
+                evaluate(DenoiserInput {
+                    modulation,
+                    ..input
+                })
+            }),
+        }
     }
 }
 

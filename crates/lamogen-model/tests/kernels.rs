@@ -168,12 +168,9 @@ fn kernels_know_the_gradient_of_scales_and_shifts() {
     assert_eq!(host(unmoved), host(nothing.clone()));
 
     let moved = with(numbers([4, model.modulations()], 0.217) * 0.5);
-    let kernels = both(
-        model.linearize_modulation(moved.clone(), context),
-        &moved.mask,
-    );
+    let kernels = both(model.linearize(moved.clone(), context), &moved.mask);
     let evaluate = |input| model.denoise(input, context);
-    let tensors = Linearized::of_modulation_by_autodiff(moved.clone(), evaluate);
+    let tensors = Linearized::by_autodiff(moved.clone(), evaluate);
     let tensors = both(tensors, &moved.mask);
     let (output, gradient) = (
         distance(&kernels.0, &tensors.0),

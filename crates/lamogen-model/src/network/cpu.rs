@@ -122,7 +122,6 @@ pub(super) struct Evaluation {
     lengths: Vec<usize>,
     /// Batch, frames, features.
     shape: [usize; 3],
-    condition_shape: [usize; 2],
 }
 
 impl Evaluation {
@@ -140,7 +139,6 @@ impl Evaluation {
             "the mask must be of as many motions and frames as x_t"
         );
         let condition = input.time.clone() + input.embedding.clone();
-        let condition_shape = condition.dims();
         let text = context.0.iter().cloned();
         let modulation = match input.modulation.clone() {
             Some(modulation) => Some(Numbers::of(modulation)?),
@@ -154,7 +152,6 @@ impl Evaluation {
             text: text.map(Numbers::of).collect::<Option<_>>()?,
             decoder: decoder()?,
             lengths: input.mask.lengths().to_vec(),
-            condition_shape,
         })
     }
 
@@ -171,21 +168,14 @@ impl Evaluation {
         })
     }
 
-    /// The gradient with respect to the embedding.
+    /// The gradient with respect to the embedding, or to the modulation where there is one.
     pub(super) fn backward(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
         let gradient = untracked(gradient);
-        let out = self.with_input(|input| self.decoder.backward(input, tape, gradient.as_ref()));
-        tensor(out, self.condition_shape)
-    }
-
-    /// The gradient with respect to what is added to scales and shifts.
-    pub(super) fn backward_to_modulation(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
-        let gradient = untracked(gradient);
-        let backward = |input: Input<'_>| {
-            let decoder = &self.decoder;
-            decoder.backward_to_modulation(input, tape, gradient.as_ref())
-        };
-        let out = self.with_input(backward);
+        let gradient = gradient.as_ref();
+        let out = self.with_input(|input| match input.modulation {
+            None => self.decoder.backward(input, tape, gradient),
+            Some(_) => self.decoder.backward_to_modulation(input, tape, gradient),
+        });
         let [motions, _, _] = self.shape;
         let width = out.len() / motions;
         tensor(out, [motions, width])

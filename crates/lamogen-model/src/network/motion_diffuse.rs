@@ -148,21 +148,6 @@ impl Denoiser for MotionDiffuse {
         self.modulations.width()
     }
 
-    fn linearize_modulation<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a CrossAttentionContext,
-    ) -> Linearized<'a> {
-        #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.on_cpu(&input, context) {
-            let (output, tape) = evaluation.record();
-            return Linearized::new(output, move |gradient| {
-                evaluation.backward_to_modulation(tape, gradient)
-            });
-        }
-        Linearized::of_modulation_by_autodiff(input, |input| self.forward(input, context))
-    }
-
     fn linearize_motion<'a>(
         &'a self,
         input: DenoiserInput,

@@ -280,11 +280,11 @@ pub struct GoalArguments {
 
 impl GoalArguments {
     /// All that is asked for.
-    pub fn asked(&self) -> Asked<'_> {
+    pub fn asked(&self) -> Asked {
         Asked {
             goals: [&self.weight, &self.time, &self.flow, &self.shape].map(Clone::clone),
             scale: self.scale,
-            like: self.like.as_deref(),
+            like: self.like.clone(),
             parts: self.part.clone(),
         }
     }

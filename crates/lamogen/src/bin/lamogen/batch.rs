@@ -21,7 +21,7 @@ use crate::failure::{Code, Failure};
 use crate::generate::facts;
 use crate::output::{Format, Output};
 use crate::scene::Scene;
-use crate::source::{Source, device};
+use crate::source::Source;
 use line::Item;
 
 /// Wrong lines that are named.
@@ -190,7 +190,7 @@ impl Work<'_> {
 
     /// Reads what requests refer to, before anything is run.
     fn prepare(&self, items: &mut [Item]) -> Result<(), Failure> {
-        let device = device(self.options.source.device)?;
+        let device = self.source.device();
         let wrong = items.iter_mut().filter_map(|item| {
             let reason = item.prepare(&device).err()?;
             Some((item.number, reason))

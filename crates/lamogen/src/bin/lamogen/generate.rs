@@ -11,16 +11,13 @@ use crate::failure::{Code, Failure};
 use crate::output::Output;
 use crate::report;
 use crate::scene::Scene;
-use crate::source::{Source, device};
+use crate::source::Source;
 
 pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     let seeds = seeds(options)?;
     let outputs = outputs(options, &seeds)?;
     let source = Source::open(&options.source, console)?;
-    let goals = options
-        .goals
-        .asked()
-        .goals(&device(options.source.device)?)?;
+    let goals = options.goals.asked().goals(&source.device())?;
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {

@@ -1,6 +1,6 @@
 //! What is asked of a motion, as options and lines of a batch have it.
 
-use std::path::Path;
+use std::path::PathBuf;
 
 use lamogen::files::{ReadOptions, read};
 use lamogen::{
@@ -11,21 +11,21 @@ use crate::failure::Failure;
 
 /// All that can be asked for.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Asked<'a> {
+pub struct Asked {
     /// In the order of the components.
     pub goals: [Option<Goal>; COMPONENTS],
     pub scale: Option<Scale>,
-    pub like: Option<&'a Path>,
+    pub like: Option<PathBuf>,
     pub parts: Vec<PartScale>,
 }
 
-impl Asked<'_> {
+impl Asked {
     /// The goals together; none if nothing is asked for. Goals of single components replace those of another motion.
     pub fn goals(&self, device: &Device) -> Result<Option<Goals>, Failure> {
         if *self == Asked::default() {
             return Ok(None);
         }
-        let mut goals = match self.like {
+        let mut goals = match &self.like {
             Some(path) => {
                 let motion = read(path, &ReadOptions::default())?.motion;
                 Goals::like(&LabanSeries::of(&motion, &LabanOptions::default(), device))

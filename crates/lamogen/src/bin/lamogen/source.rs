@@ -1,5 +1,6 @@
 //! The model that a command works with.
 
+use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
 
 use crate::arguments::{CoherenceChoice, SourceArguments};
@@ -39,6 +40,11 @@ impl Source {
         }
         console.licence(source.model.licence());
         Ok(source)
+    }
+
+    /// Where the model computes.
+    pub fn device(&self) -> Device {
+        self.model.network().device()
     }
 
     /// The frames by which predictions are smoothed along time, if they are.

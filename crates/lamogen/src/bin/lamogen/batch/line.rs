@@ -62,6 +62,8 @@ pub struct Item {
     /// What its files are called.
     pub id: String,
     pub line: Line,
+    asked: Asked,
+    /// Once it is prepared.
     goals: Option<Goals>,
 }
 
@@ -118,17 +120,18 @@ fn item(number: usize, text: &str) -> Result<Item, String> {
         }
         None => format!("line-{number:05}"),
     };
-    line.asked()?;
+    let asked = line.asked()?;
     Ok(Item {
         number,
         id,
         line,
+        asked,
         goals: None,
     })
 }
 
 impl Line {
-    fn asked(&self) -> Result<Asked<'_>, String> {
+    fn asked(&self) -> Result<Asked, String> {
         let goals = [&self.weight, &self.time, &self.flow, &self.shape];
         if self.scale.is_some() && goals.iter().any(|goal| goal.is_some()) {
             return Err("expected a scale or factors of components, found both".into());
@@ -152,7 +155,7 @@ impl Line {
         Ok(Asked {
             goals: parsed,
             scale: scale.map_err(|error| error.to_string())?,
-            like: self.like.as_deref(),
+            like: self.like.clone(),
             parts: parts.map_err(|error| format!("part: {error}"))?,
         })
     }
@@ -161,7 +164,7 @@ impl Line {
 impl Item {
     /// Reads the motion that this one shall be like, if there is one.
     pub fn prepare(&mut self, device: &Device) -> Result<(), String> {
-        let goals = self.line.asked()?.goals(device);
+        let goals = self.asked.goals(device);
         self.goals = goals.map_err(|failure| failure.message)?;
         Ok(())
     }
