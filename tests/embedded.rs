@@ -122,23 +122,51 @@ fn a_batch_gives_the_motions_of_single_calls() {
             .seed(seed)
             .steps(20)
     };
+    let steps_alone = Guidance {
+        finish: None,
+        ..Guidance::precise()
+    };
+    // Each update takes up the rounding of those before it. Where joints rest, a finish hardly knows which way to move them.
+    let (closely, finished) = (1e-4, 4e-3);
     let requests = [
-        request("a person jumps", Tag::Strong, 60, 1),
-        request("a person walks forward", Tag::Near, 43, 2),
-        Request::new("a person runs").frames(50).steps(20),
-        request("a person waves with the right hand", Tag::Light, 75, 3),
+        (request("a person jumps", Tag::Strong, 60, 1), finished),
+        (
+            request("a person walks forward", Tag::Near, 43, 2),
+            finished,
+        ),
+        (Request::new("a person runs").frames(50).steps(20), closely),
+        (
+            request("a person waves with the right hand", Tag::Light, 75, 3),
+            finished,
+        ),
         // Other steps, other guidance and a fourth of one kind: batches of their own.
-        request("a person jumps", Tag::Far, 60, 4).steps(10),
-        request("a person jumps", Tag::Sudden, 60, 5).preset(Preset::Paper),
-        request("a person bows", Tag::Free, 90, 6),
+        (
+            request("a person jumps", Tag::Far, 60, 4).steps(10),
+            finished,
+        ),
+        (
+            request("a person jumps", Tag::Sudden, 60, 5).preset(Preset::Paper),
+            closely,
+        ),
+        (request("a person bows", Tag::Free, 90, 6), finished),
+        (
+            request("a person waves with the right hand", Tag::Light, 75, 3)
+                .guidance(steps_alone.clone()),
+            closely,
+        ),
+        (
+            request("a person bows", Tag::Free, 90, 6).guidance(steps_alone),
+            closely,
+        ),
     ];
+    let (requests, bounds): (Vec<Request>, Vec<f32>) = requests.into_iter().unzip();
     let together = model.generate_all(&requests).unwrap();
     assert_eq!(together.len(), requests.len());
-    for (request, together) in requests.iter().zip(&together) {
+    for ((request, together), bound) in requests.iter().zip(&together).zip(bounds) {
         let alone = model.generate(request).unwrap();
-        for (alone, together) in [
-            (&alone.baseline, &together.baseline),
-            (&alone.guided, &together.guided),
+        for (alone, together, bound) in [
+            (&alone.baseline, &together.baseline, closely),
+            (&alone.guided, &together.guided, bound),
         ] {
             assert_eq!(alone.frames(), together.frames());
             let pairs = alone.joints().as_flattened().as_flattened().iter();
@@ -147,8 +175,8 @@ fn a_batch_gives_the_motions_of_single_calls() {
                 .zip(others)
                 .map(|(a, b)| (a - b).abs())
                 .fold(0.0, f32::max);
-            // Each of hundreds of updates takes up the rounding of those before it.
-            assert!(largest < 1e-3, "{request:?}: {largest}");
+            println!("{largest} m: {request:?}");
+            assert!(largest < bound, "{request:?}: {largest}");
         }
     }
 }

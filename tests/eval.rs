@@ -60,7 +60,7 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     prepare(folder);
     let more = [
         "--studies",
-        "interpolation,front,learning-rate,divisor",
+        "interpolation,front,learning-rate,finish,divisor",
         "--out",
         "evidence",
         "--methods",
@@ -81,9 +81,12 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
         "| asked | 0.5 | 0.8 | 1 | 1.2 | 1.5 |",
         "## Exactness against selectivity",
         "| modulation, emphasis 10 |",
+        "| modulation with a finish, emphasis 10 |",
         "| start noise |",
         "## Learning rate",
         "| learning rate 0.5 |",
+        "## Updates of the finished motion",
+        "| 100 without guidance |",
         "## What the loss divides by",
         "## What smoothing does",
     ] {

@@ -45,6 +45,49 @@ pub enum Moved {
     },
 }
 
+/// How the finished motion is moved by what is left to its target: by Adam and without the network, as
+/// [`Moved::Motion`] does it, but after something else has come near. Little is left then, and little is done to the motion.
+/// Adam's betas are 0.9 and 0.999.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finish {
+    /// How often.
+    pub iterations: usize,
+    /// Adam's learning rate at first; it goes to 0 on half a cosine, so that the motion comes to rest.
+    pub learning_rate: f64,
+    /// Adam's epsilon. Where it is far above the gradients, numbers move in proportion to them, and what is smooth stays
+    /// smooth.
+    pub epsilon: f32,
+}
+
+impl Default for Finish {
+    /// As in [`Guidance::precise`].
+    fn default() -> Self {
+        Finish {
+            iterations: 100,
+            learning_rate: 0.03,
+            epsilon: 0.1,
+        }
+    }
+}
+
+impl Finish {
+    /// The same updates with nothing before them: they move the motion of the first pass. Divisor, emphasis and what
+    /// is measured are those of `others`.
+    pub fn alone(self, others: &Guidance) -> Guidance {
+        Guidance {
+            moved: Moved::Motion {
+                iterations: self.iterations,
+            },
+            learning_rate: self.learning_rate,
+            last_learning_rate: Some(0.0),
+            betas: [0.9, 0.999],
+            epsilon: self.epsilon,
+            finish: None,
+            ..others.clone()
+        }
+    }
+}
+
 /// How what is moved, usually the sentence embedding, is moved. The default is [`Guidance::fast`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guidance {
@@ -70,6 +113,8 @@ pub struct Guidance {
     /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
     /// other components move more.
     pub emphasis: [f32; COMPONENTS],
+    /// What is done to the finished motion after the last step; nothing in the paper.
+    pub finish: Option<Finish>,
     /// How Laban features are measured.
     pub laban: LabanOptions,
 }
@@ -83,7 +128,7 @@ pub enum Preset {
     /// on the embedded model more selective than the paper's numbers.
     #[default]
     Fast,
-    /// 50 steps, two updates of the modulation at each: nearest to what the tags ask for, with the least else
+    /// 50 steps, an update of the modulation at each, and a finish: nearest to what the tags ask for, with the least else
     /// moved. For networks with stylization layers, as MotionDiffuse; what the embedded model runs with.
     Precise,
 }
@@ -121,6 +166,7 @@ impl Guidance {
             update: Update::Immediate,
             divisor: Divisor::Frame,
             emphasis: [1.0; COMPONENTS],
+            finish: None,
             laban: LabanOptions::default(),
         }
     }
@@ -134,16 +180,16 @@ impl Guidance {
         }
     }
 
-    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, with more weight on Time and
-    /// Flow where they are asked for; meant for 50 DDIM steps.
+    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, gently, with more weight on Time
+    /// and Flow where they are asked for; and then the finished motion by what is left. Meant for 50 DDIM steps.
     pub fn precise() -> Self {
         Guidance {
             moved: Moved::Modulation,
-            learning_rate: 0.02,
-            last_learning_rate: Some(0.06),
+            learning_rate: 0.005,
+            last_learning_rate: Some(0.02),
             epsilon: 0.04,
-            updates_per_step: 2,
-            emphasis: [1.0, 5.0, 7.0, 1.0],
+            emphasis: [1.0, 3.0, 3.0, 1.0],
+            finish: Some(Finish::default()),
             ..Guidance::fast()
         }
     }
@@ -177,10 +223,11 @@ impl Guidance {
 
     /// How many steps a guided pass has beside a first pass of so many DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
-        match self.moved {
+        let moves = match self.moved {
             Moved::Embedding | Moved::Modulation | Moved::Prediction => ddim,
             Moved::Motion { iterations } | Moved::Noise { iterations } => iterations,
-        }
+        };
+        moves + self.finish.map_or(0, |finish| finish.iterations)
     }
 
     /// The learning rate at a step, from 0, of so many.
@@ -222,6 +269,13 @@ impl Guidance {
         let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
         if !self.emphasis.iter().all(makes_sense) {
             return problem("a finite emphasis of at least 0", &self.emphasis);
+        }
+        if let Some(finish) = self.finish {
+            let checked = finish.alone(self).check();
+            checked.map_err(|problem| match problem {
+                GuideError::Guidance(text) => GuideError::Guidance(format!("finish: {text}")),
+                other => other,
+            })?;
         }
         Ok(())
     }

@@ -25,7 +25,7 @@ mod schedule;
 
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
-pub use guidance::{Guidance, Moved, Preset, Update};
+pub use guidance::{Finish, Guidance, Moved, Preset, Update};
 pub use guided::{Guided, Reached};
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use batches::batch;
 use burn::tensor::{Device, Tensor};
-use lamogen_guide::{Batch, Guidance, GuideError, Moved, Sampler, Step};
+use lamogen_guide::{Batch, Finish, Guidance, GuideError, Moved, Sampler, Step};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::POSE_FEATURES;
@@ -49,6 +49,12 @@ impl Says for Echo {
 fn strong() -> Goals {
     Scale::new([2.0, 1.0, 1.0, 1.0]).unwrap().into()
 }
+
+const FINISH: Finish = Finish {
+    iterations: 12,
+    learning_rate: 0.006,
+    epsilon: 1e-8,
+};
 
 fn ways() -> [Guidance; 5] {
     let few = |moved| Guidance {
@@ -100,6 +106,56 @@ fn whatever_is_moved_the_motion_nears_the_target() {
         let [before, after] = [&guided.whole.baseline, &guided.whole.guided].map(distance);
         println!("{:?}: {before} to {after}", guidance.moved);
         assert!(after < 0.7 * before, "{:?}", guidance.moved);
+    }
+}
+
+#[test]
+fn a_finish_goes_on_where_the_steps_end() {
+    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
+    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+    let batch = batch(&[40], 40);
+    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    for guidance in ways() {
+        let run = |guidance: &Guidance| {
+            let mut seen: Vec<(usize, usize, bool)> = Vec::new();
+            let (mut embeddings, mut predictions) = (Vec::new(), Vec::new());
+            let mut watch = |step: &Step<'_>| {
+                seen.push((step.index, step.steps, step.gradient.is_some()));
+                embeddings.push(step.embedding.clone().into_scalar::<f32>());
+                predictions.push(step.prediction.clone());
+                ControlFlow::Continue(())
+            };
+            let goals = [strong()];
+            let guided = sampler.guided(&batch, baseline.clone(), &goals, guidance, &mut watch);
+            (guided.unwrap(), seen, embeddings, predictions)
+        };
+        let (plain, before, ..) = run(&guidance);
+        let (finished, seen, embeddings, predictions) = run(&Guidance {
+            finish: Some(FINISH),
+            ..guidance.clone()
+        });
+        let steps = before.len();
+        assert_eq!((seen.len(), finished.loss.len()), (steps + 12, steps + 12));
+        for (place, (index, of, gradient)) in seen.into_iter().enumerate() {
+            assert_eq!((index, of), (place, steps + 12));
+            assert!(!gradient || place < steps);
+        }
+        // Up to there nothing is different, and then it is the motion itself that goes on.
+        assert_eq!(finished.loss[..steps], plain.loss);
+        let same = |a: &Tensor<3>, b: &Tensor<3>| {
+            let difference: f32 = (a.clone() - b.clone()).abs().max().into_scalar();
+            difference == 0.0
+        };
+        assert!(same(&finished.motion, &predictions[steps + 11]));
+        assert!(!same(&finished.motion, &plain.motion));
+        assert_eq!(embeddings[steps - 1], embeddings[steps + 11]);
+        let [first, last] = [steps, steps + 11].map(|step| finished.loss[step][0]);
+        println!("{:?}: {first} to {last}", guidance.moved);
+        assert!(
+            last < 0.9 * first,
+            "{:?}: {first} to {last}",
+            guidance.moved
+        );
     }
 }
 
@@ -210,4 +266,17 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
         let message = result.unwrap_err().to_string();
         assert!(message.contains("at least one iteration"), "{message}");
     }
+    let guidance = Guidance {
+        finish: Some(Finish {
+            learning_rate: f64::NAN,
+            ..FINISH
+        }),
+        ..Guidance::fast()
+    };
+    let result = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut ());
+    let message = result.unwrap_err().to_string();
+    assert!(
+        message.contains("finish: expected a finite learning rate") && message.contains("NaN"),
+        "{message}"
+    );
 }

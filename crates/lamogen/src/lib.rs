@@ -42,7 +42,7 @@ pub use licence::Licence;
 pub use request::{Length, Request};
 
 pub use burn::tensor::Device;
-pub use lamogen_guide::{Coherence, Guidance, Moved, Pass, Preset, Step, Update};
+pub use lamogen_guide::{Coherence, Finish, Guidance, Moved, Pass, Preset, Step, Update};
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Goal,
     Goals, Interpolation, Key, LabanOptions, LabanSeries, PartScale, Scale, ScaleCurve, Smoothing,

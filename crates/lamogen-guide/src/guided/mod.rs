@@ -1,7 +1,7 @@
 //! The guided pass.
 //!
 //! ```text
-//! baseline, scales ──Objective──▶ loss ──▶ one step of a Subject ──▶ … ──▶ motions
+//! baseline, scales ──Objective──▶ loss ──▶ one step of a Subject ──▶ … ──▶ motions ──▶ one step of the finish ──▶ … ──▶ motions
 //! ```
 
 mod objective;
@@ -87,7 +87,15 @@ impl<D: Denoiser> Sampler<'_, D> {
                 self, &objective, batch, iterations, guidance,
             )),
         };
-        let (motion, loss) = pursue(subject, observer)?;
+        let steps = guidance.steps(self.steps().len());
+        let mut course = Course::new(steps, observer);
+        let (mut motion, embedding) = course.follow(subject)?;
+        if let Some(finish) = guidance.finish {
+            let (iterations, own) = (finish.iterations, finish.alone(guidance));
+            let subject = subjects::Motion::new(&objective, motion, &embedding, iterations, &own);
+            (motion, _) = course.follow(Box::new(subject))?;
+        }
+        let loss = course.loss;
         let mut reached = objective.reached(motion.clone()).into_iter();
         Ok(Guided {
             motion,
@@ -98,44 +106,62 @@ impl<D: Denoiser> Sampler<'_, D> {
     }
 }
 
-/// All steps: the motions, and the loss of each at every step.
-fn pursue(
-    mut subject: Box<dyn Subject + '_>,
-    observer: &mut dyn Observer,
-) -> Result<(Tensor<3>, Vec<Vec<f32>>), GuideError> {
-    let steps = subject.steps();
-    let mut trace = Vec::new();
-    for index in 0..steps {
-        let timestep = subject.timestep(index);
-        let made = subject.step(index).map_err(|broken| {
-            let Broken {
-                quantity,
-                component,
-                motion,
-            } = broken;
-            GuideError::NotFinite {
-                quantity,
-                component,
+/// The steps of a pass, one subject's after another's.
+struct Course<'o> {
+    steps: usize,
+    /// Of each motion at every step so far.
+    loss: Vec<Vec<f32>>,
+    observer: &'o mut dyn Observer,
+}
+
+impl<'o> Course<'o> {
+    fn new(steps: usize, observer: &'o mut dyn Observer) -> Self {
+        Course {
+            steps,
+            loss: Vec::new(),
+            observer,
+        }
+    }
+
+    /// All steps of a subject; the motions that come of them, and the embeddings that stand at the end.
+    fn follow(
+        &mut self,
+        mut subject: Box<dyn Subject + '_>,
+    ) -> Result<(Tensor<3>, Tensor<2>), GuideError> {
+        let (before, steps) = (self.loss.len(), self.steps);
+        for own in 0..subject.steps() {
+            let (index, timestep) = (before + own, subject.timestep(own));
+            let made = subject.step(own).map_err(|broken| {
+                let Broken {
+                    quantity,
+                    component,
+                    motion,
+                } = broken;
+                GuideError::NotFinite {
+                    quantity,
+                    component,
+                    index,
+                    steps,
+                    timestep,
+                    motion,
+                }
+            })?;
+            self.loss.push(made.loss);
+            let step = Step {
+                pass: Pass::Guided,
                 index,
                 steps,
                 timestep,
-                motion,
+                loss: self.loss.last().map(Vec::as_slice),
+                gradient: made.gradient.as_ref(),
+                embedding: subject.embedding(),
+                prediction: &made.prediction,
+            };
+            if self.observer.step(&step).is_break() {
+                return Err(GuideError::stopped(&step, &self.loss));
             }
-        })?;
-        trace.push(made.loss);
-        let step = Step {
-            pass: Pass::Guided,
-            index,
-            steps,
-            timestep,
-            loss: trace.last().map(Vec::as_slice),
-            gradient: made.gradient.as_ref(),
-            embedding: subject.embedding(),
-            prediction: &made.prediction,
-        };
-        if observer.step(&step).is_break() {
-            return Err(GuideError::stopped(&step, &trace));
         }
+        let embedding = subject.embedding().clone();
+        Ok((subject.finish(), embedding))
     }
-    Ok((subject.finish(), trace))
 }

@@ -532,7 +532,7 @@ pub struct Eval {
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "embedding", "prompt", "raw", "classifier", "noise"])]
     pub methods: Vec<Method>,
     /// What is varied; --studies without a name leaves all out.
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "learning-rate", "rise", "steps", "update", "updates", "divisor", "smoothing"])]
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
     /// How many sentences each study is made with.
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]

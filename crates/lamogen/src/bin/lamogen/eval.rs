@@ -29,7 +29,7 @@ use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::pack::tell_problems;
 use crate::source::{Source, device};
-use plan::{Basis, Cell, Plan, Prompt};
+use plan::{Basis, Cell, Places, Plan, Prompt};
 pub use plan::{Method, Study};
 use record::{Store, read};
 use summary::Evidence;
@@ -128,13 +128,9 @@ fn prompts(
         .split(options.split)
         .filter(|entry| !entry.mirror && lengths.contains(&entry.frames))
         .collect();
-    // Some of them are from all over the data, which may be sorted.
-    let all = entries.len();
-    let wanted = options.prompts.map_or(all, |prompts| prompts as usize);
-    let wanted = wanted.min(all);
-    let entries: Vec<&Entry> = { 0..wanted }
-        .map(|place| entries[place * all / wanted])
-        .collect();
+    let wanted = options.prompts.map_or(entries.len(), |n| n as usize);
+    let places = Places::spread(wanted, entries.len()).iter();
+    let entries: Vec<&Entry> = places.map(|place| entries[place]).collect();
     if entries.len() < 2 {
         let message = format!(
             "{}: expected at least 2 motions of {} to {} frames in the {} split, found {}",

@@ -5,12 +5,12 @@ use lamogen::laban::{Gaussian, LabanOptions, Window};
 use lamogen::motion::Joint;
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
-    Scale, Smoothing,
+    Scale, Smoothing, Tag,
 };
 use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
 
 use super::document::Block;
-use super::plan::{INTERPOLATION, Plan};
+use super::plan::{Cell, Demand, INTERPOLATION, Plan};
 use super::report::ReportError;
 use super::work::Work;
 
@@ -68,6 +68,36 @@ impl<'a> Shown<'a> {
             )),
             Block::picture("One motion", "Weight, Time, Flow and Shape over time", svg),
         ])
+    }
+
+    /// What every method makes of the sentence with one tag, below what the sentence alone gives.
+    pub fn methods(&self) -> Result<Vec<Block>, ReportError> {
+        let mut blocks = Vec::new();
+        for tag in [Tag::Strong, Tag::Far] {
+            let mut rows = Vec::new();
+            for setting in &self.plan.methods {
+                let demands = setting.demands.iter();
+                let asked = Some((tag.component(), tag.scale()));
+                let own = |demand: &&Demand| [None, asked].contains(&demand.factor());
+                for &demand in demands.filter(own) {
+                    let cell = Cell {
+                        setting,
+                        demand,
+                        prompt: 0,
+                        repeat: 0,
+                    };
+                    let request = cell.request(&self.work.prompts[0]);
+                    rows.push((setting.method.title(), self.generate(&request)?.guided));
+                }
+            }
+            let rows = rows.iter();
+            let rows = rows.map(|(label, motion)| Row { label, motion });
+            let svg = strip(&rows.collect::<Vec<_>>(), POSES);
+            let title = format!("Every method {tag}");
+            let caption = format!("\"{}\", {tag}, by every method", self.caption());
+            blocks.push(Block::picture(&title, caption, svg));
+        }
+        Ok(blocks)
     }
 
     /// Five factors on Weight, and on Shape.

@@ -11,7 +11,9 @@ use std::fmt;
 use clap::ValueEnum;
 use lamogen::guide::edited_prompt;
 use lamogen::laban::{Gaussian, Smoothing};
-use lamogen::{COMPONENTS, Component, Divisor, Guidance, Preset, Request, Scale, Tag, Update};
+use lamogen::{
+    COMPONENTS, Component, Divisor, Finish, Guidance, Preset, Request, Scale, Tag, Update,
+};
 
 use crate::arguments::{Eval, PresetName};
 
@@ -81,6 +83,26 @@ impl Demand {
     }
 }
 
+/// Which prompts a setting is for: some, at equal distances from all of them, which may be sorted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Places {
+    some: usize,
+    all: usize,
+}
+
+impl Places {
+    /// So many of all; all where there are no more.
+    pub fn spread(some: usize, all: usize) -> Places {
+        let some = some.min(all);
+        Places { some, all }
+    }
+
+    /// The places, ascending.
+    pub fn iter(self) -> impl Iterator<Item = usize> + Clone {
+        (0..self.some).map(move |place| place * self.all / self.some)
+    }
+}
+
 /// A method with its options, and what is asked of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
@@ -90,8 +112,8 @@ pub struct Setting {
     pub guidance: Guidance,
     pub steps: usize,
     pub demands: Vec<Demand>,
-    /// How many of the prompts.
-    pub prompts: usize,
+    /// Which of the prompts.
+    pub prompts: Places,
 }
 
 impl Setting {
@@ -196,6 +218,8 @@ pub enum Study {
     Updates,
     /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
     Front,
+    /// Updates of the finished motion, after guidance and without it.
+    Finish,
     /// What the loss divides by.
     Divisor,
     /// Smoothing before the differences are taken, before each, and none.
@@ -211,6 +235,7 @@ impl Study {
             Study::Steps => "DDIM steps",
             Study::Update => "Immediate and lagged updates",
             Study::Updates => "Updates a step",
+            Study::Finish => "Updates of the finished motion",
             Study::Front => "Exactness against selectivity",
             Study::Divisor => "What the loss divides by",
             Study::Smoothing => "Smoothing",
@@ -222,7 +247,7 @@ impl Study {
 pub const INTERPOLATION: [f32; 5] = [0.5, 0.8, 1.0, 1.2, 1.5];
 
 /// How much the asked component counts in [`Study::Front`].
-const FRONT: [f32; 5] = [1.0, 2.0, 3.0, 10.0, 30.0];
+const FRONT: [f32; 3] = [1.0, 3.0, 10.0];
 
 /// How everything is generated that a setting does not change.
 #[derive(Clone, Copy, Debug)]
@@ -237,7 +262,7 @@ pub struct Basis {
 }
 
 impl Basis {
-    fn laban(&self, name: String, prompts: usize, change: impl FnOnce(&mut Setting)) -> Setting {
+    fn laban(&self, name: String, prompts: Places, change: impl FnOnce(&mut Setting)) -> Setting {
         let mut setting = Setting {
             name,
             method: Method::Laban,
@@ -251,7 +276,7 @@ impl Basis {
     }
 
     /// The setting of a method.
-    pub fn method(&self, method: Method, prompts: usize) -> Setting {
+    pub fn method(&self, method: Method, prompts: Places) -> Setting {
         let name = method.to_possible_value().expect("all have names");
         self.laban(name.get_name().to_owned(), prompts, |setting| {
             setting.method = method;
@@ -274,7 +299,7 @@ impl Basis {
     }
 
     /// The settings of a study, each with what stands in its row.
-    pub fn study(&self, study: Study, prompts: usize) -> Vec<(String, Setting)> {
+    pub fn study(&self, study: Study, prompts: Places) -> Vec<(String, Setting)> {
         let usual = self.preset.guidance();
         let vary = |label: String, change: &dyn Fn(&mut Setting)| {
             let name = format!("laban, {label}");
@@ -297,7 +322,7 @@ impl Basis {
                     setting.demands = demands.clone();
                 })]
             }
-            Study::LearningRate => [0.001, 0.005, 0.02, 0.05, 0.1, 0.2, 0.5]
+            Study::LearningRate => [0.001, 0.005, 0.02, 0.05, 0.1, 0.5]
                 .map(|rate| {
                     vary(format!("learning rate {rate}"), &|setting| {
                         // Where it rises, it rises as much.
@@ -308,21 +333,24 @@ impl Basis {
                     })
                 })
                 .into(),
-            Study::Rise => [
-                ("0.02 all the time", 0.02, None),
-                ("0.04 all the time", 0.04, None),
-                ("0.06 all the time", 0.06, None),
-                ("rising from 0.02 to 0.06", 0.02, Some(0.06)),
-                ("falling from 0.06 to 0.02", 0.06, Some(0.02)),
-            ]
-            .map(|(name, first, last)| {
-                vary(format!("learning rate {name}"), &|setting| {
-                    setting.guidance.learning_rate = first;
-                    setting.guidance.last_learning_rate = last;
+            Study::Rise => {
+                let low = usual.learning_rate;
+                let high = usual.last_learning_rate.unwrap_or(4.0 * low);
+                let rows = [
+                    (format!("{low} all the time"), low, None),
+                    (format!("{high} all the time"), high, None),
+                    (format!("rising from {low} to {high}"), low, Some(high)),
+                    (format!("falling from {high} to {low}"), high, Some(low)),
+                ];
+                rows.map(|(name, first, last)| {
+                    vary(format!("learning rate {name}"), &|setting| {
+                        setting.guidance.learning_rate = first;
+                        setting.guidance.last_learning_rate = last;
+                    })
                 })
-            })
-            .into(),
-            Study::Steps => [10, 20, 50, 100, 200, 500, 1000]
+                .into()
+            }
+            Study::Steps => [10, 20, 50, 100, 200, 1000]
                 .map(|steps| vary(format!("{steps} steps"), &|setting| setting.steps = steps))
                 .into(),
             Study::Update => [("immediate", Update::Immediate), ("lagged", Update::Lagged)]
@@ -338,9 +366,15 @@ impl Basis {
                 })
                 .into(),
             Study::Front => {
+                let finished = Guidance::precise();
+                let modulation = Guidance {
+                    finish: None,
+                    ..finished.clone()
+                };
                 let moved = [
                     ("embedding", Guidance::fast(), self.embedding_steps),
-                    ("modulation", Guidance::precise(), self.steps),
+                    ("modulation", modulation, self.steps),
+                    ("modulation with a finish", finished, self.steps),
                 ];
                 let rows = moved.into_iter().flat_map(|(name, guidance, steps)| {
                     FRONT.map(|emphasis| {
@@ -362,6 +396,30 @@ impl Basis {
                 let others =
                     others.map(|(name, method)| (name.into(), self.method(method, prompts)));
                 rows.chain(others).collect()
+            }
+            Study::Finish => {
+                let usual = usual.finish.unwrap_or_default();
+                let after = [0, 50, 100, 200].map(|iterations| {
+                    let label = format!("{iterations} after guidance");
+                    vary(label, &|setting| {
+                        let finish = Finish {
+                            iterations,
+                            ..usual
+                        };
+                        setting.guidance.finish = (iterations > 0).then_some(finish);
+                    })
+                });
+                let alone = [100, 300].map(|iterations| {
+                    let label = format!("{iterations} without guidance");
+                    vary(label, &|setting| {
+                        let updates = Finish {
+                            iterations,
+                            ..usual
+                        };
+                        setting.guidance = updates.alone(&setting.guidance);
+                    })
+                });
+                after.into_iter().chain(alone).collect()
             }
             Study::Divisor => [
                 ("by each frame", Divisor::Frame),
@@ -391,13 +449,12 @@ impl Basis {
     }
 }
 
-/// Settings of one name only once, with as many prompts as any of them wants.
+/// Settings of one name only once: with the prompts of the first, which for a method are all.
 fn merged(settings: impl IntoIterator<Item = Setting>) -> Vec<Setting> {
     let mut merged: Vec<Setting> = Vec::new();
     for setting in settings {
-        match merged.iter_mut().find(|other| other.name == setting.name) {
-            Some(other) => other.prompts = other.prompts.max(setting.prompts),
-            None => merged.push(setting),
+        if merged.iter().all(|other| other.name != setting.name) {
+            merged.push(setting);
         }
     }
     merged
@@ -408,7 +465,7 @@ pub fn cells(setting: &Setting, repeats: u64) -> impl Iterator<Item = Cell<'_>> 
     let demands = setting.demands.iter();
     demands.flat_map(move |&demand| {
         (0..repeats).flat_map(move |repeat| {
-            (0..setting.prompts).map(move |prompt| Cell {
+            setting.prompts.iter().map(move |prompt| Cell {
                 setting,
                 demand,
                 prompt,
@@ -440,12 +497,13 @@ impl Plan {
             noise_steps: options.noise_steps,
         };
         let methods = [Method::Text].iter().chain(&options.methods);
-        let methods = methods.map(|&method| basis.method(method, prompts));
+        let all = Places::spread(prompts, prompts);
+        let methods = methods.map(|&method| basis.method(method, all));
         let mut methods = merged(methods);
         // With the preset fast both are the same.
-        let laban = basis.method(Method::Laban, prompts);
+        let laban = basis.method(Method::Laban, all);
         methods.retain(|setting| setting.name == laban.name || !setting.generates_as(&laban));
-        let few = (options.study_prompts as usize).min(prompts);
+        let few = Places::spread(options.study_prompts as usize, prompts);
         let mut studies: Vec<(Study, Vec<(String, Setting)>)> = Vec::new();
         for &study in &options.studies {
             if studies.iter().all(|(other, _)| *other != study) {

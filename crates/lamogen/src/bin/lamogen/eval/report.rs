@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lamogen::motion::write_atomically;
-use lamogen::{COMPONENTS, Component, Moved};
+use lamogen::{COMPONENTS, Component};
 use lamogen_eval::MetricError;
 use lamogen_view::{Axis, CurveError, Line, plot};
 use serde_json::{Map, Value, json};
@@ -56,6 +56,7 @@ impl Report {
         report.fidelity(plan, evidence)?;
         report.quality(plan);
         let shown = Shown::new(plan, work);
+        report.pictures(shown.methods())?;
         report.blocks.push(Block::heading("One motion"));
         report.pictures(shown.example())?;
         for (study, rows) in &plan.studies {
@@ -383,9 +384,10 @@ impl Report {
         rows: &[(String, Setting)],
         figures: &[Figures],
     ) -> Result<(), ReportError> {
-        let line = |label, colour, is_own: &dyn Fn(Moved) -> bool| {
+        let line = |label: &'static str, colour| {
             let own = rows.iter().zip(figures);
-            let own = own.filter(|((_, setting), _)| is_own(setting.guidance.moved));
+            // A row is called after its line, and what else there is to say of it.
+            let own = own.filter(|((row, _), _)| row.split(',').next() == Some(label));
             let points = own.filter_map(|(_, figures)| {
                 let control = figures.control.as_ref()?;
                 Some([figures.error?.mean, control.diagonality])
@@ -403,19 +405,12 @@ impl Report {
         };
         let axes = [axis("distance from what was asked"), axis("diagonality")];
         let lines = [
-            line("embedding", COLOURS[0], &|moved| moved == Moved::Embedding),
-            line("modulation", COLOURS[1], &|moved| {
-                moved == Moved::Modulation
-            }),
-            line("finished motion", COLOURS[2], &|moved| {
-                matches!(moved, Moved::Motion { .. })
-            }),
-            line("predicted motion", [156, 163, 175], &|moved| {
-                moved == Moved::Prediction
-            }),
-            line("start noise", COLOURS[3], &|moved| {
-                matches!(moved, Moved::Noise { .. })
-            }),
+            line("embedding", COLOURS[0]),
+            line("modulation", COLOURS[1]),
+            line("modulation with a finish", [8, 145, 178]),
+            line("finished motion", COLOURS[2]),
+            line("predicted motion", [156, 163, 175]),
+            line("start noise", COLOURS[3]),
         ];
         let lines = lines.into_iter().filter(|line| !line.points.is_empty());
         let lines: Vec<Line<'_>> = lines.collect();
