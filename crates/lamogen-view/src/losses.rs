@@ -20,14 +20,7 @@ pub struct LossCurve<'a> {
 ///
 /// If the picture cannot be drawn.
 pub fn losses(title: &str, curves: &[LossCurve<'_>]) -> Result<String, CurveError> {
-    let steps = Axis {
-        label: "steps",
-        logarithmic: false,
-    };
-    let loss = Axis {
-        label: "loss",
-        logarithmic: true,
-    };
+    let (steps, loss) = (Axis::linear("steps"), Axis::logarithmic("loss"));
     let line = |curve: &LossCurve<'_>| {
         let points = curve.points.iter();
         let points = points.map(|&(step, loss)| [step as f64, loss]);

@@ -18,6 +18,24 @@ pub struct Axis<'a> {
     pub logarithmic: bool,
 }
 
+impl<'a> Axis<'a> {
+    /// One whose numbers stand at equal distances.
+    pub fn linear(label: &'a str) -> Self {
+        Axis {
+            label,
+            logarithmic: false,
+        }
+    }
+
+    /// One whose equal distances are equal factors.
+    pub fn logarithmic(label: &'a str) -> Self {
+        Axis {
+            label,
+            logarithmic: true,
+        }
+    }
+}
+
 /// One line of a plot.
 #[derive(Clone, Debug)]
 pub struct Line<'a> {
@@ -67,6 +85,7 @@ fn draw(
     let all = || placed.iter().flatten();
     let x = axes[0].scale(all().map(|point| point.0), 0.0);
     let y = axes[1].scale(all().map(|point| point.1), 0.04);
+    let corner = free_corner(lines, &placed, [&x.range, &y.range]);
     let mut chart = ChartBuilder::on(&area)
         .caption(title, ("sans-serif", TITLE))
         .margin(12)
@@ -107,13 +126,65 @@ fn draw(
             .configure_series_labels()
             .background_style(WHITE.mix(0.8))
             .border_style(RGBColor(209, 213, 219))
-            .position(SeriesLabelPosition::UpperRight)
+            .position(corner)
             .label_font(("sans-serif", 13))
             .draw()?;
     }
     drop(chart);
     area.present()?;
     Ok(())
+}
+
+/// Where the legend covers least of the lines; at the upper right, if that is as good as others.
+fn free_corner(
+    lines: &[Line<'_>],
+    placed: &[Vec<(f64, f64)>],
+    ranges: [&Range<f64>; 2],
+) -> SeriesLabelPosition {
+    /// Between two points.
+    const SAMPLES: usize = 16;
+    let labels = lines.iter().map(|line| line.label.chars().count());
+    let longest = labels.clone().max().unwrap_or(0) as f64;
+    let entries = labels.filter(|length| *length > 0).count() as f64;
+    // In shares of the plot: a letter, the stroke before it, a line of text.
+    let (width, height) = (0.06 + 0.009 * longest, 0.02 + 0.05 * entries);
+    let share = |&(x, y): &(f64, f64)| {
+        let share = |place, range: &Range<f64>| (place - range.start) / (range.end - range.start);
+        (share(x, ranges[0]), share(y, ranges[1]))
+    };
+    let mut seen: Vec<(f64, f64)> = Vec::new();
+    for points in placed {
+        let points: Vec<(f64, f64)> = points.iter().map(share).collect();
+        for pair in points.windows(2) {
+            let [from, to] = [pair[0], pair[1]];
+            seen.extend((0..SAMPLES).map(|sample| {
+                let way = sample as f64 / SAMPLES as f64;
+                (
+                    from.0 + way * (to.0 - from.0),
+                    from.1 + way * (to.1 - from.1),
+                )
+            }));
+        }
+        seen.extend(points.last());
+    }
+    let corners = [
+        (SeriesLabelPosition::UpperRight, true, true),
+        (SeriesLabelPosition::UpperLeft, false, true),
+        (SeriesLabelPosition::LowerRight, true, false),
+        (SeriesLabelPosition::LowerLeft, false, false),
+    ];
+    let covered = |right: bool, upper: bool| {
+        let within = |place: f64, far: bool, size: f64| match far {
+            true => place > 1.0 - size,
+            false => place < size,
+        };
+        let covers = |&&(x, y): &&(f64, f64)| within(x, right, width) && within(y, upper, height);
+        seen.iter().filter(covers).count()
+    };
+    let best = corners
+        .into_iter()
+        .min_by_key(|(_, right, upper)| covered(*right, *upper));
+    best.map_or(SeriesLabelPosition::UpperRight, |(corner, ..)| corner)
 }
 
 impl Axis<'_> {
@@ -229,6 +300,32 @@ mod tests {
 
     fn names(ticks: Vec<f64>) -> String {
         ticks.into_iter().map(name).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn the_legend_stands_where_no_line_goes() {
+        let line = |points: Vec<[f64; 2]>| Line {
+            label: "asked",
+            points,
+            colour: [0; 3],
+            marked: true,
+        };
+        let stands = |lines: &[Line<'_>]| {
+            let svg = plot("", [Axis::linear("x"), Axis::linear("y")], lines).unwrap();
+            // The last text is the legend's; the origin is at the upper left.
+            let text = svg.rsplit("<text ").next().unwrap();
+            let place = |name: &str| -> f64 {
+                let rest = text.split(&format!("{name}=\"")).nth(1).unwrap();
+                rest.split('"').next().unwrap().parse().unwrap()
+            };
+            (place("x") > 450.0, place("y") < 240.0)
+        };
+        let rises = [[0.0, 0.0], [1.0, 1.0]].to_vec();
+        let falls = [[0.0, 1.0], [1.0, 0.0]].to_vec();
+        assert_eq!(stands(&[line(falls.clone())]), (true, true));
+        assert_eq!(stands(&[line(rises.clone())]), (false, true));
+        let both = [rises, vec![[0.0, 1.0], [0.5, 0.5]]].map(line);
+        assert_eq!(stands(&both), (true, false));
     }
 
     #[test]

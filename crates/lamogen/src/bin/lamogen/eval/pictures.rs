@@ -167,16 +167,16 @@ impl<'a> Shown<'a> {
                 colour,
                 marked: false,
             };
-            let axis = |label| Axis {
-                label,
-                logarithmic: false,
-            };
             let lines = [
                 line("without", [107, 114, 128], &raw),
                 line("with", [194, 65, 12], &smooth),
             ];
             let title = format!("Root {name}");
-            let svg = plot(&title, [axis("seconds"), axis(unit)], &lines)?;
+            let svg = plot(
+                &title,
+                [Axis::linear("seconds"), Axis::linear(unit)],
+                &lines,
+            )?;
             let caption = format!("{title} with and without smoothing");
             blocks.push(Block::picture(&title, caption, svg));
         }
