@@ -30,7 +30,8 @@ pub struct Step<'a> {
     pub pass: Pass,
     /// Its number in the pass, from 0.
     pub index: usize,
-    /// How many steps the pass has; where guidance moves the finished motion or the start noise, how many updates.
+    /// How many steps the pass has; where guidance moves the finished motion or the start noise, how many updates. Those of a finish
+    /// come after them and count too.
     pub steps: usize,
     /// The timestep that the network saw; 0 for those updates.
     pub timestep: usize,

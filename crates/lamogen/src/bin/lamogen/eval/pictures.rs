@@ -10,7 +10,7 @@ use lamogen::{
 use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
 
 use super::document::Block;
-use super::plan::{Cell, Demand, INTERPOLATION, Plan};
+use super::plan::{Cell, Demand, INTERPOLATION, Plan, Setting, Study};
 use super::report::ReportError;
 use super::work::Work;
 
@@ -72,14 +72,34 @@ impl<'a> Shown<'a> {
 
     /// What every method makes of the sentence with one tag, below what the sentence alone gives.
     pub fn methods(&self) -> Result<Vec<Block>, ReportError> {
+        let methods = self.plan.methods.iter();
+        let methods = methods.map(|setting| (setting.method.title(), setting));
+        self.side_by_side("every method", methods)
+    }
+
+    /// What the rows of a study make of it.
+    pub fn study(
+        &self,
+        study: Study,
+        rows: &[(String, Setting)],
+    ) -> Result<Vec<Block>, ReportError> {
+        let rows = rows.iter().map(|(row, setting)| (row.as_str(), setting));
+        self.side_by_side(&study.title().to_lowercase(), rows)
+    }
+
+    /// The sentence with one tag, and then with another, in several settings.
+    fn side_by_side<'s>(
+        &self,
+        name: &str,
+        settings: impl Iterator<Item = (&'s str, &'s Setting)> + Clone,
+    ) -> Result<Vec<Block>, ReportError> {
         let mut blocks = Vec::new();
         for tag in [Tag::Strong, Tag::Far] {
+            let asked = Some((tag.component(), tag.scale()));
             let mut rows = Vec::new();
-            for setting in &self.plan.methods {
-                let demands = setting.demands.iter();
-                let asked = Some((tag.component(), tag.scale()));
+            for (label, setting) in settings.clone() {
                 let own = |demand: &&Demand| [None, asked].contains(&demand.factor());
-                for &demand in demands.filter(own) {
+                for &demand in setting.demands.iter().filter(own) {
                     let cell = Cell {
                         setting,
                         demand,
@@ -87,15 +107,14 @@ impl<'a> Shown<'a> {
                         repeat: 0,
                     };
                     let request = cell.request(&self.work.prompts[0]);
-                    rows.push((setting.method.title(), self.generate(&request)?.guided));
+                    rows.push((label, self.generate(&request)?.guided));
                 }
             }
             let rows = rows.iter();
             let rows = rows.map(|(label, motion)| Row { label, motion });
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
-            let title = format!("Every method {tag}");
-            let caption = format!("\"{}\", {tag}, by every method", self.caption());
-            blocks.push(Block::picture(&title, caption, svg));
+            let caption = format!("\"{}\", {tag}: {name}", self.caption());
+            blocks.push(Block::picture(&format!("{name} {tag}"), caption, svg));
         }
         Ok(blocks)
     }

@@ -68,6 +68,10 @@ impl Report {
                     report.interpolation(&rows[0].1, evidence)?;
                     report.pictures(shown.interpolation())?;
                 }
+                Study::Finish => {
+                    report.study(*study, rows, evidence)?;
+                    report.pictures(shown.study(*study, rows))?;
+                }
                 _ => report.study(*study, rows, evidence)?,
             }
         }
