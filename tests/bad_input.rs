@@ -136,7 +136,7 @@ fn a_target_beyond_all_numbers() {
     let error = model.generate(&request).unwrap_err();
     says(
         &error.to_string(),
-        &["a person jumps", "Laban loss of Shape", "step 1 of 5"],
+        &["a person jumps", "Laban loss of Shape", "step 1 of 105"],
     );
 }
 
@@ -151,18 +151,19 @@ fn a_stopped_run_returns_what_it_has() {
         .generate_all_with(&requests, &mut |progress| {
             seen.push((progress.done, progress.total));
             match progress.done {
-                17 => ControlFlow::Break(()),
+                117 => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
             }
         })
         .unwrap_err();
-    assert_eq!(seen.len(), 17);
-    assert_eq!((seen[0], seen[16]), ((1, 20), (17, 20)));
+    // Five steps, five guided ones, a finish of a hundred.
+    assert_eq!(seen.len(), 117);
+    assert_eq!((seen[0], seen[116]), ((1, 220), (117, 220)));
     says(
         &error.to_string(),
         &[
             "stopped",
-            "step 2 of 5 of the guided pass",
+            "step 2 of 105 of the guided pass",
             "1 request was finished",
         ],
     );
