@@ -350,6 +350,19 @@ fn a_batch_goes_on_where_it_was_stopped() {
 }
 
 #[test]
+fn a_batch_of_blank_lines_is_said_to_hold_no_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    requests(folder, &["", "  "]);
+    let (result, notices) = running::succeeds(folder, &BATCH);
+    assert_eq!(number(&json(&result), "/made"), 0.0);
+    assert!(
+        notices.contains("requests.jsonl: expected requests"),
+        "{notices}"
+    );
+}
+
+#[test]
 fn shards_share_a_batch_without_a_gap() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

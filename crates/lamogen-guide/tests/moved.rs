@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use batches::batch;
 use burn::tensor::{Device, Tensor};
-use lamogen_guide::{Batch, Finish, Guidance, GuideError, Moved, Sampler, Step};
+use lamogen_guide::{Batch, Finish, Guidance, GuideError, Guided, Moved, Observer, Sampler, Step};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
-use lamogen_motion::POSE_FEATURES;
+use lamogen_motion::{Normalization, POSE_FEATURES};
 use toy::{Says, Toy, normalization};
 
 /// Says that the motion is what it sees of it, and a swing as large as the embedding and the mean of both its modulations; counts how
@@ -43,6 +43,40 @@ impl Says for Echo {
         }
         let size = size.unsqueeze_dim::<3>(2);
         input.x_t.tanh() * 0.8 + swing * size * 0.3
+    }
+}
+
+/// One motion of 40 frames, and what makes it in ten steps.
+struct Scene<S: Says> {
+    network: Toy<S>,
+    normalization: Normalization,
+    batch: Batch<()>,
+    baseline: Tensor<3>,
+}
+
+impl<S: Says> Scene<S> {
+    fn new(says: S) -> Self {
+        let (network, normalization) = (Toy(says), normalization(0.3));
+        let batch = batch(&[40], 40);
+        let sampler = Sampler::new(&network, &normalization, 10).unwrap();
+        let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+        Scene {
+            network,
+            normalization,
+            batch,
+            baseline,
+        }
+    }
+
+    /// The motion, asked to be strong.
+    fn guided(
+        &self,
+        guidance: &Guidance,
+        observer: &mut dyn Observer,
+    ) -> Result<Guided, GuideError> {
+        let sampler = Sampler::new(&self.network, &self.normalization, 10).unwrap();
+        let baseline = self.baseline.clone();
+        sampler.guided(&self.batch, baseline, &[strong()], guidance, observer)
     }
 }
 
@@ -78,10 +112,7 @@ fn ways() -> [Guidance; 5] {
 
 #[test]
 fn whatever_is_moved_the_motion_nears_the_target() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scene = Scene::new(Echo::default());
     for guidance in ways() {
         let mut steps = 0;
         let mut watch = |step: &Step<'_>| {
@@ -94,9 +125,7 @@ fn whatever_is_moved_the_motion_nears_the_target() {
             steps += 1;
             ControlFlow::Continue(())
         };
-        let baseline = baseline.clone();
-        let guided = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut watch);
-        let guided = guided.unwrap();
+        let guided = scene.guided(&guidance, &mut watch).unwrap();
         assert_eq!((steps, guided.loss.len()), (guidance.steps(10), steps));
         let distance = |features: &Tensor<3>| -> f32 {
             let [found, asked] = [features, &guided.whole.target]
@@ -111,10 +140,7 @@ fn whatever_is_moved_the_motion_nears_the_target() {
 
 #[test]
 fn a_finish_goes_on_where_the_steps_end() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scene = Scene::new(Echo::default());
     for guidance in ways() {
         let run = |guidance: &Guidance| {
             let mut seen: Vec<(usize, usize, bool)> = Vec::new();
@@ -125,9 +151,8 @@ fn a_finish_goes_on_where_the_steps_end() {
                 predictions.push(step.prediction.clone());
                 ControlFlow::Continue(())
             };
-            let goals = [strong()];
-            let guided = sampler.guided(&batch, baseline.clone(), &goals, guidance, &mut watch);
-            (guided.unwrap(), seen, embeddings, predictions)
+            let guided = scene.guided(guidance, &mut watch).unwrap();
+            (guided, seen, embeddings, predictions)
         };
         let (plain, before, ..) = run(&guidance);
         let (finished, seen, embeddings, predictions) = run(&Guidance {
@@ -161,17 +186,14 @@ fn a_finish_goes_on_where_the_steps_end() {
 
 #[test]
 fn where_nothing_moves_it_is_the_baseline() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scene = Scene::new(Echo::default());
     for guidance in ways() {
         let guidance = Guidance {
             learning_rate: 0.0,
             ..guidance
         };
-        let guided = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut ());
-        let difference = (guided.unwrap().motion - baseline.clone()).abs().max();
+        let guided = scene.guided(&guidance, &mut ()).unwrap();
+        let difference = (guided.motion - scene.baseline.clone()).abs().max();
         let difference: f32 = difference.into_scalar();
         assert!(difference < 1e-5, "{:?}: {difference}", guidance.moved);
     }
@@ -200,15 +222,12 @@ fn a_batch_gives_the_motions_of_single_calls() {
 
 #[test]
 fn a_finished_motion_is_moved_without_the_network() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scene = Scene::new(Echo::default());
     let asked = |guidance: &Guidance| {
-        network.asked.store(0, Ordering::Relaxed);
-        let guided = sampler.guided(&batch, baseline.clone(), &[strong()], guidance, &mut ());
-        guided.unwrap();
-        network.asked.load(Ordering::Relaxed)
+        let asked = &scene.network.0.asked;
+        asked.store(0, Ordering::Relaxed);
+        scene.guided(guidance, &mut ()).unwrap();
+        asked.load(Ordering::Relaxed)
     };
     let [embedding, modulation, prediction, motion, noise] =
         ways().map(|guidance| asked(&guidance));
@@ -225,28 +244,20 @@ fn without_scales_and_shifts_there_is_nothing_to_move() {
             input.x_t
         }
     }
-    let (network, normalization) = (Toy(Plain), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
-    let guidance = Guidance::precise();
-    let refused = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut ());
+    let refused = Scene::new(Plain).guided(&Guidance::precise(), &mut ());
     let message = refused.unwrap_err().to_string();
     assert!(message.contains("scales and shifts"), "{message}");
 }
 
 #[test]
 fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
-    let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let batch = batch(&[40], 40);
-    let baseline = sampler.baseline(&batch, &mut ()).unwrap();
+    let scene = Scene::new(Echo::default());
     let guidance = Guidance::raw_frame_update();
     let mut watch = |step: &Step<'_>| match step.index {
         4 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
-    let stopped = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut watch);
+    let stopped = scene.guided(&guidance, &mut watch);
     let Err(GuideError::Stopped(stopped)) = stopped else {
         panic!("it went on");
     };
@@ -262,7 +273,7 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
             moved,
             ..Guidance::fast()
         };
-        let result = sampler.guided(&batch, baseline.clone(), &[strong()], &guidance, &mut ());
+        let result = scene.guided(&guidance, &mut ());
         let message = result.unwrap_err().to_string();
         assert!(message.contains("at least one iteration"), "{message}");
     }
@@ -273,7 +284,7 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
         }),
         ..Guidance::fast()
     };
-    let result = sampler.guided(&batch, baseline, &[strong()], &guidance, &mut ());
+    let result = scene.guided(&guidance, &mut ());
     let message = result.unwrap_err().to_string();
     assert!(
         message.contains("finish: expected a finite learning rate") && message.contains("NaN"),

@@ -173,24 +173,22 @@ mod tests {
         }
     }
 
+    /// The loss of twice the baseline, with an emphasis of 1 and of 10.
+    fn emphasised(baseline: &Tensor<3>, goals: &[Goals], divisor: Divisor) -> [Vec<f32>; 2] {
+        [1.0, 10.0].map(|emphasis| {
+            let lengths = [baseline.dims()[1]];
+            let emphasis = [emphasis; COMPONENTS];
+            let target = Target::new(baseline.clone(), &lengths, goals, divisor, emphasis);
+            let loss = target.loss(baseline.clone() * 2.0).into_data();
+            loss.try_to_vec().unwrap()
+        })
+    }
+
     #[test]
     fn emphasis_weighs_what_the_scale_changes() {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 1.0])];
-        let loss = |emphasis| {
-            Target::new(
-                baseline.clone(),
-                &[1],
-                &scales,
-                Divisor::Frame,
-                [emphasis; COMPONENTS],
-            )
-            .loss(baseline.clone() * 2.0)
-            .into_data()
-            .try_to_vec::<f32>()
-            .unwrap()
-        };
-        let (plain, heavy) = (loss(1.0), loss(10.0));
+        let [plain, heavy] = emphasised(&baseline, &scales, Divisor::Frame);
         assert!((heavy[0] / plain[0] - 10.0).abs() < 1e-3);
         assert_eq!(heavy[1..], plain[1..]);
     }
@@ -241,20 +239,7 @@ mod tests {
     fn a_change_at_any_moment_is_emphasised_at_all() {
         let baseline = Tensor::<3>::ones([1, 40, COMPONENTS], &Device::flex());
         let scales = [over_time(Component::Time, "1:1.2")];
-        let loss = |emphasis| {
-            Target::new(
-                baseline.clone(),
-                &[40],
-                &scales,
-                Divisor::Mean,
-                [emphasis; COMPONENTS],
-            )
-            .loss(baseline.clone() * 2.0)
-            .into_data()
-            .try_to_vec::<f32>()
-            .unwrap()
-        };
-        let (plain, heavy) = (loss(1.0), loss(10.0));
+        let [plain, heavy] = emphasised(&baseline, &scales, Divisor::Mean);
         // Half the frames ask for 1, the other half for 1.2, and all are at 2.
         assert!(
             (plain[1] - 20.0 * (1.0 + 0.8 * 0.8)).abs() < 1e-3,

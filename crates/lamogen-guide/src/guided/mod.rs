@@ -66,34 +66,15 @@ impl<D: Denoiser> Sampler<'_, D> {
             goals,
             guidance,
         );
-        let embedding = &batch.prompt.embedding;
-        let condition = |told| -> Box<dyn Subject + '_> {
-            let condition = Condition::new(self, &objective, batch, told, guidance);
-            Box::new(condition)
-        };
-        let subject: Box<dyn Subject + '_> = match guidance.moved {
-            Moved::Embedding => condition(Told::Embedding),
-            Moved::Modulation => match self.model.modulations() {
-                0 => return Err(GuideError::NoModulation),
-                _ => condition(Told::Modulation),
-            },
-            Moved::Prediction => {
-                Box::new(subjects::Prediction::new(self, &objective, batch, guidance))
-            }
-            Moved::Motion { iterations } => Box::new(subjects::Motion::new(
-                &objective, baseline, embedding, iterations, guidance,
-            )),
-            Moved::Noise { iterations } => Box::new(subjects::Noise::new(
-                self, &objective, batch, iterations, guidance,
-            )),
-        };
         let steps = guidance.steps(self.steps().len());
         let mut course = Course::new(steps, observer);
+        let told = &batch.prompt.embedding;
+        let subject = self.subject(&objective, batch, (baseline, told), guidance)?;
         let (mut motion, embedding) = course.follow(subject)?;
         if let Some(finish) = guidance.finish {
-            let (iterations, own) = (finish.iterations, finish.alone(guidance));
-            let subject = subjects::Motion::new(&objective, motion, &embedding, iterations, &own);
-            (motion, _) = course.follow(Box::new(subject))?;
+            let own = finish.alone(guidance);
+            let subject = self.subject(&objective, batch, (motion, &embedding), &own)?;
+            (motion, _) = course.follow(subject)?;
         }
         let loss = course.loss;
         let mut reached = objective.reached(motion.clone()).into_iter();
@@ -102,6 +83,35 @@ impl<D: Denoiser> Sampler<'_, D> {
             whole: reached.next().expect("the whole body is a term"),
             parts: reached.collect(),
             loss,
+        })
+    }
+
+    /// What guidance moves. Where that is a finished motion, it is the one given, made with the embedding beside it.
+    fn subject<'s>(
+        &'s self,
+        objective: &'s Objective<'_>,
+        batch: &'s Batch<D::Context>,
+        (motion, embedding): (Tensor<3>, &'s Tensor<2>),
+        guidance: &'s Guidance,
+    ) -> Result<Box<dyn Subject + 's>, GuideError> {
+        let condition = |told| -> Box<dyn Subject + 's> {
+            Box::new(Condition::new(self, objective, batch, told, guidance))
+        };
+        Ok(match guidance.moved {
+            Moved::Embedding => condition(Told::Embedding),
+            Moved::Modulation => match self.model.modulations() {
+                0 => return Err(GuideError::NoModulation),
+                _ => condition(Told::Modulation),
+            },
+            Moved::Prediction => {
+                Box::new(subjects::Prediction::new(self, objective, batch, guidance))
+            }
+            Moved::Motion { iterations } => Box::new(subjects::Motion::new(
+                objective, motion, embedding, iterations, guidance,
+            )),
+            Moved::Noise { iterations } => Box::new(subjects::Noise::new(
+                self, objective, batch, iterations, guidance,
+            )),
         })
     }
 }

@@ -28,7 +28,7 @@ use line::Item;
 const NAMED: usize = 10;
 
 pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
-    let items = items(options)?;
+    let items = items(options, console)?;
     std::fs::create_dir_all(&options.out)
         .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
         .map_err(|error| Failure::output(&options.out, error))?;
@@ -96,12 +96,18 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
 }
 
 /// The lines of the file that are this part's, in their order.
-fn items(options: &Batch) -> Result<Vec<Item>, Failure> {
+fn items(options: &Batch, console: &Console) -> Result<Vec<Item>, Failure> {
     let path = &options.requests;
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
     let (items, wrong) = line::items(&text);
     refuse(path, wrong)?;
+    if items.is_empty() {
+        console.notice(format!(
+            "{}: expected requests, one JSON object a line; found no line that is not blank",
+            path.display()
+        ));
+    }
     let (part, parts) = options.shard.unwrap_or((1, 1));
     let mine = items
         .into_iter()

@@ -17,6 +17,9 @@ use super::work::Work;
 /// Poses of a strip.
 const POSES: usize = 12;
 
+/// With what several settings are shown.
+const TAGS: [Tag; 2] = [Tag::Strong, Tag::Far];
+
 /// The first sentence's motions.
 pub struct Shown<'a> {
     plan: &'a Plan,
@@ -87,16 +90,16 @@ impl<'a> Shown<'a> {
         self.side_by_side(&study.title().to_lowercase(), rows)
     }
 
-    /// The sentence with one tag, and then with another, in several settings.
+    /// The sentence with each of [`TAGS`], in several settings.
     fn side_by_side<'s>(
         &self,
         name: &str,
         settings: impl Iterator<Item = (&'s str, &'s Setting)> + Clone,
     ) -> Result<Vec<Block>, ReportError> {
-        let mut blocks = Vec::new();
-        for tag in [Tag::Strong, Tag::Far] {
+        let prompt = &self.work.prompts[0];
+        let (mut labels, mut requests) = (Vec::new(), Vec::new());
+        for tag in TAGS {
             let asked = Some((tag.component(), tag.scale()));
-            let mut rows = Vec::new();
             for (label, setting) in settings.clone() {
                 let own = |demand: &&Demand| [None, asked].contains(&demand.factor());
                 for &demand in setting.demands.iter().filter(own) {
@@ -106,17 +109,24 @@ impl<'a> Shown<'a> {
                         prompt: 0,
                         repeat: 0,
                     };
-                    let request = cell.request(&self.work.prompts[0]);
-                    rows.push((label, self.generate(&request)?.guided));
+                    labels.push((tag, label));
+                    requests.push(cell.request(prompt));
                 }
             }
-            let rows = rows.iter();
-            let rows = rows.map(|(label, motion)| Row { label, motion });
+        }
+        let made = self.work.source.model.generate_all(&requests)?;
+        let blocks = TAGS.map(|tag| {
+            let rows = labels.iter().zip(&made);
+            let rows = rows.filter(|((of, _), _)| *of == tag);
+            let rows = rows.map(|((_, label), made)| Row {
+                label,
+                motion: &made.guided,
+            });
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
             let caption = format!("\"{}\", {tag}: {name}", self.caption());
-            blocks.push(Block::picture(&format!("{name} {tag}"), caption, svg));
-        }
-        Ok(blocks)
+            Block::picture(&format!("{name} {tag}"), caption, svg)
+        });
+        Ok(blocks.into())
     }
 
     /// Five factors on Weight, and on Shape.
