@@ -60,7 +60,7 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     prepare(folder);
     let more = [
         "--studies",
-        "interpolation,front,learning-rate,finish,divisor",
+        "interpolation,front,presets,learning-rate,finish,divisor",
         "--out",
         "evidence",
         "--methods",
@@ -83,11 +83,17 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
         "| modulation, emphasis 10 |",
         "| modulation with a finish, emphasis 10 |",
         "| start noise |",
+        "| text alone | – | – | – |",
+        "## Presets",
+        "| paper, 3 steps |",
         "## Learning rate",
+        "it goes to 4 times that",
         "| learning rate 0.5 |",
+        "![Laban error, by learning rate](pictures/laban-error-by-learning-rate.svg)",
         "## Updates of the finished motion",
         "| 100 without guidance |",
         "## What the loss divides by",
+        "| raw frame update, by the mean over time |",
         "## What smoothing does",
     ] {
         assert!(text.contains(part), "{part} is not in {text}");
@@ -111,10 +117,25 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
         .find(|setting| setting["setting"] == "laban");
     let laban = laban.unwrap();
     assert_eq!(laban["motions"], 3 * 8);
+    assert!(laban["distance"]["interval"].is_null(), "of one repeat");
+    // Three motions are held against each other, all three pairs.
+    assert!(laban["diversity"]["mean"].as_f64().unwrap() > 0.0);
+    assert_eq!(figures["Scale interpolation"][1]["asked"], 0.8);
     assert!(laban["control"]["diagonality"].as_f64().unwrap() > 0.0);
     // The same noise, so text alone is where guidance begins.
     let text = settings.iter().find(|setting| setting["setting"] == "text");
     assert_eq!(text.unwrap()["distance"]["mean"], 0.0);
+
+    // A smaller report takes away the pictures of the larger one, and nobody else's.
+    let picture = |name: &str| out.join("pictures").join(name);
+    fs::write(picture("mine.svg"), "").unwrap();
+    assert!(picture("scale-interpolation.svg").exists());
+    let fewer = ["--methods", "laban", "--studies", "--out", "evidence"];
+    succeeds(folder, &eval(&[&fewer[..], &["--merge"]].concat()));
+    assert!(!picture("scale-interpolation.svg").exists());
+    for name in ["one-motion.svg", "mine.svg"] {
+        assert!(picture(name).exists(), "{name}");
+    }
 }
 
 #[test]
@@ -148,6 +169,23 @@ fn a_run_goes_on_and_shards_make_the_same_report() {
         motions + 1
     );
 
+    // Made with other options of the same name: made again.
+    let records = read("whole/records.jsonl");
+    let text = String::from_utf8(records.clone()).unwrap();
+    let options = text.split("\"options\":\"").nth(1).unwrap();
+    let options = options.split('"').next().unwrap();
+    let others = text.replace(options, "0123456789abcdef");
+    let with = text.matches(options).count();
+    fs::write(folder.join("whole/records.jsonl"), others).unwrap();
+    let left = run(&["--out", "whole", "--dry-run"]);
+    assert_eq!(left["motions"], with as u64);
+    run(&["--out", "whole"]);
+    let lines = read("whole/records.jsonl")
+        .split(|byte| *byte == b'\n')
+        .count();
+    assert_eq!(lines as u64, motions + with as u64 + 1);
+    assert!(read("whole/figures.json") == figures);
+
     let first = run(&["--out", "parts", "--shard", "1/2"]);
     let missing = first["missing"].as_u64().unwrap();
     assert!(0 < missing && missing < motions, "{first}");
@@ -177,7 +215,29 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
 
     succeeds(folder, &with(&["--out", "x"]));
     let other = with(&["--out", "x", "--preset", "paper"]);
-    fails(folder, &other, 2, &["preset", "another --out"]);
+    let differs = "preset is \"precise\", now \"paper\"";
+    fails(folder, &other, 2, &[differs, "another --out"]);
+    let other = [&other[..], &["--dry-run"]].concat();
+    fails(folder, &other, 2, &[differs]);
+    let with_prompts = |count: &'static str, more: &[&'static str]| {
+        let mut all = with(more);
+        let place = all.iter().position(|word| *word == "--prompts").unwrap();
+        all[place + 1] = count;
+        all
+    };
+    let other = with_prompts("2", &["--out", "x", "--merge"]);
+    fails(
+        folder,
+        &other,
+        2,
+        &["prompts is 3, now 2", "options of the run"],
+    );
+    fs::write(folder.join("file"), "{").unwrap();
+    fails(folder, &with(&["--out", "file"]), 4, &["expected a folder"]);
+    let whole = fs::read(folder.join("x/eval.json")).unwrap();
+    fs::write(folder.join("x/eval.json"), "{").unwrap();
+    fails(folder, &with(&["--out", "x"]), 3, &["eval.json", "EOF"]);
+    fs::write(folder.join("x/eval.json"), whole).unwrap();
     let mut records = fs::read(folder.join("x/records.jsonl")).unwrap();
     records.splice(0..1, *b"[");
     fs::write(folder.join("x/records.jsonl"), records).unwrap();
@@ -204,7 +264,9 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
         "--out",
         "y",
     ];
-    fails(folder, &nobody, 3, &["nobody"]);
+    fails(folder, &nobody, 3, &["nobody", "lamogen train --evaluator"]);
+    let alone = with_prompts("1", &["--out", "y"]);
+    fails(folder, &alone, 2, &["expected at least 2 sentences"]);
     let none = [
         "eval",
         "--data",

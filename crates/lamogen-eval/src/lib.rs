@@ -33,7 +33,7 @@ pub use judge::Judge;
 pub use loss::{contrastive_loss, contrastive_loss_of_all, random_shift};
 pub use metrics::{
     Batches, ChangeMatrix, Embeddings, Extremes, Gaussian, MatchingScore, MetricError, diversity,
-    fid, multimodality,
+    fid, mean_distance, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, real_motions};

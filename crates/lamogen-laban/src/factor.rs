@@ -91,7 +91,8 @@ pub enum FactorError {
     Slide,
 }
 
-fn words(component: &Component) -> String {
+/// The tags of a component.
+pub(crate) fn words(component: &Component) -> String {
     let tags = Tag::ALL.iter().filter(|tag| tag.component() == *component);
     tags.map(Tag::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::curve::ScaleCurve;
 use crate::effectors::EndEffectors;
-use crate::factor::{Factor, FactorError};
+use crate::factor::{Factor, FactorError, words};
 use crate::parts::PartScale;
 use crate::series::{LabanSeries, mean};
 use crate::tags::{COMPONENTS, Component, Scale, ScaleError};
@@ -58,15 +58,31 @@ pub enum GoalError {
     Shared { joint: &'static str },
     /// A part beside a goal that the rest of the body cannot have.
     #[error(
-        "expected factors on {component} where parts of the body have their own, found {found}"
+        "expected factors on {component} where parts of the body have their own, found {component} {found}"
     )]
     Beside { component: Component, found: String },
+    /// A factor on a body whose end-effectors are all in parts with a factor of their own.
+    #[error(
+        "{component} {found} is of what the parts leave, and they leave nothing: expected an end-effector in no part, or a part without {component}"
+    )]
+    NoRest { component: Component, found: String },
+    /// Text that is no goal.
+    #[error(
+        "expected a number, a word ({}), keys such as \"0:1 1:1.5\" (seconds:factor), peak= or mean= with a number, or any; found {found:?}",
+        words(.component)
+    )]
+    Text { component: Component, found: String },
+    /// A part whose component is given twice.
+    #[error(
+        "{part}: expected at most one word or factor for each component, found two for {component}"
+    )]
+    Twice { part: String, component: Component },
     /// A key past the motion's end.
     #[error(transparent)]
     Scale(#[from] ScaleError),
     /// Text that is no part with its words.
     #[error(
-        "expected a part of the body with words or factors, such as \"arms:strong,sudden\" or \"legs:weight=0.7\", found {found:?}"
+        "expected a part of the body with words or factors of Weight, Time and Flow, such as \"arms:strong,sudden\" or \"legs:weight=0.7\", found {found:?}"
     )]
     Part { found: String },
     /// A word that is no part of the body.
@@ -86,16 +102,23 @@ impl Goal {
     pub fn parse(component: Component, text: &str) -> Result<Goal, GoalError> {
         let number = |what, text: &str| {
             let found = text.trim();
+            let found = if found.is_empty() { "nothing" } else { found };
             found.parse().map_err(|_| GoalError::Value {
                 what,
                 found: found.into(),
             })
         };
-        let goal = match text.trim().split_once('=') {
+        let lower = text.trim().to_lowercase();
+        let goal = match lower.split_once('=') {
             Some(("peak", value)) => Goal::Peak(number("peak", value)?),
             Some(("mean", value)) => Goal::Mean(number("mean", value)?),
-            None if text.trim().eq_ignore_ascii_case("any") => Goal::Any,
-            _ => Goal::Factor(Factor::parse(component, text)?),
+            None if lower == "any" => Goal::Any,
+            _ => Goal::Factor(Factor::parse(component, text).map_err(|error| match error {
+                FactorError::Word { found, component } if found == text.trim() => {
+                    GoalError::Text { component, found }
+                }
+                error => error.into(),
+            })?),
         };
         goal.check()?;
         Ok(goal)
@@ -287,9 +310,9 @@ impl Goals {
     ///
     /// # Errors
     ///
-    /// If a number is negative or not finite, a key cannot act, or parts overlap or stand beside goals that the rest of the body
-    /// cannot have; the message says which.
-    pub fn check(&self, frames: usize) -> Result<(), GoalError> {
+    /// If a number is negative or not finite, a key cannot act, parts overlap or stand beside goals that the rest of the body
+    /// cannot have, or nothing is left of the end-effectors `all` for a factor of the whole body; the message says which.
+    pub fn check(&self, frames: usize, all: &EndEffectors) -> Result<(), GoalError> {
         self.whole.iter().try_for_each(Goal::check)?;
         self.scale().check(frames)?;
         let mut seen = Vec::new();
@@ -303,14 +326,20 @@ impl Goals {
                 seen.push(joint);
             }
         }
+        if self.parts.is_empty() {
+            return Ok(());
+        }
         for component in Component::EFFORTS {
-            match self.of(component) {
-                Goal::Factor(_) | Goal::Any => {}
-                _ if self.parts.is_empty() => {}
-                goal => {
-                    let found = goal.to_string();
-                    return Err(GoalError::Beside { component, found });
-                }
+            let goal = self.of(component);
+            let found = || goal.to_string();
+            if !matches!(goal, Goal::Factor(_) | Goal::Any) {
+                let found = found();
+                return Err(GoalError::Beside { component, found });
+            }
+            let is_heard = || self.parts.iter().any(|part| part.of(component).is_none());
+            if goal.changes() && all.without(&seen).is_none() && !is_heard() {
+                let found = found();
+                return Err(GoalError::NoRest { component, found });
             }
         }
         Ok(())
@@ -454,8 +483,13 @@ mod tests {
                 "peak must be a finite number of at least 0, found -1",
             ),
             ("mean=inf", "found inf"),
-            ("peak=", "found"),
-            ("top=1", "light, strong"),
+            ("peak=", "found nothing"),
+            (
+                "max=1",
+                "peak= or mean= with a number, or any; found \"max=1\"",
+            ),
+            ("heavy", "a word (light, strong)"),
+            ("0:heavy", "expected a number or one of light, strong"),
             ("sudden", "Time"),
         ] {
             let message = Goal::parse(Component::Weight, text)
@@ -497,6 +531,20 @@ mod tests {
 
     #[test]
     fn goals_that_make_no_sense_are_refused() {
+        let all = EndEffectors::default();
+        let limbs = || {
+            let parts = [
+                BodyPart::Arms,
+                BodyPart::Legs,
+                BodyPart::Head,
+                BodyPart::Torso,
+            ];
+            let strong = |part| PartScale::new(part).tag(Tag::Strong).unwrap();
+            parts
+                .map(strong)
+                .into_iter()
+                .fold(Goals::default(), Goals::with_part)
+        };
         let arms = || PartScale::new(BodyPart::Arms).tag(Tag::Strong).unwrap();
         let left = || PartScale::new(BodyPart::LeftArm).tag(Tag::Light).unwrap();
         let weight = |goal: Goal| Goals::default().with(Component::Weight, goal);
@@ -511,15 +559,23 @@ mod tests {
             ),
             (weight(Goal::Peak(f32::NAN)), "NaN"),
             (
+                limbs().with(Component::Weight, Factor::constant(0.5).unwrap()),
+                "Weight 0.5 is of what the parts leave",
+            ),
+            (
                 weight(Goal::Series(vec![1.0; 3])),
                 "at least 4 frames, found 3",
             ),
             (weight(Goal::Series(vec![1.0, 2.0, -3.0, 1.0])), "found -3"),
         ] {
-            let message = goals.check(40).unwrap_err().to_string();
+            let message = goals.check(40, &all).unwrap_err().to_string();
             assert!(message.contains(part), "{message}");
         }
         let shape = Goals::default().with(Component::Shape, Goal::Peak(1.0));
-        assert_eq!(shape.with_part(arms()).check(40), Ok(()));
+        assert_eq!(shape.with_part(arms()).check(40, &all), Ok(()));
+        // All parts leave Time open, so that they hear what is said of the whole.
+        let sudden = Factor::constant(1.2).unwrap();
+        let goals = limbs().with(Component::Time, sudden);
+        assert_eq!(goals.check(40, &all), Ok(()));
     }
 }

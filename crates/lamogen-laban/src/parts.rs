@@ -96,17 +96,25 @@ impl FromStr for PartScale {
         let part: BodyPart = name.trim().parse()?;
         let mut scale = PartScale::new(part);
         for word in words.split(',').map(str::trim) {
-            scale = match word.split_once('=') {
-                None => scale.tag(word.parse().map_err(|_| no_part())?)?,
+            let (component, factor) = match word.split_once('=') {
+                None => {
+                    let tag: Tag = word.parse().map_err(|_| no_part())?;
+                    (tag.component(), Factor::unchecked(tag.scale()))
+                }
                 Some((component, factor)) => {
                     let name = component.trim();
                     let mut all = Component::ALL.into_iter();
                     let component =
                         all.find(|component| component.to_string().eq_ignore_ascii_case(name));
                     let component = component.ok_or_else(no_part)?;
-                    scale.with(component, Factor::parse(component, factor)?)?
+                    (component, Factor::parse(component, factor)?)
                 }
             };
+            if scale.of(component).is_some() {
+                let part = name.trim().into();
+                return Err(GoalError::Twice { part, component });
+            }
+            scale = scale.with(component, factor)?;
         }
         Ok(scale)
     }
@@ -147,6 +155,11 @@ mod tests {
             ("arms:shape=2", "Shape is of the whole body"),
             ("arms:speed=2", "found \"arms:speed=2\""),
             ("arms:weight=-1", "at least 0"),
+            (
+                "arms:strong,light",
+                "arms: expected at most one word or factor for each component, found two for Weight",
+            ),
+            ("arms:strong,time=2,weight=2", "two for Weight"),
         ] {
             let message = text.parse::<PartScale>().unwrap_err().to_string();
             assert!(message.contains(part), "{text}: {message}");

@@ -83,7 +83,12 @@ fn draw(
         })
         .collect();
     let all = || placed.iter().flatten();
-    let x = axes[0].scale(all().map(|point| point.0), 0.0);
+    // Marks at the ends would be cut in half.
+    let room = match lines.iter().any(|line| line.marked) {
+        true => 0.03,
+        false => 0.0,
+    };
+    let x = axes[0].scale(all().map(|point| point.0), room);
     let y = axes[1].scale(all().map(|point| point.1), 0.04);
     let corner = free_corner(lines, &placed, [&x.range, &y.range]);
     let mut chart = ChartBuilder::on(&area)

@@ -77,7 +77,7 @@ pub(crate) fn assign(
         .length
         .frames(model.min_frames(), model.max_frames())?;
     if let Some(goals) = &goals {
-        goals.check(frames)?;
+        goals.check(frames, &guidance.laban.end_effectors)?;
     }
     let is_guided = goals.is_some();
     let job = Job {

@@ -15,7 +15,7 @@ pub use control::{ChangeMatrix, Extremes};
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;
-pub use spread::{diversity, multimodality};
+pub use spread::{diversity, mean_distance, multimodality};
 
 /// What keeps a metric from being computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

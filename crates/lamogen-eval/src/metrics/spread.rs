@@ -16,6 +16,26 @@ pub fn diversity(motions: &Embeddings, pairs: usize, seed: u64) -> Result<f64, M
     spread("diversity", std::slice::from_ref(motions), pairs, seed)
 }
 
+/// The mean distance between any two of the motions: what [`diversity`] estimates by draws, for sets too small to draw from.
+///
+/// # Errors
+///
+/// If there are fewer than two motions.
+pub fn mean_distance(motions: &Embeddings) -> Result<f64, MetricError> {
+    let count = motions.len();
+    if count < 2 {
+        return Err(MetricError::TooFew {
+            metric: "a mean distance",
+            what: "motions",
+            needed: 2,
+            found: count,
+        });
+    }
+    let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+    let distances = pairs.map(|(a, b)| distance(motions.row(a), motions.row(b)));
+    Ok(distances.sum::<f64>() / (count * (count - 1) / 2) as f64)
+}
+
 /// MultiModality: the mean distance between `pairs` pairs of motions of one text, over all texts. The same places are
 /// drawn for every text, both sides without putting back; the public evaluation has 30 motions of each of 100
 /// texts, and draws 10.
@@ -83,6 +103,20 @@ mod tests {
         assert!((found - 1.0 / 3.0).abs() < 0.02, "{found}");
         assert_eq!(found, diversity(&motions, 3000, 4).unwrap());
         assert_ne!(found, diversity(&motions, 3000, 5).unwrap());
+    }
+
+    #[test]
+    fn few_motions_are_held_against_each_other_all() {
+        let motions = line([0.0, 1.0, 5.0].into_iter());
+        assert_eq!(mean_distance(&motions).unwrap(), (1.0 + 5.0 + 4.0) / 3.0);
+        let many = line((0..400).map(|n| (0.37 * n as f32).sin()));
+        let [all, drawn] = [
+            mean_distance(&many).unwrap(),
+            diversity(&many, 300, 1).unwrap(),
+        ];
+        assert!((all - drawn).abs() < 0.1 * all, "{all} {drawn}");
+        let message = mean_distance(&line([1.0].into_iter())).unwrap_err();
+        assert!(message.to_string().contains("at least 2 motions, found 1"));
     }
 
     #[test]

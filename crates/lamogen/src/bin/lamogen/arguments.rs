@@ -269,11 +269,12 @@ pub struct GoalArguments {
     #[arg(long, value_name = "W,T,F,S", value_parser = scale, conflicts_with_all = ["weight", "time", "flow", "shape"])]
     pub scale: Option<Scale>,
     /// A motion file whose Weight, Time, Flow and Shape shall be reached, stretched to this motion's length; --weight and the others
-    /// replace what it says of them.
+    /// replace what it says of them. Beside parts, Weight, Time and Flow need factors or any instead.
     #[arg(long, value_name = "FILE", conflicts_with = "scale")]
     pub like: Option<PathBuf>,
     /// A part of the body with factors of its own on Weight, Time and Flow, such as arms:strong,sudden or left-leg:weight=0.7; parts
-    /// are arms, left-arm, right-arm, legs, left-leg, right-leg, head and torso. May be given several times.
+    /// are arms, left-arm, right-arm, legs, left-leg, right-leg, head and torso. May be given several times;
+    /// --weight, --time and --flow are then factors on the rest of the body.
     #[arg(long, value_name = "PART:WORDS")]
     pub part: Vec<PartScale>,
 }
@@ -513,8 +514,8 @@ pub struct Eval {
     /// Which motions' sentences: train, val or test.
     #[arg(long, default_value = "test")]
     pub split: Split,
-    /// How many sentences; usually all.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    /// How many sentences, at least 2; usually all. R-precision needs 32.
+    #[arg(long, value_name = "N", value_parser = sentences)]
     pub prompts: Option<u64>,
     /// Motions of each sentence, from as many seeds; intervals are over these.
     #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u64).range(1..=1000))]
@@ -532,20 +533,26 @@ pub struct Eval {
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "embedding", "prompt", "raw", "classifier", "noise"])]
     pub methods: Vec<Method>,
     /// What is varied; --studies without a name leaves all out.
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "presets", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
-    /// How many sentences each study is made with.
-    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    /// How many sentences each study is made with, at least 2.
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = sentences)]
     pub study_prompts: u64,
     /// Do a part of the work only: the I-th of N.
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "merge")]
     pub shard: Option<(usize, usize)>,
-    /// Make none of the motions that are missing: write the report of the records in the folder.
+    /// Make none of the motions that are missing: write the report of the records in the folder, with the options that they were
+    /// made with.
     #[arg(long)]
     pub merge: bool,
-    /// Check the files, and say what there is to do and how long it takes, by trying some motions of each kind.
+    /// Check the files, and say what there is still to do and how long it takes, by trying some motions of each kind.
     #[arg(long, conflicts_with_all = ["merge", "shard"])]
     pub dry_run: bool,
+}
+
+fn sentences(text: &str) -> Result<u64, String> {
+    let count = text.parse().ok().filter(|count| *count >= 2);
+    count.ok_or_else(|| "expected at least 2 sentences".into())
 }
 
 fn steps(text: &str) -> Result<usize, String> {

@@ -14,12 +14,15 @@ mod report;
 mod summary;
 mod work;
 
+use std::collections::HashMap;
+use std::fmt::Display;
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use lamogen::motion::write_atomically;
+use lamogen::{Motion, Preset};
 use lamogen_data::{Checksum, Dataset, Entry, LoadOptions};
 use lamogen_eval::{Embeddings, Judge};
 use serde_json::{Value, json};
@@ -31,18 +34,24 @@ use crate::pack::tell_problems;
 use crate::source::{Source, device};
 use plan::{Basis, Cell, Places, Plan, Prompt};
 pub use plan::{Method, Study};
-use record::{Store, read};
+use record::{Key, Outcome, Store, read};
 use summary::Evidence;
-use work::{Work, unjudged};
+use work::{Body, Real, Work, unjudged};
 
 /// Judged at a time, and generated together.
 const TOGETHER: usize = 8;
 
 pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
+    if options.out.exists() && !options.out.is_dir() {
+        let reason = "expected a folder, found a file";
+        return Err(Failure::output(&options.out, reason));
+    }
     let device = device(options.source.device)?;
     let source = Source::open(&options.source, console)?;
-    let judge = Judge::load(&options.evaluator, &device)
-        .map_err(|error| Failure::new(Code::Input, error))?;
+    let judge = Judge::load(&options.evaluator, &device).map_err(|error| {
+        Failure::new(Code::Input, error)
+            .hint("lamogen train --evaluator makes one: its folder is best")
+    })?;
     let (prompts, real) = prompts(options, &source, &judge, console)?;
     let plan = Plan::new(options, source.model.preset(), prompts.len());
     let work = Work {
@@ -55,17 +64,23 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
     // All that can be wrong with a sentence is better known before the first motion.
     work.check(&all)?;
     let texts = texts(&work, options.repeats)?;
+    let identity = identity(&plan, &work, &real);
+    let is_begun = is_begun(options, &identity)?;
     if options.dry_run {
-        return estimate(&plan, &all, &work, console);
+        let records = match is_begun {
+            true => read(&files(&options.out)?)?,
+            false => HashMap::new(),
+        };
+        return estimate(&plan, &missing(&all, &records), &work, console);
     }
-    check_identity(options, &plan, &work, &real)?;
+    if !is_begun {
+        begin(&options.out, &identity)?;
+    }
     if !options.merge {
         generate(options, &all, &work, console)?;
     }
     let records = read(&files(&options.out)?)?;
-    let missing = { all.iter() }
-        .filter(|cell| !records.contains_key(&cell.id()))
-        .count();
+    let missing = missing(&all, &records).len();
     let mut paths = Vec::new();
     if missing > 0 && options.shard.is_some() {
         console.notice(format!(
@@ -85,13 +100,18 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
     }
     let paths = paths.iter().map(|path| path.display().to_string());
     let paths: Vec<String> = paths.collect();
-    match console.json {
-        true => console.say(
-            json!({ "motions": all.len() - missing, "missing": missing, "files": paths })
-                .to_string(),
-        ),
-        false => console.say(paths.join("\n")),
-    }
+    let there = all.len() - missing;
+    console.say(match (console.json, paths.is_empty()) {
+        (true, _) => json!({ "motions": there, "missing": missing, "files": paths }).to_string(),
+        (false, true) => format!("{there} of {} motions", all.len()),
+        (false, false) => paths.join("\n"),
+    })
+}
+
+/// What there is no record of.
+fn missing<'a>(all: &[Cell<'a>], records: &HashMap<Key, Outcome>) -> Vec<Cell<'a>> {
+    let missing = all.iter().filter(|cell| !records.contains_key(&cell.key()));
+    missing.copied().collect()
 }
 
 /// The captions of every repeat, where the evaluator sees them.
@@ -105,13 +125,13 @@ fn texts(work: &Work<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
     texts.map_err(|error| Failure::new(Code::Input, error))
 }
 
-/// The sentences, and their motions where the evaluator sees them.
+/// The sentences, and their motions.
 fn prompts(
     options: &Eval,
     source: &Source,
     judge: &Judge,
     console: &Console,
-) -> Result<(Vec<Prompt>, Embeddings), Failure> {
+) -> Result<(Vec<Prompt>, Real), Failure> {
     use lamogen::model::Denoiser;
     let network = source.model.network();
     let longest = network
@@ -129,6 +149,13 @@ fn prompts(
         .filter(|entry| !entry.mirror && lengths.contains(&entry.frames))
         .collect();
     let wanted = options.prompts.map_or(entries.len(), |n| n as usize);
+    if wanted > entries.len() {
+        console.notice(format!(
+            "the {} split has {} sentences, not {wanted}: all are taken",
+            options.split,
+            entries.len()
+        ));
+    }
     let places = Places::spread(wanted, entries.len()).iter();
     let entries: Vec<&Entry> = places.map(|place| entries[place]).collect();
     if entries.len() < 2 {
@@ -147,9 +174,16 @@ fn prompts(
         data.features(entry, 0..entry.frames, &mut rows);
         rows
     });
-    let real = judge
-        .motions(&features.collect::<Vec<_>>())
-        .map_err(unjudged)?;
+    let features: Vec<Vec<f32>> = features.collect();
+    let body = |rows: &Vec<f32>| {
+        let motion = Motion::from_pose_features(rows.as_chunks().0.to_vec());
+        motion.map(|motion| Body::of(&motion))
+    };
+    let bodies: Result<_, _> = features.iter().map(body).collect();
+    let real = Real {
+        points: judge.motions(&features).map_err(unjudged)?,
+        bodies: bodies.map_err(|error| Failure::new(Code::Input, error))?,
+    };
     let prompts = entries.iter().map(|entry| Prompt {
         captions: entry
             .captions
@@ -179,10 +213,7 @@ fn generate(
     let settings = all.chunk_by(|a, b| a.setting.name == b.setting.name);
     let groups = settings.flat_map(|setting| setting.chunks(TOGETHER));
     let own = groups.skip(part - 1).step_by(parts);
-    let open = own.map(|group| {
-        let open = group.iter().filter(|cell| !found.contains_key(&cell.id()));
-        open.copied().collect::<Vec<Cell<'_>>>()
-    });
+    let open = own.map(|group| missing(group, &found));
     let open: Vec<Vec<Cell<'_>>> = open.filter(|group| !group.is_empty()).collect();
     let bar = console.bar("motions");
     bar.set_length(open.iter().map(Vec::len).sum::<usize>() as u64);
@@ -197,21 +228,22 @@ fn generate(
     Ok(())
 }
 
-/// Says what there is to do, and how long it takes by the first motions of each setting's kind.
+/// Says what there is still to do, and how long it takes by the first motions of each setting's kind.
 fn estimate(
     plan: &Plan,
-    all: &[Cell<'_>],
+    missing: &[Cell<'_>],
     work: &Work<'_>,
     console: &Console,
 ) -> Result<(), Failure> {
     let mut lines = Vec::new();
     let mut seconds = 0.0;
     for setting in &plan.settings {
-        let of_setting: Vec<Cell<'_>> = all
-            .iter()
-            .filter(|cell| cell.setting.name == setting.name)
-            .copied()
-            .collect();
+        let of_setting = missing.iter();
+        let of_setting = of_setting.filter(|cell| cell.setting.name == setting.name);
+        let of_setting: Vec<Cell<'_>> = of_setting.copied().collect();
+        if of_setting.is_empty() {
+            continue;
+        }
         let first = &of_setting[..TOGETHER.min(of_setting.len())];
         let start = Instant::now();
         work.records(first)?;
@@ -224,18 +256,14 @@ fn estimate(
             json!({ "setting": name, "motions": motions, "seconds_each": each })
         });
         return console.say(
-            json!({ "motions": all.len(), "seconds": seconds, "settings": settings.collect::<Vec<_>>() }).to_string(),
+            json!({ "motions": missing.len(), "seconds": seconds, "settings": settings.collect::<Vec<_>>() }).to_string(),
         );
     }
     let rows = lines
         .iter()
         .map(|(name, motions, each)| format!("{motions:6} × {each:6.2} s  {name}"));
-    console.say(format!(
-        "{}\n{:6} motions, about {}",
-        rows.collect::<Vec<_>>().join("\n"),
-        all.len(),
-        duration(seconds)
-    ))
+    let all = format!("{:6} motions, about {}", missing.len(), duration(seconds));
+    console.say(rows.chain([all]).collect::<Vec<_>>().join("\n"))
 }
 
 fn duration(seconds: f64) -> String {
@@ -246,68 +274,93 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A folder's records are of one model, one evaluator and one data set.
-fn check_identity(
-    options: &Eval,
-    plan: &Plan,
-    work: &Work<'_>,
-    real: &Embeddings,
-) -> Result<(), Failure> {
-    let path = options.out.join("eval.json");
+/// What a folder's records are of: one model, one evaluator and one data set.
+const IDENTITY: &str = "eval.json";
+
+/// What this run is of.
+fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
     let mut data = Checksum::new(0);
     for (place, prompt) in work.prompts.iter().enumerate() {
         let captions = prompt.captions.join("\n");
         for bytes in [captions.as_bytes(), &prompt.frames.to_le_bytes()] {
             data.add(bytes);
         }
-        for number in real.row(place) {
+        for number in real.points.row(place) {
             data.add(&number.to_le_bytes());
         }
     }
     let Basis {
         preset,
-        steps,
-        embedding_steps: _,
+        given_steps: _,
         noise_steps,
     } = plan.basis;
-    let identity = json!({
+    json!({
         "model": lamogen_train::fingerprint(work.source.model.network()),
         "evaluator": lamogen_train::fingerprint(work.judge.evaluator()),
         "coherence": work.source.coherence_frames(),
         "prompts": work.prompts.len(),
         "data": format!("{:016x}", data.value()),
         "preset": PresetName::of(preset).name(),
-        "steps": steps,
+        "steps": plan.basis.steps(),
+        "embedding_steps": plan.basis.steps_of(Preset::Fast),
         "noise_steps": noise_steps,
         "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
-    });
-    let text = format!("{identity:#}\n");
-    match fs::read_to_string(&path) {
-        Ok(found) if found == text => Ok(()),
-        Ok(found) => {
-            let found: Value = serde_json::from_str(&found).unwrap_or_default();
-            let fields = identity.as_object().into_iter().flatten();
-            let other = fields.filter(|(name, value)| found.get(name.as_str()) != Some(value));
-            let other: Vec<&str> = other.map(|(name, _)| name.as_str()).collect();
-            let message = format!(
-                "{}: the records in this folder are of another run: {} differ",
-                path.display(),
-                other.join(", ")
-            );
-            Err(Failure::new(Code::Usage, message).hint("another --out begins anew"))
-        }
-        Err(error) if error.kind() == ErrorKind::NotFound && !options.merge => {
-            fs::create_dir_all(&options.out)
-                .map_err(|error| Failure::output(&options.out, error))?;
-            write_atomically(&path, |file| file.write_all(text.as_bytes()))
-                .map_err(|error| Failure::output(&path, error))
-        }
+    })
+}
+
+/// Whether the folder has records of this run. Those of another are an error.
+fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
+    let path = options.out.join(IDENTITY);
+    let input =
+        |reason: &dyn Display| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
+    let found = match fs::read_to_string(&path) {
+        Ok(found) => found,
+        Err(error) if error.kind() == ErrorKind::NotFound && !options.merge => return Ok(false),
         Err(error) => {
-            let message = format!("{}: {error}", path.display());
-            Err(Failure::new(Code::Input, message)
-                .hint("it lies beside the records, in the folder where they were made"))
+            let hint = "it lies beside the records, in the folder where they were made";
+            return Err(input(&error).hint(hint));
         }
+    };
+    let found: Value = serde_json::from_str(&found).map_err(|error| input(&error))?;
+    let differs = |name: &&str| found.get(*name) != identity.get(*name);
+    let fields = identity.as_object().into_iter().flatten();
+    let mut other: Vec<&str> = fields
+        .map(|(name, _)| name.as_str())
+        .filter(differs)
+        .collect();
+    if other.contains(&"prompts") {
+        // Of more or fewer sentences the motions are others too.
+        other.retain(|name| *name != "data");
     }
+    if other.is_empty() {
+        return Ok(true);
+    }
+    let other: Vec<String> = { other.into_iter() }
+        .map(|name| {
+            let of = |value: &Value| value.get(name).map_or("nothing".into(), Value::to_string);
+            format!("{name} is {}, now {}", of(&found), of(identity))
+        })
+        .collect();
+    let message = format!(
+        "{}: the records in this folder are of another run: {}",
+        path.display(),
+        other.join(", ")
+    );
+    Err(
+        Failure::new(Code::Usage, message).hint(match options.merge {
+            true => "--merge goes with the options of the run",
+            false => "another --out begins anew",
+        }),
+    )
+}
+
+/// Makes a folder for the records of this run.
+fn begin(folder: &Path, identity: &Value) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|error| Failure::output(folder, error))?;
+    let path = folder.join(IDENTITY);
+    let text = format!("{identity:#}\n");
+    write_atomically(&path, |file| file.write_all(text.as_bytes()))
+        .map_err(|error| Failure::output(&path, error))
 }
 
 /// All files of records in a folder, in the order of their names.

@@ -58,7 +58,7 @@ impl From<Error> for Failure {
             Error::Request { .. } => Failure::new(Code::Usage, error),
             Error::Stopped(_) => Failure::new(Code::Run, error),
             Error::Failed(_) => Failure::new(Code::Run, error)
-                .hint("factors nearer to 1, or another seed, may help"),
+                .hint("goals nearer to what the sentence alone gives, or another seed, may help"),
         }
     }
 }

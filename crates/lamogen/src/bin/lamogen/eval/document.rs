@@ -92,9 +92,11 @@ pub fn html(title: &str, blocks: &[Block]) -> String {
             }
             Block::Table { header, rows } => {
                 let line = |cells: &[String], kind: &str| {
-                    let cells = cells
-                        .iter()
-                        .map(|cell| format!("<{kind}>{}</{kind}>", escaped(cell)));
+                    let cells = cells.iter().map(|cell| {
+                        // No line ends between a number and its deviation.
+                        let cell = escaped(cell).replace(" ± ", "\u{a0}±\u{a0}");
+                        format!("<{kind}>{cell}</{kind}>")
+                    });
                     format!("<tr>{}</tr>\n", cells.collect::<String>())
                 };
                 let rows: String = rows.iter().map(|row| line(row, "td")).collect();
@@ -130,7 +132,7 @@ mod tests {
         let blocks = [
             Block::heading("Table <1>"),
             Block::text("One & two.\n\nThree."),
-            Block::table(["a", "b|c"], vec![vec!["1".into(), "<2>".into()]]),
+            Block::table(["a", "b|c"], vec![vec!["1 ± 3".into(), "<2>".into()]]),
             Block::Picture {
                 name: "curve".into(),
                 caption: "A curve".into(),
@@ -138,13 +140,14 @@ mod tests {
             },
         ];
         let text = markdown("Report", &blocks, "pictures");
-        let expected = "# Report\n\n## Table <1>\n\nOne & two.\n\nThree.\n\n| a | b\\|c |\n|---|---|\n| 1 | <2> |\n\n![A curve](pictures/curve.svg)\n";
+        let expected = "# Report\n\n## Table <1>\n\nOne & two.\n\nThree.\n\n| a | b\\|c |\n|---|---|\n| 1 ± 3 | <2> |\n\n![A curve](pictures/curve.svg)\n";
         assert_eq!(text, expected);
         let page = html("Report", &blocks);
         for part in [
             "<h2>Table &lt;1&gt;</h2>",
             "<p>One &amp; two.</p>\n<p>Three.</p>",
             "<th>b|c</th>",
+            "<td>1\u{a0}±\u{a0}3</td>",
             "<td>&lt;2&gt;</td>",
             "<figure><svg><path/></svg>",
         ] {

@@ -38,7 +38,7 @@ impl<'a> Shown<'a> {
     fn plain(&self) -> Request {
         Request::new(self.caption())
             .frames(self.work.prompts[0].frames)
-            .steps(self.plan.basis.steps)
+            .steps(self.plan.basis.steps())
     }
 
     fn guided(&self, component: Component, factor: f32) -> Request {

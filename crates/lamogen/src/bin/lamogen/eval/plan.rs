@@ -14,7 +14,9 @@ use lamogen::laban::{Gaussian, Smoothing};
 use lamogen::{
     COMPONENTS, Component, Divisor, Finish, Guidance, Preset, Request, Scale, Tag, Update,
 };
+use lamogen_data::Checksum;
 
+use super::record::Key;
 use crate::arguments::{Eval, PresetName};
 
 /// A way to make a motion follow Laban tags.
@@ -149,15 +151,24 @@ impl Prompt {
 }
 
 impl Cell<'_> {
-    /// The name of its record.
-    pub fn id(&self) -> String {
+    /// What its record goes by.
+    pub fn key(&self) -> Key {
         let Cell {
             setting,
             demand,
             prompt,
             repeat,
         } = self;
-        format!("{} / {demand} / {prompt} / {repeat}", setting.name)
+        let guidance = match demand {
+            Demand::Factor(..) => Some(&setting.guidance),
+            Demand::Nothing | Demand::Phrase(_) => None,
+        };
+        let mut options = Checksum::new(0);
+        options.add(format!("{} {guidance:?}", setting.steps).as_bytes());
+        Key {
+            id: format!("{} / {demand} / {prompt} / {repeat}", setting.name),
+            options: format!("{:016x}", options.value()),
+        }
     }
 
     /// The request for it. Every setting and demand begins with the same noise for one prompt and repeat.
@@ -208,6 +219,8 @@ pub enum Study {
     Interpolation,
     /// The learning rate, up to where it fails.
     LearningRate,
+    /// The presets, each with its steps; among them the paper's own numbers.
+    Presets,
     /// A learning rate that stays, rises or falls from step to step.
     Rise,
     /// DDIM steps.
@@ -231,6 +244,7 @@ impl Study {
         match self {
             Study::Interpolation => "Scale interpolation",
             Study::LearningRate => "Learning rate",
+            Study::Presets => "Presets",
             Study::Rise => "A learning rate that rises",
             Study::Steps => "DDIM steps",
             Study::Update => "Immediate and lagged updates",
@@ -253,21 +267,29 @@ const FRONT: [f32; 3] = [1.0, 3.0, 10.0];
 #[derive(Clone, Copy, Debug)]
 pub struct Basis {
     pub preset: Preset,
-    /// As given; else the preset's.
-    pub steps: usize,
-    /// Of the preset fast.
-    pub embedding_steps: usize,
+    /// If they are given: DDIM steps of every preset.
+    pub given_steps: Option<usize>,
     /// Of the start noise, whose every update is a pass.
     pub noise_steps: usize,
 }
 
 impl Basis {
+    /// DDIM steps of a preset.
+    pub fn steps_of(&self, preset: Preset) -> usize {
+        self.given_steps.unwrap_or(preset.steps())
+    }
+
+    /// DDIM steps where nothing else is said.
+    pub fn steps(&self) -> usize {
+        self.steps_of(self.preset)
+    }
+
     fn laban(&self, name: String, prompts: Places, change: impl FnOnce(&mut Setting)) -> Setting {
         let mut setting = Setting {
             name,
             method: Method::Laban,
             guidance: self.preset.guidance(),
-            steps: self.steps,
+            steps: self.steps(),
             demands: tags(factor),
             prompts,
         };
@@ -284,7 +306,7 @@ impl Basis {
                 Method::Laban => {}
                 Method::Embedding => {
                     setting.guidance = Guidance::fast();
-                    setting.steps = self.embedding_steps;
+                    setting.steps = self.steps_of(Preset::Fast);
                 }
                 Method::Text => setting.demands = vec![Demand::Nothing],
                 Method::Prompt => setting.demands = tags(Demand::Phrase),
@@ -333,6 +355,16 @@ impl Basis {
                     })
                 })
                 .into(),
+            Study::Presets => [Preset::Precise, Preset::Fast, Preset::Paper]
+                .map(|preset| {
+                    let steps = self.steps_of(preset);
+                    let name = PresetName::of(preset).name();
+                    vary(format!("{name}, {steps} steps"), &|setting| {
+                        setting.guidance = preset.guidance();
+                        setting.steps = steps;
+                    })
+                })
+                .into(),
             Study::Rise => {
                 let low = usual.learning_rate;
                 let high = usual.last_learning_rate.unwrap_or(4.0 * low);
@@ -372,9 +404,9 @@ impl Basis {
                     ..finished.clone()
                 };
                 let moved = [
-                    ("embedding", Guidance::fast(), self.embedding_steps),
-                    ("modulation", modulation, self.steps),
-                    ("modulation with a finish", finished, self.steps),
+                    ("embedding", Guidance::fast(), self.steps_of(Preset::Fast)),
+                    ("modulation", modulation, self.steps()),
+                    ("modulation with a finish", finished, self.steps()),
                 ];
                 let rows = moved.into_iter().flat_map(|(name, guidance, steps)| {
                     FRONT.map(|emphasis| {
@@ -421,16 +453,27 @@ impl Basis {
                 });
                 after.into_iter().chain(alone).collect()
             }
-            Study::Divisor => [
-                ("by each frame", Divisor::Frame),
-                ("by the mean over time", Divisor::Mean),
-            ]
-            .map(|(name, divisor)| {
-                vary(name.into(), &|setting| {
-                    setting.guidance.divisor = divisor;
-                })
-            })
-            .into(),
+            Study::Divisor => {
+                let divisors = [
+                    ("by each frame", Divisor::Frame),
+                    ("by the mean over time", Divisor::Mean),
+                ];
+                let guided = divisors.map(|(name, divisor)| {
+                    vary(name.into(), &|setting| {
+                        setting.guidance.divisor = divisor;
+                    })
+                });
+                let finished = divisors.map(|(name, divisor)| {
+                    let label = format!("raw frame update, {name}");
+                    let mut setting = self.method(Method::Raw, prompts);
+                    if setting.guidance.divisor != divisor {
+                        setting.guidance.divisor = divisor;
+                        setting.name = label.clone();
+                    }
+                    (label, setting)
+                });
+                guided.into_iter().chain(finished).collect()
+            }
             Study::Smoothing => [
                 ("before all differences", usual.laban.smoothing),
                 (
@@ -492,8 +535,7 @@ impl Plan {
         let preset = options.preset.map_or(preset, PresetName::preset);
         let basis = Basis {
             preset,
-            steps: options.steps.unwrap_or(preset.steps()),
-            embedding_steps: options.steps.unwrap_or(Preset::Fast.steps()),
+            given_steps: options.steps,
             noise_steps: options.noise_steps,
         };
         let methods = [Method::Text].iter().chain(&options.methods);
@@ -527,5 +569,54 @@ impl Plan {
     pub fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
         let settings = self.settings.iter();
         settings.flat_map(|setting| cells(setting, self.repeats))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BASIS: Basis = Basis {
+        preset: Preset::Precise,
+        given_steps: None,
+        noise_steps: 10,
+    };
+
+    #[test]
+    fn keys_tell_all_settings_and_other_options_of_the_same_name() {
+        let few = Places::spread(2, 2);
+        let studies = Study::value_variants().iter();
+        let rows = studies.flat_map(|&study| BASIS.study(study, few));
+        let methods = Method::value_variants().iter();
+        let methods = methods.map(|&method| BASIS.method(method, few));
+        let all = merged(methods.chain(rows.map(|(_, setting)| setting)));
+        let mut keys = std::collections::HashSet::new();
+        for setting in &all {
+            for cell in cells(setting, 2) {
+                assert!(keys.insert(cell.key()), "{:?} twice", cell.key());
+            }
+        }
+        let key = |change: &dyn Fn(&mut Setting), demand| {
+            let mut setting = BASIS.method(Method::Laban, few);
+            change(&mut setting);
+            let cell = Cell {
+                setting: &setting,
+                demand,
+                prompt: 0,
+                repeat: 0,
+            };
+            cell.key()
+        };
+        let strong = factor(Tag::Strong);
+        let (same, steps) = (|_: &mut Setting| (), |s: &mut Setting| s.steps = 7);
+        let rate = |s: &mut Setting| s.guidance.learning_rate *= 2.0;
+        assert_eq!(key(&same, strong), key(&same, strong));
+        for change in [&steps as &dyn Fn(&mut Setting), &rate] {
+            let (one, other) = (key(&same, strong), key(change, strong));
+            assert_eq!(one.id, other.id);
+            assert_ne!(one.options, other.options);
+        }
+        // Nothing guides the sentence alone.
+        assert_eq!(key(&rate, Demand::Nothing), key(&same, Demand::Nothing));
     }
 }

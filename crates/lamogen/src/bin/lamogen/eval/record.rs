@@ -10,11 +10,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::{Code, Failure};
 
+/// Which motion a record is of.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Key {
+    /// Which cell of the plan.
+    pub id: String,
+    /// A sum of all options that it is generated with: what is called the same may be generated otherwise.
+    pub options: String,
+}
+
 /// One motion of a run, measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Which cell of the plan.
-    pub id: String,
+    #[serde(flatten)]
+    pub key: Key,
     pub result: Outcome,
 }
 
@@ -96,13 +105,17 @@ impl Store {
 }
 
 /// All records of some files.
-pub fn read(paths: &[PathBuf]) -> Result<HashMap<String, Outcome>, Failure> {
+pub fn read(paths: &[PathBuf]) -> Result<HashMap<Key, Outcome>, Failure> {
     let mut all = HashMap::new();
     for path in paths {
         let file = File::open(path)
             .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
         let (records, _) = parse(&file, path)?;
-        all.extend(records.into_iter().map(|record| (record.id, record.result)));
+        all.extend(
+            records
+                .into_iter()
+                .map(|record| (record.key, record.result)),
+        );
     }
     Ok(all)
 }
@@ -134,9 +147,16 @@ fn parse(file: &File, path: &Path) -> Result<(Vec<Record>, u64), Failure> {
 mod tests {
     use super::*;
 
+    fn key(id: &str) -> Key {
+        Key {
+            id: id.into(),
+            options: "1f".into(),
+        }
+    }
+
     fn failed(id: &str) -> Record {
         Record {
-            id: id.into(),
+            key: key(id),
             result: Outcome::Failed("too wild".into()),
         }
     }
@@ -157,7 +177,7 @@ mod tests {
         std::fs::write(&path, &whole[..whole.len() - 5]).unwrap();
         let mut store = Store::open(&path).unwrap();
         let found = read(std::slice::from_ref(&path)).unwrap();
-        assert!(found.contains_key("a") && !found.contains_key("b"));
+        assert!(found.contains_key(&key("a")) && !found.contains_key(&key("b")));
         store.add(&failed("b")).unwrap();
         drop(store);
         assert_eq!(std::fs::read(&path).unwrap(), whole);

@@ -5,8 +5,8 @@ mod studies;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lamogen::COMPONENTS;
 use lamogen::motion::write_atomically;
+use lamogen::{COMPONENTS, Preset};
 use lamogen_eval::MetricError;
 use lamogen_view::CurveError;
 use serde_json::{Map, Value, json};
@@ -14,11 +14,12 @@ use serde_json::{Map, Value, json};
 use super::document::{Block, html, markdown};
 use super::paper;
 use super::pictures::Shown;
-use super::plan::{Plan, Study};
-use super::summary::{Evidence, Figures, Mean};
+use super::plan::{Method, Plan, Study};
+use super::summary::{Evidence, Figures, Mean, OfReal};
 use super::work::Work;
 use crate::arguments::PresetName;
 use crate::failure::Failure;
+use crate::source::EMBEDDED;
 
 /// Names of the components, as the tables have them.
 const NAMES: [&str; COMPONENTS] = ["Weight", "Time", "Flow", "Shape"];
@@ -48,15 +49,20 @@ impl Report {
             .map(|setting| evidence.figures(setting))
             .collect::<Result<Vec<Figures>, MetricError>>()?;
         let mut report = Report {
-            title: format!("Evidence for the model {}", work.source.name),
+            title: match work.source.name.as_str() {
+                EMBEDDED => "Report on the embedded model".into(),
+                name => format!("Report on the model {name}"),
+            },
             blocks: Vec::new(),
             figures,
             others: Map::new(),
         };
         report.basis(plan, work, missing);
         report.control(plan);
-        report.fidelity(plan, evidence)?;
-        report.quality(plan);
+        let real = evidence.of_real()?;
+        report.others.insert("real_motions".into(), json!(real));
+        report.fidelity(plan, &real);
+        report.quality(plan, &real);
         let shown = Shown::new(plan, work);
         report.pictures(shown.methods())?;
         report.blocks.push(Block::heading("One motion"));
@@ -69,10 +75,10 @@ impl Report {
                     report.pictures(shown.interpolation())?;
                 }
                 Study::Finish => {
-                    report.study(*study, rows, evidence)?;
+                    report.study(*study, rows, plan, evidence)?;
                     report.pictures(shown.study(*study, rows))?;
                 }
-                _ => report.study(*study, rows, evidence)?,
+                _ => report.study(*study, rows, plan, evidence)?,
             }
         }
         report.blocks.push(Block::heading("What smoothing does"));
@@ -96,19 +102,24 @@ impl Report {
                 write(&pictures.join(format!("{name}.svg")), svg)?;
             }
         }
+        let before = std::fs::read_to_string(folder.join("report.md")).unwrap_or_default();
         let files = [
-            ("report.md", text),
-            ("report.html", page),
-            ("figures.json", figures),
+            ("report.md", &text),
+            ("report.html", &page),
+            ("figures.json", &figures),
         ];
-        files
-            .into_iter()
-            .map(|(name, content)| {
-                let path = folder.join(name);
-                write(&path, &content)?;
-                Ok(path)
-            })
-            .collect()
+        let written = files.map(|(name, content)| {
+            let path = folder.join(name);
+            write(&path, content).map(|()| path)
+        });
+        let written = written.into_iter().collect::<Result<_, _>>()?;
+        // Pictures of the report that stood here, and of no other.
+        let now: Vec<&str> = named(&text, PICTURES).collect();
+        for name in named(&before, PICTURES).filter(|name| !now.contains(name)) {
+            // One that stays is in nobody's way.
+            let _ = std::fs::remove_file(pictures.join(name));
+        }
+        Ok(written)
     }
 
     fn of(&self, name: &str) -> Option<&Figures> {
@@ -124,6 +135,7 @@ impl Report {
             ),
         };
         let coherence = match work.source.coherence_frames() {
+            Some(1.0) => "predictions smoothed by a Gaussian of one frame".into(),
             Some(frames) => format!("predictions smoothed by a Gaussian of {frames} frames"),
             None => "predictions as they are".into(),
         };
@@ -131,13 +143,13 @@ impl Report {
             "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} where the embedding is moved, {} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
             PresetName::of(plan.basis.preset).name(),
-            plan.basis.steps,
-            plan.basis.embedding_steps,
+            plan.basis.steps(),
+            plan.basis.steps_of(Preset::Fast),
             plan.basis.noise_steps
         );
         if missing > 0 {
             text.push_str(&format!(
-                "\n\n**{missing} motions are not made yet; the figures are of the others.**"
+                "\n\n{missing} motions are not made yet; the figures are of the others."
             ));
         }
         self.blocks.push(Block::text(text));
@@ -147,10 +159,14 @@ impl Report {
     fn control(&mut self, plan: &Plan) {
         let mut rows = Vec::new();
         for setting in &plan.methods {
-            let Some(control) = self
-                .of(&setting.name)
-                .and_then(|figures| figures.control.as_ref())
-            else {
+            if setting.method == Method::Text {
+                continue;
+            }
+            let figures = self.of(&setting.name);
+            let Some(control) = figures.and_then(|figures| figures.control.as_ref()) else {
+                let nothing = [""; 1].into_iter().chain([NOTHING; COMPONENTS + 1]);
+                let title = [setting.method.title()].into_iter();
+                rows.push(title.chain(nothing).map(str::to_owned).collect());
                 continue;
             };
             let paper = paper::control(setting.method);
@@ -169,7 +185,7 @@ impl Report {
                     let paper = paper.map_or(String::new(), |(mean, std)| {
                         format!(" ({mean:.3} ± {std:.3})")
                     });
-                    format!("{mean:.3} ± {std:.3}{paper}")
+                    format!("{} ± {std:.3}{paper}", rounded(mean, 3))
                 }));
                 row.push(match asked {
                     0 => {
@@ -190,14 +206,16 @@ impl Report {
             Block::heading("Control"),
             Block::text(
                 "Mean relative change (large - small) / small of every component when one is asked for by its two tags, with the standard deviation \
-                 over motions. The tags ask for 2.0 of Weight and Shape and for 0.5 of Time and Flow. Diagonality is the share of the squares on the diagonal.",
+                 over motions. The tags ask for 2.0 of Weight and Shape and for 0.5 of Time and Flow. Diagonality is the share of the squares on the diagonal. \
+                 Laban guidance has the numbers of its preset, that of the embedding and start noise those of the preset fast; raw frame update and \
+                 classifier guidance have the paper's numbers, and its loss relative to each frame, without emphasis.",
             ),
             Block::table(["method", "asked", "Weight", "Time", "Flow", "Shape", "diagonality"], rows),
         ]);
     }
 
     /// The paper's table 2.
-    fn fidelity(&mut self, plan: &Plan, evidence: &Evidence<'_>) -> Result<(), MetricError> {
+    fn fidelity(&mut self, plan: &Plan, real: &OfReal) {
         let with = |value: Option<Mean>, paper: Option<f64>, digits: usize| match value {
             None => NOTHING.to_owned(),
             Some(_) => {
@@ -206,8 +224,6 @@ impl Report {
             }
         };
         let mut rows = Vec::new();
-        let real = evidence.of_real()?;
-        self.others.insert("real_motions".into(), json!(real));
         let mut add = |title: &str,
                        figures: (Option<[Mean; 3]>, [Option<Mean>; 3]),
                        paper: Option<[f64; 5]>| {
@@ -240,18 +256,26 @@ impl Report {
         self.blocks.extend([
             Block::heading("Text and fidelity"),
             Block::text(
-                "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity, and the distance \
-                 from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
+                "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity (of up to 300 motions \
+                 over all pairs, of more over 300), and the distance from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
                  Motions of edited prompts are held against the sentence as it was.",
             ),
             Block::table(["method", "top 1", "top 2", "top 3", "FID", "Diversity", "distance to text"], rows),
         ]);
-        Ok(())
     }
 
     /// What no network judges.
-    fn quality(&mut self, plan: &Plan) {
-        let mut rows = Vec::new();
+    fn quality(&mut self, plan: &Plan, real: &OfReal) {
+        let mut rows = vec![vec![
+            "Real motions".into(),
+            NOTHING.into(),
+            shown(real.sliding, 3),
+            shown(real.ankles, 1),
+            shown(real.jerk, 0),
+            shown(real.drift, 3),
+            NOTHING.into(),
+            NOTHING.into(),
+        ]];
         for setting in &plan.methods {
             if let Some(figures) = self.of(&setting.name) {
                 rows.push(vec![
@@ -339,18 +363,56 @@ pub enum ReportError {
 /// What stands where nothing could be measured.
 const NOTHING: &str = "–";
 
+/// The files that a report in Markdown shows of a folder.
+fn named<'a>(text: &'a str, folder: &'a str) -> impl Iterator<Item = &'a str> {
+    let links = text.split("](").skip(1);
+    let links = links.filter_map(move |rest| rest.split_once(')')?.0.strip_prefix(folder));
+    let names = links.filter_map(|rest| rest.strip_prefix('/'));
+    names.filter(|name| !name.contains('/'))
+}
+
+/// A number without the sign of one that is rounded to nothing.
+fn rounded(number: f64, digits: usize) -> String {
+    let text = format!("{number:.digits$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| "0.".contains(c)) => zero.into(),
+        _ => text,
+    }
+}
+
 /// A mean with its interval, where there is one.
 fn shown(mean: Option<Mean>, digits: usize) -> String {
     let Some(Mean { mean, interval }) = mean else {
         return NOTHING.into();
     };
-    match interval > 0.0 {
-        true => format!("{mean:.digits$} ± {interval:.digits$}"),
-        false => format!("{mean:.digits$}"),
+    match interval {
+        Some(interval) => format!("{mean:.digits$} ± {interval:.digits$}"),
+        None => format!("{mean:.digits$}"),
     }
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     write_atomically(path, |file| file.write_all(text.as_bytes()))
         .map_err(|error| Failure::output(path, error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_found_in_a_report() {
+        let text = "![a](pictures/a.svg) [b](b.svg)\n![c](pictures/c-d.svg)![e](pictures/../e.svg";
+        assert_eq!(
+            named(text, "pictures").collect::<Vec<_>>(),
+            ["a.svg", "c-d.svg"]
+        );
+    }
+
+    #[test]
+    fn nothing_has_no_sign() {
+        assert_eq!(rounded(-0.0004, 3), "0.000");
+        assert_eq!(rounded(-0.0006, 3), "-0.001");
+        assert_eq!(rounded(-10.0, 0), "-10");
+    }
 }

@@ -5,26 +5,26 @@ use std::collections::HashMap;
 use lamogen::{COMPONENTS, Component, Tag};
 use lamogen_eval::{
     Batches, ChangeMatrix, Embeddings, Estimate, Extremes, MatchingScore, MetricError, diversity,
-    fid,
+    fid, mean_distance,
 };
 use serde::{Serialize, Serializer};
 
 use super::plan::{Demand, Prompt, Setting, cells};
-use super::record::{Measured, Outcome};
+use super::record::{Key, Measured, Outcome};
+use super::work::{Body, Real};
 
 /// Draws of batches behind R-precision.
 const DRAWS: u64 = 20;
-/// Pairs behind diversity, if there are as many motions.
+/// Pairs behind diversity, if there are more motions than that; else all pairs count.
 const PAIRS: usize = 300;
 
 /// All that the figures come from.
 pub struct Evidence<'a> {
-    pub records: &'a HashMap<String, Outcome>,
+    pub records: &'a HashMap<Key, Outcome>,
     pub prompts: &'a [Prompt],
     /// `[repeat]`: the captions of all prompts where the evaluator sees them.
     pub texts: &'a [Embeddings],
-    /// The real motions, one a prompt.
-    pub real: &'a Embeddings,
+    pub real: &'a Real,
     pub repeats: u64,
 }
 
@@ -53,11 +53,11 @@ pub struct Figures {
     pub drift: Option<Mean>,
 }
 
-/// A mean with half of its 95 % interval.
+/// A mean with half of its 95 % interval, if it is of more than one.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Mean {
     pub mean: f64,
-    pub interval: f64,
+    pub interval: Option<f64>,
 }
 
 /// The paper's table 1.
@@ -75,9 +75,17 @@ impl Mean {
         if values.is_empty() {
             return None;
         }
+        let is_single = values.len() == 1;
         let Estimate { mean, interval } = Estimate::of(values);
+        let interval = (!is_single).then_some(interval);
         Some(Mean { mean, interval })
     }
+}
+
+/// Of at least one number.
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    values.sum::<f64>() / count
 }
 
 /// A motion of a setting, and what it was to be.
@@ -93,10 +101,10 @@ impl Evidence<'_> {
     pub fn figures(&self, setting: &Setting) -> Result<Figures, MetricError> {
         let (mut made, mut failed) = (Vec::new(), Vec::new());
         for cell in cells(setting, self.repeats) {
-            let id = cell.id();
-            match self.records.get(&id) {
+            let key = cell.key();
+            match self.records.get(&key) {
                 None => {}
-                Some(Outcome::Failed(reason)) => failed.push((id, reason.clone())),
+                Some(Outcome::Failed(reason)) => failed.push((key.id, reason.clone())),
                 Some(Outcome::Motion(measured)) => made.push(Made {
                     demand: cell.demand,
                     prompt: cell.prompt,
@@ -168,11 +176,16 @@ impl Evidence<'_> {
     /// What the evaluator says of the real motions.
     pub fn of_real(&self) -> Result<OfReal, MetricError> {
         let places: Vec<usize> = (0..self.prompts.len()).collect();
-        let seen = { 0..self.repeats }.map(|repeat| self.see(&places, self.real, repeat));
+        let seen = { 0..self.repeats }.map(|repeat| self.see(&places, &self.real.points, repeat));
         let seen: Vec<Seen> = seen.collect::<Result<_, _>>()?;
         let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
         let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
+        let body = |of: &dyn Fn(&Body) -> f64| Mean::of([mean(self.real.bodies.iter().map(of))]);
         Ok(OfReal {
+            sliding: body(&|body| body.sliding),
+            ankles: body(&|body| body.ankles),
+            jerk: body(&|body| body.jerk),
+            drift: body(&|body| body.drift),
             r_precision: together(ranks),
             matching: over(&|seen| Some(seen.matching?.1)),
             diversity: over(&|seen| Some(seen.diversity)),
@@ -185,7 +198,7 @@ impl Evidence<'_> {
             let (component, asked) = demand.factor()?;
             let place = component.index();
             let of_demand = cells(setting, self.repeats).filter(|cell| cell.demand == demand);
-            let ratios = of_demand.filter_map(|cell| match self.records.get(&cell.id())? {
+            let ratios = of_demand.filter_map(|cell| match self.records.get(&cell.key())? {
                 Outcome::Motion(measured) if measured.baseline_mean[place] > 0.0 => {
                     Some(measured.mean[place] / measured.baseline_mean[place])
                 }
@@ -228,17 +241,17 @@ impl Evidence<'_> {
             }
             draws.push(MatchingScore::of(&texts, motions, &batches)?);
         }
-        let mean = |of: &dyn Fn(&MatchingScore) -> f64| {
-            draws.iter().map(of).sum::<f64>() / draws.len() as f64
-        };
-        let pairs = PAIRS.min(motions.len() / 2);
+        let mean = |of: &dyn Fn(&MatchingScore) -> f64| mean(draws.iter().map(of));
         Ok(Seen {
             matching: (!draws.is_empty()).then(|| {
                 let ranks = [0, 1, 2].map(|rank| mean(&|found| found.r_precision[rank]));
                 (ranks, mean(&|found| found.distance))
             }),
-            fid: fid(&self.real.select(places()), motions)?,
-            diversity: diversity(motions, pairs, repeat)?,
+            fid: fid(&self.real.points.select(places()), motions)?,
+            diversity: match motions.len() > PAIRS {
+                true => diversity(motions, PAIRS, repeat)?,
+                false => mean_distance(motions)?,
+            },
         })
     }
 }
@@ -249,6 +262,10 @@ pub struct OfReal {
     pub r_precision: Option<[Mean; 3]>,
     pub matching: Option<Mean>,
     pub diversity: Option<Mean>,
+    pub sliding: Option<Mean>,
+    pub ankles: Option<Mean>,
+    pub jerk: Option<Mean>,
+    pub drift: Option<Mean>,
 }
 
 /// What came out when a component was asked for by a factor: guided over baseline, by the mean over time.
@@ -256,12 +273,19 @@ pub struct OfReal {
 pub struct Ratio {
     #[serde(serialize_with = "name")]
     pub component: Component,
+    #[serde(serialize_with = "short")]
     pub asked: f32,
     pub came_out: f64,
 }
 
 fn name<S: Serializer>(component: &Component, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(component)
+}
+
+/// 0.8 rather than the nearest number of more bits.
+fn short<S: Serializer>(factor: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+    let short = factor.to_string().parse();
+    serializer.serialize_f64(short.unwrap_or(f64::from(*factor)))
 }
 
 /// What the evaluator says of a set of motions, one a prompt.

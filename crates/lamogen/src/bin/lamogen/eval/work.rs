@@ -3,7 +3,7 @@
 use lamogen::laban::LabanOptions;
 use lamogen::motion::{BoneDrift, FootSliding, Jitter};
 use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, Summary};
-use lamogen_eval::Judge;
+use lamogen_eval::{Embeddings, Judge};
 
 use super::plan::{Cell, Demand, Prompt};
 use super::record::{Measured, Outcome, Record};
@@ -17,6 +17,38 @@ pub struct Work<'a> {
     pub judge: &'a Judge,
     pub prompts: &'a [Prompt],
     pub device: &'a Device,
+}
+
+/// The real motions, one a prompt.
+pub struct Real {
+    /// Where the evaluator sees them.
+    pub points: Embeddings,
+    pub bodies: Vec<Body>,
+}
+
+/// What is known of a motion by its joints alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// The share of steps in which a standing foot slides.
+    pub sliding: f64,
+    /// Mean second difference of the ankles, mm a frame².
+    pub ankles: f64,
+    /// Mean jerk of all joints, m/s³.
+    pub jerk: f64,
+    /// How far the worst bone is from its median length, m.
+    pub drift: f64,
+}
+
+impl Body {
+    pub fn of(motion: &Motion) -> Body {
+        let jitter = Jitter::of(motion);
+        Body {
+            sliding: FootSliding::of(motion).ratio.into(),
+            ankles: jitter.ankles.into(),
+            jerk: jitter.jerk.into(),
+            drift: BoneDrift::of(motion).largest().into(),
+        }
+    }
 }
 
 /// A motion and the one that it is held against.
@@ -46,8 +78,8 @@ impl Work<'_> {
                 Ok(measured) => Outcome::Motion(Box::new(measured)),
                 Err(reason) => Outcome::Failed(reason),
             };
-            let id = cell.id();
-            records.push(Record { id, result });
+            let key = cell.key();
+            records.push(Record { key, result });
         }
         Ok(records)
     }
@@ -94,17 +126,22 @@ impl Work<'_> {
         let rows = motion.features().ok_or("the motion has no pose features")?;
         let points = self.judge.motions(&[rows.as_flattened()]);
         let points = points.map_err(|error| error.to_string())?;
-        let jitter = Jitter::of(motion);
+        let Body {
+            sliding,
+            ankles,
+            jerk,
+            drift,
+        } = Body::of(motion);
         let measured = Measured {
             maximum: wide(of_motion.summary(Summary::Maximum)),
             mean: wide(of_motion.summary(Summary::Mean)),
             baseline_maximum: wide(of_baseline.summary(Summary::Maximum)),
             baseline_mean: wide(of_baseline.summary(Summary::Mean)),
             distance: motion.distance(baseline).into(),
-            sliding: FootSliding::of(motion).ratio.into(),
-            ankles: jitter.ankles.into(),
-            jerk: jitter.jerk.into(),
-            drift: BoneDrift::of(motion).largest().into(),
+            sliding,
+            ankles,
+            jerk,
+            drift,
             point: points.row(0).to_vec(),
         };
         let is_finite = measured.numbers().all(f64::is_finite);

@@ -5,9 +5,31 @@ use lamogen_view::{Axis, Line, plot};
 use serde_json::json;
 
 use super::super::document::Block;
-use super::super::plan::{INTERPOLATION, Setting, Study};
+use super::super::plan::{Basis, INTERPOLATION, Method, Plan, Setting, Study};
 use super::super::summary::{Control, Evidence, Figures, Ratio};
 use super::{COLOURS, NAMES, NOTHING, Report, ReportError, shown};
+
+/// What has to be known to read a study's table.
+fn note(study: Study, basis: &Basis) -> Option<String> {
+    let guidance = basis.preset.guidance();
+    match (study, guidance.last_learning_rate) {
+        (Study::LearningRate, Some(last)) => Some(format!(
+            "The rate of the first step; it goes to {} times that over the steps, as in the preset.",
+            last / guidance.learning_rate
+        )),
+        (Study::Front, _) => Some(
+            "What is moved, and how much the component that is asked for counts in the loss beside the others. Finished motion, predicted motion and start \
+             noise are the rivals with the numbers of the tables above."
+                .into(),
+        ),
+        (Study::Presets, _) => Some(
+            "Precise moves scales and shifts, then the finished motion; fast and paper move the embedding. Paper has the paper's numbers, and its loss \
+             relative to each frame."
+                .into(),
+        ),
+        _ => None,
+    }
+}
 
 impl Report {
     /// An ablation.
@@ -15,13 +37,19 @@ impl Report {
         &mut self,
         study: Study,
         rows: &[(String, Setting)],
+        plan: &Plan,
         evidence: &Evidence<'_>,
     ) -> Result<(), ReportError> {
+        if let Some(note) = note(study, &plan.basis) {
+            self.blocks.push(Block::text(note));
+        }
         let mut table = Vec::new();
         let (mut numbers, mut measured) = (Vec::new(), Vec::new());
         let mut points: Vec<(f64, f64, Option<f64>)> = Vec::new();
-        for (label, setting) in rows {
-            // Over the sentences of the study alone, so that its rows can be compared.
+        // What all rows are held against, over the sentences of the study alone as they are.
+        let text = plan.basis.method(Method::Text, rows[0].1.prompts);
+        let text = [("text alone".to_owned(), text)];
+        for (label, setting) in text.iter().chain(rows) {
             let figures = evidence.figures(setting)?;
             let (diagonality, diagonal) = match &figures.control {
                 Some(Control {
@@ -55,6 +83,7 @@ impl Report {
             numbers.push(json!({ "row": label, "figures": figures }));
             measured.push(figures);
         }
+        let measured = &measured[text.len()..];
         self.others.insert(study.title().into(), numbers.into());
         self.blocks.push(Block::table(
             [
@@ -72,32 +101,41 @@ impl Report {
             table,
         ));
         if study == Study::Front {
-            self.front(rows, &measured)?;
+            self.front(rows, measured)?;
         }
-        if matches!(study, Study::Steps | Study::LearningRate) && points.len() > 1 {
-            let line = |label, colour, values: Vec<[f64; 2]>| Line {
-                label,
-                points: values,
-                colour,
-                marked: true,
-            };
-            let errors = points.iter().map(|(x, error, _)| [*x, *error]);
-            let tops = points.iter().filter_map(|(x, _, top)| Some([*x, (*top)?]));
-            let (tops, errors): (Vec<_>, Vec<_>) = (tops.collect(), errors.collect());
-            let label = match study {
-                Study::Steps => "DDIM steps",
-                _ => "learning rate",
-            };
-            let axes = [Axis::logarithmic(label), Axis::linear("")];
-            let mut lines = vec![line("Laban error", COLOURS[0], errors)];
-            if !tops.is_empty() {
-                lines.push(line("R-precision, top 3", COLOURS[1], tops));
-            }
-            let svg = plot(study.title(), axes, &lines)?;
-            let caption = format!("Laban error and R-precision by {label}");
-            self.blocks
-                .push(Block::picture(study.title(), caption, svg));
+        let axis = match study {
+            Study::Steps => "DDIM steps",
+            Study::LearningRate => "learning rate",
+            _ => return Ok(()),
+        };
+        let errors = points.iter().map(|(x, error, _)| [*x, *error]);
+        let tops = points.iter().filter_map(|(x, _, top)| Some([*x, (*top)?]));
+        self.curve("Laban error", axis, COLOURS[0], errors.collect())?;
+        self.curve("R-precision, top 3", axis, COLOURS[1], tops.collect())
+    }
+
+    /// How something goes with a number, if there is anything to see.
+    fn curve(
+        &mut self,
+        what: &str,
+        axis: &str,
+        colour: [u8; 3],
+        points: Vec<[f64; 2]>,
+    ) -> Result<(), ReportError> {
+        if points.len() < 2 {
+            return Ok(());
         }
+        let line = Line {
+            label: "",
+            points,
+            colour,
+            marked: true,
+        };
+        let title = format!("{what}, by {axis}");
+        let axes = [Axis::logarithmic(axis), Axis::linear(what)];
+        let svg = plot(&title, axes, &[line])?;
+        let name = title.replace(',', "");
+        self.blocks.push(Block::picture(&name, title, svg));
         Ok(())
     }
 
@@ -123,16 +161,16 @@ impl Report {
             }
         };
         let axes = [
-            Axis::linear("distance from what was asked"),
+            Axis::logarithmic("distance from what was asked"),
             Axis::linear("diagonality"),
         ];
         let lines = [
-            line("embedding", COLOURS[0]),
-            line("modulation", COLOURS[1]),
-            line("modulation with a finish", [8, 145, 178]),
-            line("finished motion", COLOURS[2]),
+            line("embedding", [213, 94, 0]),
+            line("modulation", [0, 114, 178]),
+            line("modulation with a finish", [17, 24, 39]),
+            line("finished motion", [0, 158, 115]),
             line("predicted motion", [156, 163, 175]),
-            line("start noise", COLOURS[3]),
+            line("start noise", [204, 121, 167]),
         ];
         let lines = lines.into_iter().filter(|line| !line.points.is_empty());
         let lines: Vec<Line<'_>> = lines.collect();
