@@ -541,11 +541,12 @@ pub struct Eval {
     /// Do a part of the work only: the I-th of N.
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "merge")]
     pub shard: Option<(usize, usize)>,
-    /// Make none of the motions that are missing: write the report of the records in the folder, with the options that they were
-    /// made with.
+    /// Make none of the motions that are missing, but those of the pictures: write the report of the records in the folder. Give it the
+    /// options of the run; what they ask for and is not there is left out.
     #[arg(long)]
     pub merge: bool,
-    /// Check the files, and say what there is still to do and how long it takes, by trying some motions of each kind.
+    /// Check the files, and say what there is still to do, in all shards together, and how long it takes, by trying some motions of each
+    /// kind.
     #[arg(long, conflicts_with_all = ["merge", "shard"])]
     pub dry_run: bool,
 }

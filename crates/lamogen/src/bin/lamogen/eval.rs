@@ -95,6 +95,12 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
             real: &real,
             repeats: options.repeats,
         };
+        if missing > 0 {
+            console.notice(format!(
+                "{missing} of {} motions are not made yet; the report is of the others",
+                all.len()
+            ));
+        }
         let report = report::Report::new(&plan, &evidence, &work, missing).map_err(unjudged)?;
         paths = report.write(&options.out)?;
     }
@@ -274,7 +280,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// What a folder's records are of: one model, one evaluator and one data set.
+/// The file that says what a folder's records are of: one model, one evaluator and one data set.
 const IDENTITY: &str = "eval.json";
 
 /// What this run is of.
@@ -308,14 +314,20 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
     })
 }
 
-/// Whether the folder has records of this run. Those of another are an error.
+/// Whether the folder is one of this run. One of another, or with records of which nobody knows, is an error.
 fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
     let path = options.out.join(IDENTITY);
     let input =
         |reason: &dyn Display| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
     let found = match fs::read_to_string(&path) {
         Ok(found) => found,
-        Err(error) if error.kind() == ErrorKind::NotFound && !options.merge => return Ok(false),
+        Err(error)
+            if error.kind() == ErrorKind::NotFound
+                && !options.merge
+                && (!options.out.exists() || files(&options.out)?.is_empty()) =>
+        {
+            return Ok(false);
+        }
         Err(error) => {
             let hint = "it lies beside the records, in the folder where they were made";
             return Err(input(&error).hint(hint));

@@ -57,7 +57,7 @@ impl<'a> Shown<'a> {
     pub fn example(&self) -> Result<Vec<Block>, ReportError> {
         let made = self.generate(&self.guided(Component::Weight, 1.5))?;
         let svg = curves(
-            self.caption(),
+            &format!("{}, Weight × 1.5", self.caption()),
             &[
                 Curve::baseline(&made.baseline_laban),
                 Curve::target(&made.target),
@@ -164,11 +164,11 @@ impl<'a> Shown<'a> {
             "Laban features with and without smoothing",
             &[
                 Curve {
-                    label: "without",
+                    label: "without smoothing",
                     ..Curve::baseline(&without)
                 },
                 Curve {
-                    label: "with",
+                    label: "with smoothing",
                     ..Curve::guided(&with)
                 },
             ],
@@ -197,8 +197,8 @@ impl<'a> Shown<'a> {
                 marked: false,
             };
             let lines = [
-                line("without", [107, 114, 128], &raw),
-                line("with", [194, 65, 12], &smooth),
+                line("without smoothing", [107, 114, 128], &raw),
+                line("with smoothing", [194, 65, 12], &smooth),
             ];
             let title = format!("Root {name}");
             let svg = plot(

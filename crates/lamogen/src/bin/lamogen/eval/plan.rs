@@ -164,7 +164,11 @@ impl Cell<'_> {
             Demand::Nothing | Demand::Phrase(_) => None,
         };
         let mut options = Checksum::new(0);
-        options.add(format!("{} {guidance:?}", setting.steps).as_bytes());
+        let phrase = match demand {
+            Demand::Phrase(tag) => tag.phrase(),
+            Demand::Nothing | Demand::Factor(..) => "",
+        };
+        options.add(format!("{} {guidance:?}{phrase}", setting.steps).as_bytes());
         Key {
             id: format!("{} / {demand} / {prompt} / {repeat}", setting.name),
             options: format!("{:016x}", options.value()),
@@ -589,7 +593,13 @@ mod tests {
         let rows = studies.flat_map(|&study| BASIS.study(study, few));
         let methods = Method::value_variants().iter();
         let methods = methods.map(|&method| BASIS.method(method, few));
-        let all = merged(methods.chain(rows.map(|(_, setting)| setting)));
+        let all: Vec<Setting> = methods.chain(rows.map(|(_, setting)| setting)).collect();
+        for (place, setting) in all.iter().enumerate() {
+            for other in all[..place].iter().filter(|s| s.name == setting.name) {
+                assert!(setting.generates_as(other), "{} is two", setting.name);
+            }
+        }
+        let all = merged(all);
         let mut keys = std::collections::HashSet::new();
         for setting in &all {
             for cell in cells(setting, 2) {

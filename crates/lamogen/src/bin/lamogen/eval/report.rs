@@ -67,6 +67,7 @@ impl Report {
         report.pictures(shown.methods())?;
         report.blocks.push(Block::heading("One motion"));
         report.pictures(shown.example())?;
+        report.studies(plan);
         for (study, rows) in &plan.studies {
             report.blocks.push(Block::heading(study.title()));
             match study {
@@ -102,7 +103,6 @@ impl Report {
                 write(&pictures.join(format!("{name}.svg")), svg)?;
             }
         }
-        let before = std::fs::read_to_string(folder.join("report.md")).unwrap_or_default();
         let files = [
             ("report.md", &text),
             ("report.html", &page),
@@ -112,14 +112,7 @@ impl Report {
             let path = folder.join(name);
             write(&path, content).map(|()| path)
         });
-        let written = written.into_iter().collect::<Result<_, _>>()?;
-        // Pictures of the report that stood here, and of no other.
-        let now: Vec<&str> = named(&text, PICTURES).collect();
-        for name in named(&before, PICTURES).filter(|name| !now.contains(name)) {
-            // One that stays is in nobody's way.
-            let _ = std::fs::remove_file(pictures.join(name));
-        }
-        Ok(written)
+        written.into_iter().collect()
     }
 
     fn of(&self, name: &str) -> Option<&Figures> {
@@ -140,7 +133,7 @@ impl Report {
             None => "predictions as they are".into(),
         };
         let mut text = format!(
-            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} where the embedding is moved, {} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
+            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
             PresetName::of(plan.basis.preset).name(),
             plan.basis.steps(),
@@ -363,14 +356,6 @@ pub enum ReportError {
 /// What stands where nothing could be measured.
 const NOTHING: &str = "–";
 
-/// The files that a report in Markdown shows of a folder.
-fn named<'a>(text: &'a str, folder: &'a str) -> impl Iterator<Item = &'a str> {
-    let links = text.split("](").skip(1);
-    let links = links.filter_map(move |rest| rest.split_once(')')?.0.strip_prefix(folder));
-    let names = links.filter_map(|rest| rest.strip_prefix('/'));
-    names.filter(|name| !name.contains('/'))
-}
-
 /// A number without the sign of one that is rounded to nothing.
 fn rounded(number: f64, digits: usize) -> String {
     let text = format!("{number:.digits$}");
@@ -399,15 +384,6 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pictures_are_found_in_a_report() {
-        let text = "![a](pictures/a.svg) [b](b.svg)\n![c](pictures/c-d.svg)![e](pictures/../e.svg";
-        assert_eq!(
-            named(text, "pictures").collect::<Vec<_>>(),
-            ["a.svg", "c-d.svg"]
-        );
-    }
 
     #[test]
     fn nothing_has_no_sign() {

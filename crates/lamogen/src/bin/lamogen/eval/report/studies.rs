@@ -7,7 +7,7 @@ use serde_json::json;
 use super::super::document::Block;
 use super::super::plan::{Basis, INTERPOLATION, Method, Plan, Setting, Study};
 use super::super::summary::{Control, Evidence, Figures, Ratio};
-use super::{COLOURS, NAMES, NOTHING, Report, ReportError, shown};
+use super::{COLOURS, NAMES, NOTHING, Report, ReportError, rounded, shown};
 
 /// What has to be known to read a study's table.
 fn note(study: Study, basis: &Basis) -> Option<String> {
@@ -18,20 +18,55 @@ fn note(study: Study, basis: &Basis) -> Option<String> {
             last / guidance.learning_rate
         )),
         (Study::Front, _) => Some(
-            "What is moved, and how much the component that is asked for counts in the loss beside the others. Finished motion, predicted motion and start \
-             noise are the rivals with the numbers of the tables above."
+            "What is moved: the embedding, the scales and shifts that it becomes in every layer (modulation), these and then the finished motion (with a finish), or what the \
+             rivals move, with their numbers of the tables above. Emphasis is how much the component that is asked for counts in the loss beside the others, here the \
+             same for all four."
                 .into(),
         ),
-        (Study::Presets, _) => Some(
-            "Precise moves scales and shifts, then the finished motion; fast and paper move the embedding. Paper has the paper's numbers, and its loss \
-             relative to each frame."
-                .into(),
+        (Study::Presets, _) => Some(format!(
+            "Precise moves scales and shifts, then the finished motion; fast and paper move the embedding. Paper has the paper's numbers{}, and its loss \
+             relative to each frame.",
+            match basis.given_steps {
+                Some(_) => " but for its steps, which were given",
+                None => "",
+            }
+        )),
+        (Study::Rise, _) => Some("From the first step to the last, along half a cosine.".into()),
+        (Study::Steps, _) => Some("Every step is an update too.".into()),
+        (Study::Update, _) => Some(
+            "Lagged: the step is made with the evaluation that the gradient came from, and what is moved acts from the next one on.".into(),
+        ),
+        (Study::Updates, _) => Some("Of what is moved, at every DDIM step.".into()),
+        (Study::Finish, _) => Some(
+            "So many small updates of the motion itself, with the same loss, after the guided pass or instead of it.".into(),
+        ),
+        (Study::Divisor, _) => Some(
+            "The difference to the target, relative to the baseline at the frame (as in the paper) or to its mean over time; the same of the rival raw frame update.".into(),
+        ),
+        (Study::Smoothing, _) => Some(
+            "What guidance measures: positions smoothed once, before each difference, or as they are. All rows are judged with the first.".into(),
         ),
         _ => None,
     }
 }
 
 impl Report {
+    /// What all studies have in common.
+    pub(super) fn studies(&mut self, plan: &Plan) {
+        let mut rows = plan.studies.iter().flat_map(|(_, rows)| rows);
+        let Some((_, first)) = rows.next() else {
+            return;
+        };
+        self.blocks.push(Block::heading("The studies"));
+        self.blocks.push(Block::text(format!(
+            "Each changes one thing of Laban guidance, over {} of the sentences and all eight tags. Diagonal is what the tags of Weight, Time, Flow and Shape change of their own \
+             component, of the 2.0, 0.5, 0.5 and 2.0 that they ask for; the other columns are those of the tables above, over these sentences alone. Text alone is sampled in {} \
+             steps: where a row has another number of them, that too makes a difference, to jerk above all.",
+            first.prompts.iter().count(),
+            plan.basis.steps()
+        )));
+    }
+
     /// An ablation.
     pub(super) fn study(
         &mut self,
@@ -46,7 +81,7 @@ impl Report {
         let mut table = Vec::new();
         let (mut numbers, mut measured) = (Vec::new(), Vec::new());
         let mut points: Vec<(f64, f64, Option<f64>)> = Vec::new();
-        // What all rows are held against, over the sentences of the study alone as they are.
+        // Over the sentences of the study, as all rows are.
         let text = plan.basis.method(Method::Text, rows[0].1.prompts);
         let text = [("text alone".to_owned(), text)];
         for (label, setting) in text.iter().chain(rows) {
@@ -57,7 +92,7 @@ impl Report {
                 }) => (
                     format!("{diagonality:.3}"),
                     (0..COMPONENTS)
-                        .map(|i| format!("{:.2}", mean[i][i]))
+                        .map(|i| rounded(mean[i][i], 2))
                         .collect::<Vec<_>>()
                         .join(" "),
                 ),
