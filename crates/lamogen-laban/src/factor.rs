@@ -117,6 +117,13 @@ impl Key {
     }
 }
 
+/// The tag's factor, all the time.
+impl From<Tag> for Factor {
+    fn from(tag: Tag) -> Self {
+        Factor::unchecked(tag.scale())
+    }
+}
+
 impl Factor {
     /// No change.
     pub const NEUTRAL: Factor = Factor::unchecked(1.0);

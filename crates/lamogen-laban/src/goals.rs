@@ -329,17 +329,15 @@ impl Goals {
         if self.parts.is_empty() {
             return Ok(());
         }
+        let has_rest = all.without(&seen).is_some();
         for component in Component::EFFORTS {
             let goal = self.of(component);
-            let found = || goal.to_string();
-            if !matches!(goal, Goal::Factor(_) | Goal::Any) {
-                let found = found();
-                return Err(GoalError::Beside { component, found });
-            }
-            let is_heard = || self.parts.iter().any(|part| part.of(component).is_none());
-            if goal.changes() && all.without(&seen).is_none() && !is_heard() {
-                let found = found();
-                return Err(GoalError::NoRest { component, found });
+            let found = goal.to_string();
+            let is_heard = has_rest || self.parts.iter().any(|part| part.of(component).is_none());
+            match goal {
+                Goal::Factor(_) | Goal::Any if is_heard || !goal.changes() => {}
+                Goal::Factor(_) | Goal::Any => return Err(GoalError::NoRest { component, found }),
+                _ => return Err(GoalError::Beside { component, found }),
             }
         }
         Ok(())

@@ -58,7 +58,7 @@ impl PartScale {
     ///
     /// As [`with`](Self::with).
     pub fn tag(self, tag: Tag) -> Result<Self, GoalError> {
-        self.with(tag.component(), Factor::unchecked(tag.scale()))
+        self.with(tag.component(), tag.into())
     }
 
     /// The joints.
@@ -99,7 +99,7 @@ impl FromStr for PartScale {
             let (component, factor) = match word.split_once('=') {
                 None => {
                     let tag: Tag = word.parse().map_err(|_| no_part())?;
-                    (tag.component(), Factor::unchecked(tag.scale()))
+                    (tag.component(), tag.into())
                 }
                 Some((component, factor)) => {
                     let name = component.trim();

@@ -34,9 +34,9 @@ use crate::pack::tell_problems;
 use crate::source::{Source, device};
 use plan::{Basis, Cell, Places, Plan, Prompt};
 pub use plan::{Method, Study};
-use record::{Key, Outcome, Store, read};
+use record::{Body, Key, Outcome, Store, read};
 use summary::Evidence;
-use work::{Body, Real, Work, unjudged};
+use work::{Real, Work, unjudged};
 
 /// Judged at a time, and generated together.
 const TOGETHER: usize = 8;

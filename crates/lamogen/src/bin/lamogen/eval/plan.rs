@@ -159,15 +159,12 @@ impl Cell<'_> {
             prompt,
             repeat,
         } = self;
-        let guidance = match demand {
-            Demand::Factor(..) => Some(&setting.guidance),
-            Demand::Nothing | Demand::Phrase(_) => None,
+        let (guidance, phrase) = match demand {
+            Demand::Nothing => (None, ""),
+            Demand::Factor(..) => (Some(&setting.guidance), ""),
+            Demand::Phrase(tag) => (None, tag.phrase()),
         };
         let mut options = Checksum::new(0);
-        let phrase = match demand {
-            Demand::Phrase(tag) => tag.phrase(),
-            Demand::Nothing | Demand::Factor(..) => "",
-        };
         options.add(format!("{} {guidance:?}{phrase}", setting.steps).as_bytes());
         Key {
             id: format!("{} / {demand} / {prompt} / {repeat}", setting.name),

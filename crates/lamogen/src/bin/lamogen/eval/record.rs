@@ -47,6 +47,15 @@ pub struct Measured {
     pub baseline_mean: [f64; COMPONENTS],
     /// Mean distance of the joints from that motion, in metres.
     pub distance: f64,
+    #[serde(flatten)]
+    pub body: Body,
+    /// Where the evaluator sees it.
+    pub point: Vec<f32>,
+}
+
+/// What is known of a motion by its joints alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Body {
     /// The share of steps in which a standing foot slides.
     pub sliding: f64,
     /// Mean second difference of the ankles, mm a frame².
@@ -55,8 +64,6 @@ pub struct Measured {
     pub jerk: f64,
     /// How far the worst bone is from its median length, m.
     pub drift: f64,
-    /// Where the evaluator sees it.
-    pub point: Vec<f32>,
 }
 
 /// The file that a run, or a shard of it, writes; locked as long as it is open.

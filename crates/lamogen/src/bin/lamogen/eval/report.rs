@@ -15,7 +15,7 @@ use super::document::{Block, html, markdown};
 use super::paper;
 use super::pictures::Shown;
 use super::plan::{Method, Plan, Study};
-use super::summary::{Evidence, Figures, Mean, OfReal};
+use super::summary::{Bodies, Evidence, Figures, Known, Mean, OfReal};
 use super::work::Work;
 use crate::arguments::PresetName;
 use crate::failure::Failure;
@@ -43,11 +43,10 @@ impl Report {
         work: &Work<'_>,
         missing: usize,
     ) -> Result<Report, ReportError> {
-        let figures = plan
-            .settings
-            .iter()
-            .map(|setting| evidence.figures(setting))
-            .collect::<Result<Vec<Figures>, MetricError>>()?;
+        let mut known = Known::new(evidence);
+        let figures = plan.settings.iter();
+        let figures = figures.map(|setting| known.figures(setting).cloned());
+        let figures = figures.collect::<Result<Vec<Figures>, MetricError>>()?;
         let mut report = Report {
             title: match work.source.name.as_str() {
                 EMBEDDED => "Report on the embedded model".into(),
@@ -76,10 +75,10 @@ impl Report {
                     report.pictures(shown.interpolation())?;
                 }
                 Study::Finish => {
-                    report.study(*study, rows, plan, evidence)?;
+                    report.study(*study, rows, plan, &mut known)?;
                     report.pictures(shown.study(*study, rows))?;
                 }
-                _ => report.study(*study, rows, plan, evidence)?,
+                _ => report.study(*study, rows, plan, &mut known)?,
             }
         }
         report.blocks.push(Block::heading("What smoothing does"));
@@ -157,9 +156,9 @@ impl Report {
             }
             let figures = self.of(&setting.name);
             let Some(control) = figures.and_then(|figures| figures.control.as_ref()) else {
-                let nothing = [""; 1].into_iter().chain([NOTHING; COMPONENTS + 1]);
-                let title = [setting.method.title()].into_iter();
-                rows.push(title.chain(nothing).map(str::to_owned).collect());
+                let mut row = vec![setting.method.title().to_owned(), String::new()];
+                row.resize(row.len() + COMPONENTS + 1, NOTHING.into());
+                rows.push(row);
                 continue;
             };
             let paper = paper::control(setting.method);
@@ -259,32 +258,35 @@ impl Report {
 
     /// What no network judges.
     fn quality(&mut self, plan: &Plan, real: &OfReal) {
-        let mut rows = vec![vec![
-            "Real motions".into(),
+        let row = |title: &str, distance, bodies: &Bodies, error, failed: String| {
+            vec![
+                title.to_owned(),
+                shown(distance, 3),
+                shown(bodies.sliding, 3),
+                shown(bodies.ankles, 1),
+                shown(bodies.jerk, 0),
+                shown(bodies.drift, 3),
+                shown(error, 3),
+                failed,
+            ]
+        };
+        let mut rows = vec![row(
+            "Real motions",
+            None,
+            &real.bodies,
+            None,
             NOTHING.into(),
-            shown(real.sliding, 3),
-            shown(real.ankles, 1),
-            shown(real.jerk, 0),
-            shown(real.drift, 3),
-            NOTHING.into(),
-            NOTHING.into(),
-        ]];
+        )];
         for setting in &plan.methods {
             if let Some(figures) = self.of(&setting.name) {
-                rows.push(vec![
-                    setting.method.title().into(),
-                    shown(figures.distance, 3),
-                    shown(figures.sliding, 3),
-                    shown(figures.ankles, 1),
-                    shown(figures.jerk, 0),
-                    shown(figures.drift, 3),
-                    shown(figures.error, 3),
-                    format!(
-                        "{} of {}",
-                        figures.failed.len(),
-                        figures.failed.len() + figures.motions
-                    ),
-                ]);
+                let failed = figures.failed.len();
+                rows.push(row(
+                    setting.method.title(),
+                    figures.distance,
+                    &figures.bodies,
+                    figures.error,
+                    format!("{failed} of {}", failed + figures.motions),
+                ));
             }
         }
         self.blocks.extend([

@@ -10,8 +10,8 @@ use lamogen_eval::{
 use serde::{Serialize, Serializer};
 
 use super::plan::{Demand, Prompt, Setting, cells};
-use super::record::{Key, Measured, Outcome};
-use super::work::{Body, Real};
+use super::record::{Body, Key, Measured, Outcome};
+use super::work::Real;
 
 /// Draws of batches behind R-precision.
 const DRAWS: u64 = 20;
@@ -26,6 +26,35 @@ pub struct Evidence<'a> {
     pub texts: &'a [Embeddings],
     pub real: &'a Real,
     pub repeats: u64,
+}
+
+/// Figures that were computed, each once: studies share rows with the tables and with each other.
+pub struct Known<'a> {
+    evidence: &'a Evidence<'a>,
+    figures: Vec<(Setting, Figures)>,
+}
+
+impl<'a> Known<'a> {
+    pub fn new(evidence: &'a Evidence<'a>) -> Self {
+        Known {
+            evidence,
+            figures: Vec::new(),
+        }
+    }
+
+    /// The figures of a setting; see [`Evidence::figures`].
+    pub fn figures(&mut self, setting: &Setting) -> Result<&Figures, MetricError> {
+        let found = self.figures.iter().position(|(of, _)| of == setting);
+        let place = match found {
+            Some(place) => place,
+            None => {
+                let figures = self.evidence.figures(setting)?;
+                self.figures.push((setting.clone(), figures));
+                self.figures.len() - 1
+            }
+        };
+        Ok(&self.figures[place].1)
+    }
 }
 
 /// What is known of a setting.
@@ -47,10 +76,28 @@ pub struct Figures {
     pub fid: Option<Mean>,
     pub diversity: Option<Mean>,
     pub distance: Option<Mean>,
+    #[serde(flatten)]
+    pub bodies: Bodies,
+}
+
+/// Means of what is known of motions by their joints alone: see [`Body`].
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Bodies {
     pub sliding: Option<Mean>,
     pub ankles: Option<Mean>,
     pub jerk: Option<Mean>,
     pub drift: Option<Mean>,
+}
+
+impl Bodies {
+    fn of(mean: impl Fn(&dyn Fn(&Body) -> f64) -> Option<Mean>) -> Bodies {
+        Bodies {
+            sliding: mean(&|body| body.sliding),
+            ankles: mean(&|body| body.ankles),
+            jerk: mean(&|body| body.jerk),
+            drift: mean(&|body| body.drift),
+        }
+    }
 }
 
 /// A mean with half of its 95 % interval, if it is of more than one.
@@ -98,7 +145,7 @@ struct Made<'a> {
 
 impl Evidence<'_> {
     /// The figures of a setting; those of none where nothing of it was made yet, or all failed.
-    pub fn figures(&self, setting: &Setting) -> Result<Figures, MetricError> {
+    fn figures(&self, setting: &Setting) -> Result<Figures, MetricError> {
         let (mut made, mut failed) = (Vec::new(), Vec::new());
         for cell in cells(setting, self.repeats) {
             let key = cell.key();
@@ -135,10 +182,7 @@ impl Evidence<'_> {
             fid: judged.fid,
             diversity: judged.diversity,
             distance: mean(&|measured| measured.distance),
-            sliding: mean(&|measured| measured.sliding),
-            ankles: mean(&|measured| measured.ankles),
-            jerk: mean(&|measured| measured.jerk),
-            drift: mean(&|measured| measured.drift),
+            bodies: Bodies::of(|of| mean(&|measured| of(&measured.body))),
         })
     }
 
@@ -180,12 +224,8 @@ impl Evidence<'_> {
         let seen: Vec<Seen> = seen.collect::<Result<_, _>>()?;
         let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
         let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
-        let body = |of: &dyn Fn(&Body) -> f64| Mean::of([mean(self.real.bodies.iter().map(of))]);
         Ok(OfReal {
-            sliding: body(&|body| body.sliding),
-            ankles: body(&|body| body.ankles),
-            jerk: body(&|body| body.jerk),
-            drift: body(&|body| body.drift),
+            bodies: Bodies::of(|of| Mean::of([mean(self.real.bodies.iter().map(of))])),
             r_precision: together(ranks),
             matching: over(&|seen| Some(seen.matching?.1)),
             diversity: over(&|seen| Some(seen.diversity)),
@@ -262,10 +302,8 @@ pub struct OfReal {
     pub r_precision: Option<[Mean; 3]>,
     pub matching: Option<Mean>,
     pub diversity: Option<Mean>,
-    pub sliding: Option<Mean>,
-    pub ankles: Option<Mean>,
-    pub jerk: Option<Mean>,
-    pub drift: Option<Mean>,
+    #[serde(flatten)]
+    pub bodies: Bodies,
 }
 
 /// What came out when a component was asked for by a factor: guided over baseline, by the mean over time.

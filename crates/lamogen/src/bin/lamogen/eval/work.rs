@@ -6,7 +6,7 @@ use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, Summ
 use lamogen_eval::{Embeddings, Judge};
 
 use super::plan::{Cell, Demand, Prompt};
-use super::record::{Measured, Outcome, Record};
+use super::record::{Body, Measured, Outcome, Record};
 use crate::each::generate_each;
 use crate::failure::{Code, Failure};
 use crate::source::Source;
@@ -24,19 +24,6 @@ pub struct Real {
     /// Where the evaluator sees them.
     pub points: Embeddings,
     pub bodies: Vec<Body>,
-}
-
-/// What is known of a motion by its joints alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body {
-    /// The share of steps in which a standing foot slides.
-    pub sliding: f64,
-    /// Mean second difference of the ankles, mm a frame².
-    pub ankles: f64,
-    /// Mean jerk of all joints, m/s³.
-    pub jerk: f64,
-    /// How far the worst bone is from its median length, m.
-    pub drift: f64,
 }
 
 impl Body {
@@ -126,22 +113,13 @@ impl Work<'_> {
         let rows = motion.features().ok_or("the motion has no pose features")?;
         let points = self.judge.motions(&[rows.as_flattened()]);
         let points = points.map_err(|error| error.to_string())?;
-        let Body {
-            sliding,
-            ankles,
-            jerk,
-            drift,
-        } = Body::of(motion);
         let measured = Measured {
             maximum: wide(of_motion.summary(Summary::Maximum)),
             mean: wide(of_motion.summary(Summary::Mean)),
             baseline_maximum: wide(of_baseline.summary(Summary::Maximum)),
             baseline_mean: wide(of_baseline.summary(Summary::Mean)),
             distance: motion.distance(baseline).into(),
-            sliding,
-            ankles,
-            jerk,
-            drift,
+            body: Body::of(motion),
             point: points.row(0).to_vec(),
         };
         let is_finite = measured.numbers().all(f64::is_finite);
@@ -161,13 +139,13 @@ impl Measured {
             &self.baseline_maximum,
             &self.baseline_mean,
         ];
-        let single = [
-            self.distance,
-            self.sliding,
-            self.ankles,
-            self.jerk,
-            self.drift,
-        ];
+        let Body {
+            sliding,
+            ankles,
+            jerk,
+            drift,
+        } = self.body;
+        let single = [self.distance, sliding, ankles, jerk, drift];
         features.into_iter().flatten().copied().chain(single)
     }
 }

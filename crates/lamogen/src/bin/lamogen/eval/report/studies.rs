@@ -6,48 +6,53 @@ use serde_json::json;
 
 use super::super::document::Block;
 use super::super::plan::{Basis, INTERPOLATION, Method, Plan, Setting, Study};
-use super::super::summary::{Control, Evidence, Figures, Ratio};
+use super::super::summary::{Control, Evidence, Figures, Known, Ratio};
 use super::{COLOURS, NAMES, NOTHING, Report, ReportError, rounded, shown};
 
 /// What has to be known to read a study's table.
 fn note(study: Study, basis: &Basis) -> Option<String> {
-    let guidance = basis.preset.guidance();
-    match (study, guidance.last_learning_rate) {
-        (Study::LearningRate, Some(last)) => Some(format!(
-            "The rate of the first step; it goes to {} times that over the steps, as in the preset.",
-            last / guidance.learning_rate
-        )),
-        (Study::Front, _) => Some(
+    let text = match study {
+        // Has a text of its own.
+        Study::Interpolation => return None,
+        Study::LearningRate => {
+            let guidance = basis.preset.guidance();
+            let times = guidance.last_learning_rate? / guidance.learning_rate;
+            return Some(format!(
+                "The rate of the first step; it goes to {times} times that over the steps, as in the preset."
+            ));
+        }
+        Study::Presets => {
+            let steps = match basis.given_steps {
+                Some(_) => " but for its steps, which were given",
+                None => "",
+            };
+            return Some(format!(
+                "Precise moves scales and shifts, then the finished motion; fast and paper move the embedding. Paper has the paper's numbers{steps}, and its loss \
+                 relative to each frame."
+            ));
+        }
+        Study::Front => {
             "What is moved: the embedding, the scales and shifts that it becomes in every layer (modulation), these and then the finished motion (with a finish), or what the \
              rivals move, with their numbers of the tables above. Emphasis is how much the component that is asked for counts in the loss beside the others, here the \
              same for all four."
-                .into(),
-        ),
-        (Study::Presets, _) => Some(format!(
-            "Precise moves scales and shifts, then the finished motion; fast and paper move the embedding. Paper has the paper's numbers{}, and its loss \
-             relative to each frame.",
-            match basis.given_steps {
-                Some(_) => " but for its steps, which were given",
-                None => "",
-            }
-        )),
-        (Study::Rise, _) => Some("From the first step to the last, along half a cosine.".into()),
-        (Study::Steps, _) => Some("Every step is an update too.".into()),
-        (Study::Update, _) => Some(
-            "Lagged: the step is made with the evaluation that the gradient came from, and what is moved acts from the next one on.".into(),
-        ),
-        (Study::Updates, _) => Some("Of what is moved, at every DDIM step.".into()),
-        (Study::Finish, _) => Some(
-            "So many small updates of the motion itself, with the same loss, after the guided pass or instead of it.".into(),
-        ),
-        (Study::Divisor, _) => Some(
-            "The difference to the target, relative to the baseline at the frame (as in the paper) or to its mean over time; the same of the rival raw frame update.".into(),
-        ),
-        (Study::Smoothing, _) => Some(
-            "What guidance measures: positions smoothed once, before each difference, or as they are. All rows are judged with the first.".into(),
-        ),
-        _ => None,
-    }
+        }
+        Study::Rise => "From the first step to the last, along half a cosine.",
+        Study::Steps => "Every step is an update too.",
+        Study::Update => {
+            "Lagged: the step is made with the evaluation that the gradient came from, and what is moved acts from the next one on."
+        }
+        Study::Updates => "Of what is moved, at every DDIM step.",
+        Study::Finish => {
+            "So many small updates of the motion itself, with the same loss, after the guided pass or instead of it."
+        }
+        Study::Divisor => {
+            "The difference to the target, relative to the baseline at the frame (as in the paper) or to its mean over time; the same of the rival raw frame update."
+        }
+        Study::Smoothing => {
+            "What guidance measures: positions smoothed once, before each difference, or as they are. All rows are judged with the first."
+        }
+    };
+    Some(text.into())
 }
 
 impl Report {
@@ -73,7 +78,7 @@ impl Report {
         study: Study,
         rows: &[(String, Setting)],
         plan: &Plan,
-        evidence: &Evidence<'_>,
+        known: &mut Known<'_>,
     ) -> Result<(), ReportError> {
         if let Some(note) = note(study, &plan.basis) {
             self.blocks.push(Block::text(note));
@@ -85,7 +90,7 @@ impl Report {
         let text = plan.basis.method(Method::Text, rows[0].1.prompts);
         let text = [("text alone".to_owned(), text)];
         for (label, setting) in text.iter().chain(rows) {
-            let figures = evidence.figures(setting)?;
+            let figures = known.figures(setting)?.clone();
             let (diagonality, diagonal) = match &figures.control {
                 Some(Control {
                     mean, diagonality, ..
@@ -107,8 +112,8 @@ impl Report {
                 shown(top, 3),
                 shown(figures.fid, 3),
                 shown(figures.distance, 3),
-                shown(figures.jerk, 0),
-                shown(figures.drift, 3),
+                shown(figures.bodies.jerk, 0),
+                shown(figures.bodies.drift, 3),
                 figures.failed.len().to_string(),
             ]);
             let number = label.split(' ').find_map(|word| word.parse::<f64>().ok());
