@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Motion, Rotations};
+use lamogen_motion::{FRAMES_PER_SECOND, Motion};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
@@ -119,7 +119,7 @@ pub fn write(
                     found: metres,
                 });
             }
-            let text = bvh::text(&Rotations::of(motion).resampled(rate), &options.bvh);
+            let text = bvh::text(&motion.rotations().resampled(rate), &options.bvh);
             lamogen_motion::write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(
                 |reason| WriteError::Io {
                     path: path.to_owned(),
@@ -128,7 +128,7 @@ pub fn write(
             )
         }
         Some("glb") => {
-            let rotations = Rotations::of(motion).resampled(rate);
+            let rotations = motion.rotations().resampled(rate);
             Ok(glb::write(path, &rotations, &options.glb)?)
         }
         Some("npy") if features(path) => Ok(motion.save_features(path)?),

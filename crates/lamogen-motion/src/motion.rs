@@ -1,5 +1,6 @@
 //! One motion on the host.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use burn::tensor::Tensor;
@@ -8,16 +9,19 @@ use crate::decode::decode;
 use crate::encode::encode_canonical;
 use crate::features::POSE_FEATURES;
 use crate::npy::{self, NpyError};
+use crate::rotations::Rotations;
 use crate::skeleton::{JOINTS, Joint};
 
 /// Frame rate of HumanML3D and of every motion here.
 pub const FRAMES_PER_SECOND: f32 = 20.0;
 
-/// A motion: where every joint is at every frame, and the pose features it came from.
+/// A motion: where every joint is at every frame, and what it came from: pose features, the rotations of a rigid body, or
+/// positions alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     joints: Vec<[[f32; 3]; JOINTS]>,
     features: Option<Vec<[f32; POSE_FEATURES]>>,
+    rotations: Option<Rotations>,
 }
 
 /// What a motion cannot be made of.
@@ -34,6 +38,10 @@ pub enum MotionError {
     #[error("frame {frame}: the position of {joint} is not finite", joint = .joint.name())]
     #[allow(missing_docs)]
     NotFinite { frame: usize, joint: Joint },
+    /// Rotations of another frame rate.
+    #[error("expected rotations at {FRAMES_PER_SECOND} frames a second, found {found}; resample them first")]
+    #[allow(missing_docs)]
+    FrameRate { found: f32 },
 }
 
 impl Motion {
@@ -56,6 +64,25 @@ impl Motion {
         Ok(Motion {
             joints,
             features: None,
+            rotations: None,
+        })
+    }
+
+    /// The motion of a rigid body, whose rotations are kept: its joints are where [`Rotations::joints`] has them, and files that
+    /// hold rotations hold these.
+    ///
+    /// # Errors
+    ///
+    /// If the rotations are not at [`FRAMES_PER_SECOND`], or a position is not finite.
+    pub fn from_rotations(rotations: Rotations) -> Result<Motion, MotionError> {
+        let found = rotations.frames_per_second();
+        if found != FRAMES_PER_SECOND {
+            return Err(MotionError::FrameRate { found });
+        }
+        Ok(Motion {
+            joints: Motion::from_joints(rotations.joints())?.joints,
+            features: None,
+            rotations: Some(rotations),
         })
     }
 
@@ -89,6 +116,7 @@ impl Motion {
         Ok(Motion {
             joints: Motion::from_joints(decode(&features))?.joints,
             features: Some(features),
+            rotations: None,
         })
     }
 
@@ -110,6 +138,21 @@ impl Motion {
     /// The pose features the motion came from, if it came from features.
     pub fn features(&self) -> Option<&[[f32; POSE_FEATURES]]> {
         self.features.as_deref()
+    }
+
+    /// Whether this is the motion of a rigid body: whether it came from rotations.
+    pub fn is_rigid(&self) -> bool {
+        self.rotations.is_some()
+    }
+
+    /// The local rotations of the joints: those that the motion came from, which give its joints exactly; else
+    /// [solved](Rotations::of) ones, which do so as far as a rigid body can. Solving takes a millisecond a second of motion or
+    /// less.
+    pub fn rotations(&self) -> Cow<'_, Rotations> {
+        match &self.rotations {
+            Some(rotations) => Cow::Borrowed(rotations),
+            None => Cow::Owned(Rotations::of(self)),
+        }
     }
 
     /// Where a joint is at a frame.

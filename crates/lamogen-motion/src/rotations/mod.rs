@@ -52,8 +52,12 @@ impl Rotations {
     /// carried smoothly from where it is known. Nothing flips, whichever way the body faces, because every
     /// joint is solved over the whole motion at once. Head, hands and toes keep the turn of their parents.
     pub fn of(motion: &Motion) -> Rotations {
-        let rest = RestPose::of(motion);
-        let global = solve::solve(motion, &rest);
+        Rotations::on_body(motion, &RestPose::of(motion))
+    }
+
+    /// As [`of`](Self::of), with the bones of a body that is given: bones keep their directions and get its lengths.
+    pub fn on_body(motion: &Motion, rest: &RestPose) -> Rotations {
+        let global = solve::solve(motion, rest);
         let mut last = [DQuat::IDENTITY; JOINTS];
         let local = global.iter().map(|global| {
             for joint in Joint::ALL {
@@ -74,8 +78,33 @@ impl Rotations {
         Rotations {
             local: local.collect(),
             root: motion.joints().iter().map(|pose| pose[0]).collect(),
-            rest,
+            rest: rest.clone(),
             frames_per_second: FRAMES_PER_SECOND,
+        }
+    }
+
+    /// Rotations that are known: where the pelvis is at every frame, and the local rotations, which have length 1.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many places as rotations, or none.
+    pub fn new(
+        rest: RestPose,
+        root: Vec<[f32; 3]>,
+        local: Vec<[[f32; 4]; JOINTS]>,
+        frames_per_second: f32,
+    ) -> Rotations {
+        assert!(
+            root.len() == local.len() && !root.is_empty(),
+            "expected a place and rotations for every frame, found {} and {}",
+            root.len(),
+            local.len()
+        );
+        Rotations {
+            rest,
+            root,
+            local,
+            frames_per_second,
         }
     }
 
