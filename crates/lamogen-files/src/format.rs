@@ -29,14 +29,7 @@ use crate::units::Up;
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, ReadError> {
     let path = path.as_ref();
     match ending(path).as_deref() {
-        Some("bvh") => {
-            let bvh = bvh::read(path)?;
-            let imported = import(&bvh.clip, options, path)?;
-            Ok(Imported {
-                announced_frames: Some(bvh.announced).filter(|n| *n != bvh.clip.frames),
-                ..imported
-            })
-        }
+        Some("bvh") => bvh::read(path, options),
         Some("glb" | "gltf") => {
             let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
@@ -55,6 +48,11 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, R
             found: shown(found),
         }),
     }
+}
+
+/// The rotations that files of a motion hold: what [`write`] writes as BVH and GLB.
+pub fn rotations(motion: &Motion) -> Rotations {
+    Rotations::of(motion)
 }
 
 /// How a motion is written.
@@ -119,7 +117,7 @@ pub fn write(
                     found: metres,
                 });
             }
-            let text = bvh::text(&Rotations::of(motion).resampled(rate), &options.bvh);
+            let text = bvh::text(&rotations(motion).resampled(rate), &options.bvh);
             lamogen_motion::write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(
                 |reason| WriteError::Io {
                     path: path.to_owned(),
@@ -128,7 +126,7 @@ pub fn write(
             )
         }
         Some("glb") => {
-            let rotations = Rotations::of(motion).resampled(rate);
+            let rotations = rotations(motion).resampled(rate);
             Ok(glb::write(path, &rotations, &options.glb)?)
         }
         Some("npy") if features(path) => Ok(motion.save_features(path)?),

@@ -28,7 +28,7 @@ mod schemes;
 mod units;
 
 pub use error::{ReadError, WriteError};
-pub use format::{WriteOptions, read, write};
+pub use format::{WriteOptions, read, rotations, write};
 pub use import::{Imported, ReadOptions};
 pub use mapping::{Mapping, MappingError};
 pub use names::UnknownSkeleton;
