@@ -55,7 +55,7 @@ pub enum Task {
     /// Generate a motion from a sentence.
     #[command(after_help = GENERATE_HELP)]
     Generate(Box<Generate>),
-    /// Measure a motion file: Weight, Time, Flow, Shape, their peaks, sliding feet, drifting bones.
+    /// Measure a motion file: Weight, Time, Flow, Shape, their peaks, sliding feet, drifting bones, joints that twitch.
     Laban(Laban),
     /// Convert a motion file to another format, or to a picture of it.
     Convert(Convert),
