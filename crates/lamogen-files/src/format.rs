@@ -50,7 +50,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, R
     }
 }
 
-/// The rotations that files of a motion hold: what [`write`] writes as BVH and GLB.
+/// The rotations that files of a motion hold: what [`write`](write()) writes as BVH and GLB.
 pub fn rotations(motion: &Motion) -> Rotations {
     Rotations::of(motion)
 }

@@ -190,10 +190,8 @@ fn prompts(
         let subject = options.measure.subject(&motion)?;
         Ok((subject.features(), subject.body()))
     };
-    let subjects: Result<_, String> = features.map(subject).collect();
-    let subjects: (Vec<Vec<f32>>, Vec<Body>) =
-        subjects.map_err(|error| Failure::new(Code::Input, error))?;
-    let (features, bodies) = subjects;
+    let subjects: Result<(Vec<Vec<f32>>, Vec<Body>), String> = features.map(subject).collect();
+    let (features, bodies) = subjects.map_err(|error| Failure::new(Code::Input, error))?;
     let real = Real {
         points: judge.motions(&features).map_err(unjudged)?,
         bodies,

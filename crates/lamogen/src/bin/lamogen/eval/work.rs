@@ -17,7 +17,7 @@ pub struct Work<'a> {
     pub judge: &'a Judge,
     pub prompts: &'a [Prompt],
     pub device: &'a Device,
-    /// On what.
+    /// On what they are measured.
     pub measure: Measure,
 }
 
