@@ -111,6 +111,38 @@ fn one_motion_is_written_in_every_format() {
     assert!(apart("jump.bvh", "jump.glb") < 1e-3);
     let rigid = apart("jump.npy", "jump.bvh");
     assert!((1e-4..0.1).contains(&rigid), "{rigid}");
+    // What turns in a file is its own; of arrays it is what would be written.
+    let turning = |name: &str| {
+        let measured = json(&succeeds(folder, &["laban", name, "--json"]));
+        measured["motions"][0]["turning"].clone()
+    };
+    let generated = &result["motions"][1]["turning"];
+    for (name, rotations) in [
+        ("jump.bvh", "file"),
+        ("jump.glb", "file"),
+        ("jump.npy", "solved"),
+    ] {
+        let found = turning(name);
+        assert_eq!(found["rotations"], rotations, "{name}");
+        for path in [
+            "/mean_deg",
+            "/largest_deg",
+            "/seconds",
+            "/pelvis/mean_deg",
+            "/pelvis/largest_deg",
+            "/joints/spine3/largest_deg",
+            "/joints/left_shoulder/mean_deg",
+        ] {
+            let (found, expected) = (number(&found, path), number(generated, path));
+            assert!((found - expected).abs() < 1e-2, "{name}{path}: {found}");
+        }
+        assert_eq!(found["joint"], generated["joint"], "{name}");
+    }
+    assert_eq!(generated["joints"].as_object().unwrap().len(), 22);
+    assert!(number(generated, "/pelvis/mean_deg") > 0.1);
+    let line = succeeds(folder, &["laban", "jump.bvh"]);
+    let expected = format!("; largest {:.0}° (", number(generated, "/largest_deg"));
+    assert!(line.contains(&expected), "{line}");
     let compared = succeeds(folder, &["laban", "jump.bvh", "--compare", "jump.glb"]);
     assert!(compared.contains("compared with jump.glb"), "{compared}");
     for name in ["again.bvh", "again.npy", "again.csv", "again.html"] {

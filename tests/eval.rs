@@ -77,6 +77,11 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
         "| Prompt editing | 0",
         "## Text and fidelity",
         "| Real motions |",
+        "(`--measure rig`)",
+        "| bone drift | below floor | turning | largest turn | pelvis snaps |",
+        "## What stays, and the worst motion",
+        "| Prompt editing | 0",
+        "|  |  |  | free |",
         "## Scale interpolation",
         "| asked | 0.5 | 0.8 | 1 | 1.2 | 1.5 |",
         "## The studies",
@@ -123,9 +128,59 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     assert!(laban["diversity"]["mean"].as_f64().unwrap() > 0.0);
     assert_eq!(figures["Scale interpolation"][1]["asked"], 0.8);
     assert!(laban["control"]["diagonality"].as_f64().unwrap() > 0.0);
+    // What is measured is a rig.
+    assert!(laban["drift"]["mean"].as_f64().unwrap() < 1e-4);
+    let turning = &laban["turning"];
+    for path in ["/mean/mean", "/pelvis/mean", "/spine3/largest/mean"] {
+        let degrees = turning.pointer(path).and_then(Value::as_f64).unwrap();
+        assert!((1e-3..=180.0).contains(&degrees), "{path}: {degrees}");
+    }
+    assert!(turning["pelvis_snaps"].is_u64());
+    assert!(figures["real_motions"]["turning"]["neck"]["mean"]["mean"].is_f64());
+    let worst = laban["worst"].as_array().unwrap();
+    assert_eq!(worst.len(), 8);
+    assert_eq!(worst[1]["demand"], "strong");
+    assert!(worst[1]["prompt"].as_str().unwrap().contains("swing"));
+    let [ratio, share] = ["ratio", "share"].map(|name| worst[1][name].as_f64().unwrap());
+    assert!((share - (ratio - 1.0) / 0.5).abs() < 1e-9, "{share}");
+    let most = laban["stays"]["most"].as_f64().unwrap();
+    assert!(most >= 0.0 && laban["stays"]["mean"]["mean"].is_f64());
     // The same noise, so text alone is where guidance begins.
     let text = settings.iter().find(|setting| setting["setting"] == "text");
     assert_eq!(text.unwrap()["distance"]["mean"], 0.0);
+}
+
+#[test]
+fn motions_are_measured_on_their_joints_if_asked_and_never_in_the_same_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let few = ["--methods", "laban", "--studies"];
+    let run = |more: &[&'static str]| eval(&[&few[..], more].concat());
+    let figures =
+        |out: &str| json(&fs::read_to_string(folder.join(out).join("figures.json")).unwrap());
+    succeeds(folder, &run(&["--out", "rig"]));
+    succeeds(folder, &run(&["--out", "joints", "--measure", "joints"]));
+    let [rig, joints] = ["rig", "joints"].map(figures);
+    let text = fs::read_to_string(folder.join("joints/report.md")).unwrap();
+    assert!(text.contains("(`--measure joints`)"), "{text}");
+    let number =
+        |figures: &Value, path: &str| figures.pointer(path).and_then(Value::as_f64).unwrap();
+    for motions in ["/settings/0", "/settings/1", "/real_motions"] {
+        // Bones of a rig keep their length; what turns is that of the rig for both.
+        let [rig_drift, drift] =
+            [&rig, &joints].map(|f| number(f, &format!("{motions}/drift/mean")));
+        assert!(
+            rig_drift < 1e-4 && drift > 1e-3,
+            "{motions}: {rig_drift}, {drift}"
+        );
+        let [rig, joints] =
+            [&rig, &joints].map(|f| number(f, &format!("{motions}/turning/mean/mean")));
+        assert!((rig - joints).abs() < 1e-2, "{motions}: {rig}, {joints}");
+    }
+    let other = run(&["--out", "rig", "--measure", "joints"]);
+    let differs = "another run: measure is \"rig\", now \"joints\"\n";
+    fails(folder, &other, 2, &[differs]);
 }
 
 #[test]

@@ -1,11 +1,27 @@
-//! The rigid body.
+//! The rigid body: what is measured is what people carry away.
+//!
+//! ```text
+//! root, local rotations ──Kinematics──▶ joints ──▶ loss ──gradient──▶ root, local rotations
+//!
+//! Motion (bones stretch, feet slide) ──Fit──▶ Rotations (rigid bones, feet that stand, elbows that bend forward)
+//!                                      ▲
+//!                                    Goal: what guidance asks for
+//! ```
+//!
+//! [`Kinematics`] is forward kinematics as a differentiable function of tensors, with a gradient by hand for the CPU. A [`Fit`] finds the
+//! rotations of a body that are nearest to a motion over its whole length at once, and may draw them towards a [`Goal`]. Units are
+//! metres, degrees where a name says so, and frames at 20 a second; Y points up.
+
 mod banded;
 mod contacts;
 mod descent;
 mod fit;
 mod kinematics;
+mod options;
 mod pose;
+mod snaps;
+mod track;
 
-pub use contacts::{Stand, stands};
-pub use fit::{Fit, Goal, Progress};
+pub use fit::{FitInput, FitProgress, Fitted, Goal, ground};
 pub use kinematics::{Kinematics, LinearizedKinematics};
+pub use options::{Fit, FitError};

@@ -1,6 +1,6 @@
 //! From the nodes of any skeleton to the 22 joints.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint};
 
 use crate::clip::Clip;
@@ -227,6 +227,21 @@ impl Body {
             }
         }
         pose
+    }
+
+    /// How every joint is turned in the frame of the joint that it hangs from, and the pelvis in the world, where it is known
+    /// how all nodes are turned in the world: quaternions `[x, y, z, w]`. Joints that the file lacks are turned as the one that
+    /// they hang from. What nodes in between turn is part of the joint below them.
+    pub(crate) fn turns(&self, turns: &[DQuat]) -> [[f64; 4]; JOINTS] {
+        let mut global = [DQuat::IDENTITY; JOINTS];
+        Joint::ALL.map(|joint| {
+            let above = joint
+                .parent()
+                .map_or(DQuat::IDENTITY, |p| global[p.index()]);
+            let turn = self.nodes[joint.index()].map_or(above, |node| turns[node]);
+            global[joint.index()] = turn;
+            (above.conjugate() * turn).to_array()
+        })
     }
 
     /// Where the pelvis faces.

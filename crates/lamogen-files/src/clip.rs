@@ -29,32 +29,52 @@ pub(crate) struct Node {
 /// Name of a node that only says where a limb ends.
 pub(crate) const END_SITE: &str = "End Site";
 
+/// A node in the world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed {
+    /// Where it is, in the file's units.
+    pub(crate) position: DVec3,
+    /// How it is turned. Scales, which are no turns, play no part.
+    pub(crate) turn: DQuat,
+    scale: DVec3,
+}
+
 impl Clip {
-    /// Where all nodes are after some seconds, in the file's units. Between two frames rotations
-    /// take the shortest way.
+    /// Where all nodes are after some seconds, in the file's units.
     pub(crate) fn positions(&self, seconds: f64) -> Vec<DVec3> {
+        let placed = self.placed(seconds).into_iter();
+        placed.map(|node| node.position).collect()
+    }
+
+    /// Where all nodes are after some seconds, and how they are turned. Between two frames rotations
+    /// take the shortest way.
+    pub(crate) fn placed(&self, seconds: f64) -> Vec<Placed> {
         let last = (self.frames - 1) as f64;
         let frame = match self.seconds_per_frame > 0.0 {
             true => (seconds / self.seconds_per_frame).clamp(0.0, last),
             false => 0.0,
         };
         let (first, part) = (frame.floor() as usize, frame.fract());
-        let mut places: Vec<(DVec3, DQuat, DVec3)> = Vec::with_capacity(self.nodes.len());
+        let mut placed: Vec<Placed> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
             let (here, next) = neighbours(&node.translations, first);
             let shift = here.lerp(next, part);
             let (here, next) = neighbours(&node.rotations, first);
             let turn = here.slerp(next, part);
-            places.push(match node.parent.map(|parent| places[parent]) {
-                None => (shift, turn, node.scale),
-                Some((place, frame, scale)) => (
-                    place + frame * (scale * shift),
-                    frame * turn,
-                    scale * node.scale,
-                ),
+            placed.push(match node.parent.map(|parent| placed[parent]) {
+                None => Placed {
+                    position: shift,
+                    turn,
+                    scale: node.scale,
+                },
+                Some(above) => Placed {
+                    position: above.position + above.turn * (above.scale * shift),
+                    turn: above.turn * turn,
+                    scale: above.scale * node.scale,
+                },
             });
         }
-        places.into_iter().map(|(place, ..)| place).collect()
+        placed
     }
 
     /// Where all nodes are in the rest pose, without any rotation, in the file's units.

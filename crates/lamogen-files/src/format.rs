@@ -29,14 +29,7 @@ use crate::units::Up;
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, ReadError> {
     let path = path.as_ref();
     match ending(path).as_deref() {
-        Some("bvh") => {
-            let bvh = bvh::read(path)?;
-            let imported = import(&bvh.clip, options, path)?;
-            Ok(Imported {
-                announced_frames: Some(bvh.announced).filter(|n| *n != bvh.clip.frames),
-                ..imported
-            })
-        }
+        Some("bvh") => bvh::read(path, options),
         Some("glb" | "gltf") => {
             let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use glam::DVec3;
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+use glam::{DQuat, DVec3};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, JointTurning, Motion};
 
 use crate::body::Body;
 use crate::clip::Clip;
@@ -32,6 +32,12 @@ pub struct Imported {
     /// The motion, in metres, Y up, at 20 frames a second. It is where and faces where it does in
     /// the file.
     pub motion: Motion,
+    /// How fast the joints turn by the file's own rotations, of which the motion keeps nothing but positions; none for arrays. At
+    /// 20 frames a second: what turns and turns back in between is not seen.
+    ///
+    /// A joint that was [`placed`](Self::placed) does not turn, and what the file turns above it counts for the next joint
+    /// below.
+    pub turning: Option<JointTurning>,
     /// How the file names its joints: a known scheme, or `mapping file`; none for arrays.
     pub scheme: Option<&'static str>,
     /// What one unit of the file is.
@@ -91,12 +97,16 @@ pub(crate) fn import(
     }
     // Half a thousandth of a frame: the time of a frame is often cut to a few digits.
     let frames = (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1;
-    let poses: Vec<[DVec3; JOINTS]> = (0..frames)
+    let (poses, turns): (Vec<_>, Vec<_>) = (0..frames)
         .map(|frame| {
             let source_frame = frame as f64 / f64::from(FRAMES_PER_SECOND) * rate;
-            body.pose(&clip.positions(source_frame * clip.seconds_per_frame))
+            let placed = clip.placed(source_frame * clip.seconds_per_frame);
+            let (positions, turns): (Vec<DVec3>, Vec<DQuat>) = { placed.into_iter() }
+                .map(|node| (node.position, node.turn))
+                .unzip();
+            (body.pose(&positions), body.turns(&turns))
         })
-        .collect();
+        .unzip();
     let size = body.size(&clip.positions(0.0));
     let unit = options.unit.or_else(|| Unit::of_body(size));
     let unit = unit.ok_or_else(|| ReadError::Size {
@@ -115,6 +125,7 @@ pub(crate) fn import(
             path: path.to_owned(),
             reason,
         })?,
+        turning: Some(JointTurning::of_local(&turns)),
         scheme: Some(scheme),
         unit,
         up,

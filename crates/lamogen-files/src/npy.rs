@@ -34,6 +34,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadE
     Ok(Imported {
         source_frames: motion.frames(),
         motion,
+        turning: None,
         scheme: None,
         unit,
         up,

@@ -22,6 +22,7 @@ mod precise;
 mod quality;
 mod rotations;
 mod skeleton;
+mod turning;
 
 pub use atomic::{replace_atomically, write_atomically};
 pub use encode::{canonical, encode, encode_canonical};
@@ -34,3 +35,4 @@ pub use padding::frame_mask;
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};
+pub use turning::{JointTurning, Turn};

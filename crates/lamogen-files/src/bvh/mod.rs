@@ -5,6 +5,36 @@ mod euler;
 mod read;
 mod write;
 
+use std::path::Path;
+
+use crate::error::ReadError;
+use crate::import::{Imported, ReadOptions, import};
+
 pub use cursor::BvhError;
-pub(crate) use read::read;
 pub use write::{BvhNames, BvhOptions, text};
+
+/// Reads a motion from the text of a BVH, as [`read`](crate::read()) does from a file. `path` stands in error messages alone.
+///
+/// # Errors
+///
+/// If the text is damaged; its skeleton is unknown or has no human size; or there is more than an hour of motion.
+pub fn read_text(
+    text: &str,
+    options: &ReadOptions,
+    path: impl AsRef<Path>,
+) -> Result<Imported, ReadError> {
+    let path = path.as_ref();
+    imported(&read::parse(text, path)?, options, path)
+}
+
+/// Reads a motion from a file.
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadError> {
+    imported(&read::read(path)?, options, path)
+}
+
+fn imported(bvh: &read::Bvh, options: &ReadOptions, path: &Path) -> Result<Imported, ReadError> {
+    Ok(Imported {
+        announced_frames: Some(bvh.announced).filter(|n| *n != bvh.clip.frames),
+        ..import(&bvh.clip, options, path)?
+    })
+}

@@ -3,3 +3,4 @@
 mod figure;
 mod round_trip;
 mod skeletons;
+mod turning;

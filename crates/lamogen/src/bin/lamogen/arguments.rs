@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use lamogen_data::Split;
 
-use crate::eval::{Method, Study};
+use crate::eval::{Measure, Method, Study};
 use crate::goals::Asked;
 use crate::output::{Format, Output};
 
@@ -55,7 +55,7 @@ pub enum Task {
     /// Generate a motion from a sentence.
     #[command(after_help = GENERATE_HELP)]
     Generate(Box<Generate>),
-    /// Measure a motion file: Weight, Time, Flow, Shape, their peaks, sliding feet, drifting bones.
+    /// Measure a motion file: Weight, Time, Flow, Shape, their peaks, sliding feet, drifting bones, joints that twitch.
     Laban(Laban),
     /// Convert a motion file to another format, or to a picture of it.
     Convert(Convert),
@@ -535,6 +535,9 @@ pub struct Eval {
     /// What is varied; --studies without a name leaves all out.
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "presets", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
+    /// On what motions are measured.
+    #[arg(long, value_enum, default_value = "rig")]
+    pub measure: Measure,
     /// How many sentences each study is made with, at least 2.
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = sentences)]
     pub study_prompts: u64,

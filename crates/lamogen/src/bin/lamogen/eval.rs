@@ -2,15 +2,17 @@
 //!
 //! ```text
 //! options ──plan.rs──▶ cells ──work.rs──▶ records (a line each) ──summary.rs──▶ figures ─┬─report.rs──▶ report.md, report.html
-//!                                                                       pictures.rs ──┘
+//!                      measure.rs: on a BVH ─┘                      stays.rs ─┘ pictures.rs ──┘
 //! ```
 
 mod document;
+mod measure;
 mod paper;
 mod pictures;
 mod plan;
 mod record;
 mod report;
+mod stays;
 mod summary;
 mod work;
 
@@ -32,6 +34,7 @@ use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::pack::tell_problems;
 use crate::source::{Source, device};
+pub use measure::Measure;
 use plan::{Basis, Cell, Places, Plan, Prompt};
 pub use plan::{Method, Study};
 use record::{Body, Key, Outcome, Store, read};
@@ -59,6 +62,7 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
         judge: &judge,
         prompts: &prompts,
         device: &device,
+        measure: options.measure,
     };
     let all: Vec<Cell<'_>> = plan.cells().collect();
     // All that can be wrong with a sentence is better known before the first motion.
@@ -180,15 +184,17 @@ fn prompts(
         data.features(entry, 0..entry.frames, &mut rows);
         rows
     });
-    let features: Vec<Vec<f32>> = features.collect();
-    let body = |rows: &Vec<f32>| {
+    let subject = |rows: Vec<f32>| {
         let motion = Motion::from_pose_features(rows.as_chunks().0.to_vec());
-        motion.map(|motion| Body::of(&motion))
+        let motion = motion.map_err(|error| error.to_string())?;
+        let subject = options.measure.subject(&motion)?;
+        Ok((subject.features(), subject.body()))
     };
-    let bodies: Result<_, _> = features.iter().map(body).collect();
+    let subjects: Result<(Vec<Vec<f32>>, Vec<Body>), String> = features.map(subject).collect();
+    let (features, bodies) = subjects.map_err(|error| Failure::new(Code::Input, error))?;
     let real = Real {
         points: judge.motions(&features).map_err(unjudged)?,
-        bodies: bodies.map_err(|error| Failure::new(Code::Input, error))?,
+        bodies,
     };
     let prompts = entries.iter().map(|entry| Prompt {
         captions: entry
@@ -310,6 +316,7 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
         "steps": plan.basis.steps(),
         "embedding_steps": plan.basis.steps_of(Preset::Fast),
         "noise_steps": noise_steps,
+        "measure": work.measure.name(),
         "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
     })
 }
@@ -340,8 +347,8 @@ fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
         .map(|(name, _)| name.as_str())
         .filter(differs)
         .collect();
-    if other.contains(&"prompts") {
-        // Of more or fewer sentences the motions are others too.
+    if other.contains(&"prompts") || other.contains(&"measure") {
+        // Of more or fewer sentences the motions are others too, and so are those that are measured otherwise.
         other.retain(|name| *name != "data");
     }
     if other.is_empty() {

@@ -5,18 +5,16 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::ValueEnum;
-use lamogen::Motion;
 use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
 use lamogen::files::{WriteOptions, csv};
-use lamogen::motion::Rotations;
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
 use crate::arguments::{BvhNamesName, WritingArguments};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::report;
-use crate::scene::{Scene, seconds};
+use crate::scene::{Scene, Shown, seconds};
 
 /// A format of files that the command writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -142,11 +140,10 @@ impl Output {
         match self.format {
             Format::Glb | Format::Bvh | Format::Npy | Format::Features => {
                 let options = options(scene, writing, self.format);
-                let motion = &scene.main().motion;
-                lamogen::files::write(path, motion, &options)?;
-                // Rotations are solved once more for this.
+                let shown = scene.main();
+                lamogen::files::write(path, &shown.motion, &options)?;
                 if matches!(self.format, Format::Glb | Format::Bvh) && !console.is_quiet() {
-                    console.notice(format!("{self}: {}", rigid(motion)));
+                    console.notice(format!("{self}: {}", rigid(shown)));
                 }
                 return Ok(());
             }
@@ -209,8 +206,8 @@ fn options(scene: &Scene, writing: &WritingArguments, format: Format) -> WriteOp
 }
 
 /// How far a rig is from a motion whose bones change their length.
-fn rigid(motion: &Motion) -> String {
-    let distance = Rotations::of(motion).distance(motion);
+fn rigid(shown: &Shown) -> String {
+    let distance = shown.rotations().distance(&shown.motion);
     format!(
         "bones keep their length, so joints are {:.1} mm from the motion's on average, {:.0} mm at most ({}, {:.2} s)",
         1e3 * distance.mean,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use lamogen::motion::{BoneDrift, FootSliding};
+use lamogen::motion::{BoneDrift, FootSliding, Turn};
 use lamogen::{
     COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, PartLaban,
     Summary,
@@ -112,8 +112,39 @@ pub fn measures(shown: &Shown) -> Map<String, Value> {
             "lengths_m": Joint::ALL.into_iter().map(|joint| (joint.name().to_owned(), drift.lengths[joint.index()].into()))
                 .collect::<Map<String, Value>>(),
         },
+        "turning": turning(shown),
     });
     measured.as_object().cloned().unwrap_or_default()
+}
+
+/// How fast joints turn, in degrees from one frame to the next.
+fn turning(shown: &Shown) -> Value {
+    let turning = shown.turning();
+    let of = |mean: f32, largest: Turn| {
+        json!({
+            "mean_deg": mean,
+            "largest_deg": largest.degrees,
+            "joint": largest.joint.name(),
+            "seconds": seconds(largest.frame),
+        })
+    };
+    let joints = Joint::ALL.into_iter().map(|joint| {
+        let mut measured = of(turning.mean(joint), turning.largest(joint));
+        // It stands under its name.
+        if let Some(measured) = measured.as_object_mut() {
+            measured.remove("joint");
+        }
+        (joint.name().to_owned(), measured)
+    });
+    let joints: Map<String, Value> = joints.collect();
+    let mut whole = of(turning.mean_but_pelvis(), turning.largest_but_pelvis());
+    whole["rotations"] = match shown.turns_as_its_file() {
+        true => "file".into(),
+        false => "solved".into(),
+    };
+    whole["pelvis"] = joints[Joint::Pelvis.name()].clone();
+    whole["joints"] = joints.into();
+    whole
 }
 
 fn summaries(laban: &LabanSeries) -> Value {
@@ -199,6 +230,20 @@ pub fn text(shown: &Shown) -> String {
         1e3 * drift.largest(),
         drift.worst.name(),
         seconds(drift.frame)
+    )
+    .expect("a string takes all");
+    let turning = shown.turning();
+    let (largest, pelvis) = (turning.largest_but_pelvis(), turning.largest(Joint::Pelvis));
+    writeln!(
+        text,
+        "turning      {:.1}° a frame on average; largest {:.0}° ({}, {:.2} s); pelvis {:.1}°, largest {:.0}° ({:.2} s)",
+        turning.mean_but_pelvis(),
+        largest.degrees,
+        largest.joint.name(),
+        seconds(largest.frame),
+        turning.mean(Joint::Pelvis),
+        pelvis.degrees,
+        seconds(pelvis.frame)
     )
     .expect("a string takes all");
     text

@@ -1,9 +1,11 @@
 //! What files are made of: motions with their Laban series, and what is known of them.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use lamogen::files::Imported;
+use lamogen::motion::{JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
     Licence, Motion, PartLaban,
@@ -16,6 +18,42 @@ pub struct Shown {
     pub label: String,
     pub motion: Motion,
     pub laban: LabanSeries,
+    /// How fast joints turn by the rotations of the file that the motion is from, if it has some.
+    turning_of_file: Option<JointTurning>,
+    rotations: OnceCell<Rotations>,
+    turning_solved: OnceCell<JointTurning>,
+}
+
+impl Shown {
+    fn new(label: String, motion: Motion, laban: LabanSeries) -> Shown {
+        Shown {
+            label,
+            motion,
+            laban,
+            turning_of_file: None,
+            rotations: OnceCell::new(),
+            turning_solved: OnceCell::new(),
+        }
+    }
+
+    /// What files of the motion hold; solved when first asked for.
+    pub fn rotations(&self) -> &Rotations {
+        self.rotations.get_or_init(|| self.motion.rotations().into_owned())
+    }
+
+    /// How fast joints turn: in the file that the motion is from, else in those that would be written.
+    pub fn turning(&self) -> &JointTurning {
+        let solved = || JointTurning::of(self.rotations());
+        match &self.turning_of_file {
+            Some(turning) => turning,
+            None => self.turning_solved.get_or_init(solved),
+        }
+    }
+
+    /// Whether [`turning`](Self::turning) is that of a file's own rotations.
+    pub fn turns_as_its_file(&self) -> bool {
+        self.turning_of_file.is_some()
+    }
 }
 
 /// One motion or several that belong together.
@@ -49,20 +87,16 @@ impl Scene {
     ) -> Scene {
         let scale = generation.goals.to_string();
         let is_guided = !generation.loss.is_empty();
-        let guided = Shown {
-            label: if is_guided {
-                scale.clone()
-            } else {
-                "text alone".into()
+        let text_alone = "text alone".to_owned();
+        let guided = Shown::new(
+            match is_guided {
+                true => scale.clone(),
+                false => text_alone.clone(),
             },
-            motion: generation.guided,
-            laban: generation.guided_laban,
-        };
-        let baseline = Shown {
-            label: "text alone".into(),
-            motion: generation.baseline,
-            laban: generation.baseline_laban,
-        };
+            generation.guided,
+            generation.guided_laban,
+        );
+        let baseline = Shown::new(text_alone, generation.baseline, generation.baseline_laban);
         let seed = facts.get("seed").map(|seed| format!("seed {seed}"));
         let notes = [is_guided.then_some(scale), seed];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
@@ -100,9 +134,8 @@ impl Scene {
             title: name.to_string(),
             notes: String::new(),
             motions: vec![Shown {
-                label: name.into_owned(),
-                motion: imported.motion,
-                laban,
+                turning_of_file: imported.turning,
+                ..Shown::new(name.into_owned(), imported.motion, laban)
             }],
             target: None,
             free: [false; COMPONENTS],

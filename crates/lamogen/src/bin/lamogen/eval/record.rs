@@ -45,7 +45,7 @@ pub struct Measured {
     /// Those of the motion that the sentence alone gives, from the same noise.
     pub baseline_maximum: [f64; COMPONENTS],
     pub baseline_mean: [f64; COMPONENTS],
-    /// Mean distance of the joints from that motion, in metres.
+    /// Mean distance of the joints from that motion, both as they are measured, in metres.
     pub distance: f64,
     #[serde(flatten)]
     pub body: Body,
@@ -58,12 +58,41 @@ pub struct Measured {
 pub struct Body {
     /// The share of steps in which a standing foot slides.
     pub sliding: f64,
+    /// How fast a standing foot moves along the ground on average, m/s.
+    pub sliding_speed: f64,
     /// Mean second difference of the ankles, mm a frame².
     pub ankles: f64,
     /// Mean jerk of all joints, m/s³.
     pub jerk: f64,
     /// How far the worst bone is from its median length, m.
     pub drift: f64,
+    /// How deep the deepest joint is below the floor, m, but for one frame in a hundred.
+    pub below_floor: f64,
+    pub turning: Turning,
+}
+
+/// How far joints turn from one frame to the next, in degrees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Turning {
+    /// All joints but the pelvis on average.
+    pub mean: f64,
+    /// Any joint but the pelvis at most.
+    pub largest: f64,
+    /// The pelvis at most.
+    pub pelvis: f64,
+    /// How often the pelvis turns by more than 60°.
+    pub pelvis_snaps: usize,
+    pub spine3: JointTurn,
+    pub neck: JointTurn,
+    pub left_shoulder: JointTurn,
+    pub right_shoulder: JointTurn,
+}
+
+/// How far one joint does, in degrees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointTurn {
+    pub mean: f64,
+    pub largest: f64,
 }
 
 /// The file that a run, or a shard of it, writes; locked as long as it is open.

@@ -12,6 +12,7 @@ use lamogen_view::CurveError;
 use serde_json::{Map, Value, json};
 
 use super::document::{Block, html, markdown};
+use super::measure::Measure;
 use super::paper;
 use super::pictures::Shown;
 use super::plan::{Method, Plan, Study};
@@ -62,6 +63,7 @@ impl Report {
         report.others.insert("real_motions".into(), json!(real));
         report.fidelity(plan, &real);
         report.quality(plan, &real);
+        report.stays(plan);
         let shown = Shown::new(plan, work);
         report.pictures(shown.methods())?;
         report.blocks.push(Block::heading("One motion"));
@@ -132,12 +134,18 @@ impl Report {
             None => "predictions as they are".into(),
         };
         let mut text = format!(
-            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {coherence}. Laban features are compared by their maximum over time, as in the paper. \
+            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {coherence}. {} Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
             PresetName::of(plan.basis.preset).name(),
             plan.basis.steps(),
             plan.basis.steps_of(Preset::Fast),
-            plan.basis.noise_steps
+            plan.basis.noise_steps,
+            match work.measure {
+                Measure::Rig =>
+                    "Everything is measured on what users get (`--measure rig`): every motion, real ones too, is written as BVH and read back.",
+                Measure::Joints =>
+                    "Motions are measured on their joints as generated, whose bones change their length (`--measure joints`); what turns, on the rotations that would be written.",
+            }
         );
         if missing > 0 {
             text.push_str(&format!(
@@ -263,9 +271,14 @@ impl Report {
                 title.to_owned(),
                 shown(distance, 3),
                 shown(bodies.sliding, 3),
+                shown(bodies.sliding_speed, 2),
                 shown(bodies.ankles, 1),
                 shown(bodies.jerk, 0),
                 shown(bodies.drift, 3),
+                shown(bodies.below_floor, 3),
+                shown(bodies.turning.mean, 2),
+                shown(bodies.turning.largest, 0),
+                bodies.turning.pelvis_snaps.to_string(),
                 shown(error, 3),
                 failed,
             ]
@@ -292,14 +305,72 @@ impl Report {
         self.blocks.extend([
             Block::heading("The motions themselves"),
             Block::text(
-                "Mean distance of the joints from the motion of the sentence alone (m); share of steps in which a standing foot slides; second difference of the ankles \
-                 (mm a frame²); jerk (m/s³); how far the worst bone is from its length (m); how far the component that was asked for is from what was asked, relative to \
+                "Mean distance of the joints from the motion of the sentence alone (m); share of steps in which a standing foot slides, and how fast standing feet move (m/s); \
+                 second difference of the ankles (mm a frame²); jerk (m/s³); how far the worst bone is from its length (m); how deep the deepest joint is below the floor (m, but \
+                 for a frame in a hundred); how far joints turn from one frame to the next, in the frame of the joint they hang from (degrees): all but the pelvis on average, and the \
+                 largest turn of a motion; how often the pelvis turns by more than 60° between two frames, in all motions together; how far the component that was asked for is from what was asked, relative to \
                  the baseline; motions that could not be made.",
             ),
             Block::table(
-                ["method", "distance", "sliding", "ankles", "jerk", "bone drift", "error", "failed"],
+                [
+                    "method",
+                    "distance",
+                    "sliding",
+                    "sliding speed",
+                    "ankles",
+                    "jerk",
+                    "bone drift",
+                    "below floor",
+                    "turning",
+                    "largest turn",
+                    "pelvis snaps",
+                    "error",
+                    "failed",
+                ],
                 rows,
             ),
+        ]);
+    }
+
+    /// What guidance leaves alone, and where it does least.
+    fn stays(&mut self, plan: &Plan) {
+        let mut rows = Vec::new();
+        for setting in &plan.methods {
+            let Some(figures) = self.of(&setting.name) else {
+                continue;
+            };
+            let Some(stays) = figures.stays else {
+                continue;
+            };
+            for (place, worst) in figures.worst.iter().enumerate() {
+                let of_method = match place {
+                    0 => [
+                        setting.method.title().to_owned(),
+                        shown(Some(stays.mean), 3),
+                        format!("{:.3}", stays.most),
+                    ],
+                    _ => [const { String::new() }; 3],
+                };
+                let of_tag = [
+                    worst.demand.clone(),
+                    format!("{:.2}", worst.ratio),
+                    rounded(worst.share, 2),
+                    worst.prompt.clone(),
+                ];
+                rows.push(of_method.into_iter().chain(of_tag).collect());
+            }
+        }
+        if rows.is_empty() {
+            return;
+        }
+        self.blocks.extend([
+            Block::heading("What stays, and the worst motion"),
+            Block::text(
+                "How much the components change that were not asked for: guided over baseline, less 1, without its sign, on average, and what 95 of 100 of these changes are below. \
+                 For every tag the motion that follows it least: guided over baseline, and how much of the change that was asked for this is (1 is all of it, 0 nothing, below 0 it went the other way). \
+                 All by the maximum over time.",
+            ),
+            Block::table(["method", "others change", "95 % below", "tag", "worst ratio", "share", "sentence"], rows),
         ]);
     }
 

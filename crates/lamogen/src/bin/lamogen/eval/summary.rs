@@ -10,7 +10,8 @@ use lamogen_eval::{
 use serde::{Serialize, Serializer};
 
 use super::plan::{Demand, Prompt, Setting, cells};
-use super::record::{Body, Key, Measured, Outcome};
+use super::record::{Body, JointTurn, Key, Measured, Outcome};
+use super::stays::{Stays, Worst, changes, most_of_changes, worst};
 use super::work::Real;
 
 /// Draws of batches behind R-precision.
@@ -70,6 +71,10 @@ pub struct Figures {
     pub control_by_mean: Option<Control>,
     /// How far the component that was asked for is from what was asked, relative to the baseline, by the maximum over time.
     pub error: Option<Mean>,
+    /// Of the other components.
+    pub stays: Option<Stays>,
+    /// One for every demand.
+    pub worst: Vec<Worst>,
     /// Top 1 to 3 of batches of 32.
     pub r_precision: Option<[Mean; 3]>,
     pub matching: Option<Mean>,
@@ -84,18 +89,62 @@ pub struct Figures {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Bodies {
     pub sliding: Option<Mean>,
+    pub sliding_speed: Option<Mean>,
     pub ankles: Option<Mean>,
     pub jerk: Option<Mean>,
     pub drift: Option<Mean>,
+    pub below_floor: Option<Mean>,
+    pub turning: Turnings,
+}
+
+/// Means of [`Turning`](super::record::Turning).
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Turnings {
+    pub mean: Option<Mean>,
+    pub largest: Option<Mean>,
+    pub pelvis: Option<Mean>,
+    /// Of all motions together.
+    pub pelvis_snaps: usize,
+    pub spine3: JointTurns,
+    pub neck: JointTurns,
+    pub left_shoulder: JointTurns,
+    pub right_shoulder: JointTurns,
+}
+
+/// Means of [`JointTurn`].
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct JointTurns {
+    pub mean: Option<Mean>,
+    pub largest: Option<Mean>,
 }
 
 impl Bodies {
-    fn of(mean: impl Fn(&dyn Fn(&Body) -> f64) -> Option<Mean>) -> Bodies {
+    /// Of all bodies, by what takes their mean.
+    fn of<'b>(
+        all: impl Iterator<Item = &'b Body>,
+        mean: impl Fn(&dyn Fn(&Body) -> f64) -> Option<Mean>,
+    ) -> Bodies {
+        let joint = |of: fn(&Body) -> JointTurn| JointTurns {
+            mean: mean(&|body| of(body).mean),
+            largest: mean(&|body| of(body).largest),
+        };
         Bodies {
             sliding: mean(&|body| body.sliding),
+            sliding_speed: mean(&|body| body.sliding_speed),
             ankles: mean(&|body| body.ankles),
             jerk: mean(&|body| body.jerk),
             drift: mean(&|body| body.drift),
+            below_floor: mean(&|body| body.below_floor),
+            turning: Turnings {
+                mean: mean(&|body| body.turning.mean),
+                largest: mean(&|body| body.turning.largest),
+                pelvis: mean(&|body| body.turning.pelvis),
+                pelvis_snaps: all.map(|body| body.turning.pelvis_snaps).sum(),
+                spine3: joint(|body| body.turning.spine3),
+                neck: joint(|body| body.turning.neck),
+                left_shoulder: joint(|body| body.turning.left_shoulder),
+                right_shoulder: joint(|body| body.turning.right_shoulder),
+            },
         }
     }
 }
@@ -136,11 +185,11 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 }
 
 /// A motion of a setting, and what it was to be.
-struct Made<'a> {
-    demand: Demand,
-    prompt: usize,
-    repeat: u64,
-    measured: &'a Measured,
+pub struct Made<'a> {
+    pub demand: Demand,
+    pub prompt: usize,
+    pub repeat: u64,
+    pub measured: &'a Measured,
 }
 
 impl Evidence<'_> {
@@ -170,6 +219,12 @@ impl Evidence<'_> {
         };
         let mean = |of: &dyn Fn(&Measured) -> f64| over_repeats(&|made| Some(of(made.measured)));
         let judged = self.judged(&made, setting)?;
+        let of_others = |made: &Made<'_>| {
+            let changes = changes(made.demand, made.measured);
+            Some(Mean::of(changes)?.mean)
+        };
+        let stays = over_repeats(&of_others).zip(most_of_changes(&made));
+        let sentence = |prompt: usize, repeat| self.prompts[prompt].caption(repeat);
         Ok(Figures {
             setting: setting.name.clone(),
             motions: made.len(),
@@ -177,12 +232,16 @@ impl Evidence<'_> {
             control: control(&made, |measured| measured.maximum)?,
             control_by_mean: control(&made, |measured| measured.mean)?,
             error: over_repeats(&|made| made.error()),
+            stays: stays.map(|(mean, most)| Stays { mean, most }),
+            worst: worst(&setting.demands, &made, sentence),
             r_precision: judged.r_precision,
             matching: judged.matching,
             fid: judged.fid,
             diversity: judged.diversity,
             distance: mean(&|measured| measured.distance),
-            bodies: Bodies::of(|of| mean(&|measured| of(&measured.body))),
+            bodies: Bodies::of({ made.iter() }.map(|made| &made.measured.body), |of| {
+                mean(&|measured| of(&measured.body))
+            }),
         })
     }
 
@@ -225,7 +284,9 @@ impl Evidence<'_> {
         let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
         let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
         Ok(OfReal {
-            bodies: Bodies::of(|of| Mean::of([mean(self.real.bodies.iter().map(of))])),
+            bodies: Bodies::of(self.real.bodies.iter(), |of| {
+                Mean::of([mean(self.real.bodies.iter().map(of))])
+            }),
             r_precision: together(ranks),
             matching: over(&|seen| Some(seen.matching?.1)),
             diversity: over(&|seen| Some(seen.diversity)),
@@ -316,12 +377,12 @@ pub struct Ratio {
     pub came_out: f64,
 }
 
-fn name<S: Serializer>(component: &Component, serializer: S) -> Result<S::Ok, S::Error> {
+pub fn name<S: Serializer>(component: &Component, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(component)
 }
 
 /// 0.8 rather than the nearest number of more bits.
-fn short<S: Serializer>(factor: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+pub fn short<S: Serializer>(factor: &f32, serializer: S) -> Result<S::Ok, S::Error> {
     let short = factor.to_string().parse();
     serializer.serialize_f64(short.unwrap_or(f64::from(*factor)))
 }

@@ -1,12 +1,12 @@
 //! From cells of the plan to records.
 
 use lamogen::laban::LabanOptions;
-use lamogen::motion::{BoneDrift, FootSliding, Jitter};
 use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, Summary};
 use lamogen_eval::{Embeddings, Judge};
 
+use super::measure::Measure;
 use super::plan::{Cell, Demand, Prompt};
-use super::record::{Body, Measured, Outcome, Record};
+use super::record::{Body, JointTurn, Measured, Outcome, Record, Turning};
 use crate::each::generate_each;
 use crate::failure::{Code, Failure};
 use crate::source::Source;
@@ -17,6 +17,8 @@ pub struct Work<'a> {
     pub judge: &'a Judge,
     pub prompts: &'a [Prompt],
     pub device: &'a Device,
+    /// On what they are measured.
+    pub measure: Measure,
 }
 
 /// The real motions, one a prompt.
@@ -24,18 +26,6 @@ pub struct Real {
     /// Where the evaluator sees them.
     pub points: Embeddings,
     pub bodies: Vec<Body>,
-}
-
-impl Body {
-    pub fn of(motion: &Motion) -> Body {
-        let jitter = Jitter::of(motion);
-        Body {
-            sliding: FootSliding::of(motion).ratio.into(),
-            ankles: jitter.ankles.into(),
-            jerk: jitter.jerk.into(),
-            drift: BoneDrift::of(motion).largest().into(),
-        }
-    }
 }
 
 /// A motion and the one that it is held against.
@@ -106,20 +96,20 @@ impl Work<'_> {
     }
 
     fn measure(&self, pair: &Pair) -> Result<Measured, String> {
-        let Pair { motion, baseline } = pair;
+        let motion = self.measure.subject(&pair.motion)?;
+        let baseline = self.measure.subject(&pair.baseline)?;
         // By the same ruler, whatever the guidance measured with.
-        let [of_motion, of_baseline] = [motion, baseline]
-            .map(|motion| LabanSeries::of(motion, &LabanOptions::default(), self.device));
-        let rows = motion.features().ok_or("the motion has no pose features")?;
-        let points = self.judge.motions(&[rows.as_flattened()]);
+        let [of_motion, of_baseline] = [&motion, &baseline]
+            .map(|subject| LabanSeries::of(&subject.motion, &LabanOptions::default(), self.device));
+        let points = self.judge.motions(&[motion.features()]);
         let points = points.map_err(|error| error.to_string())?;
         let measured = Measured {
             maximum: wide(of_motion.summary(Summary::Maximum)),
             mean: wide(of_motion.summary(Summary::Mean)),
             baseline_maximum: wide(of_baseline.summary(Summary::Maximum)),
             baseline_mean: wide(of_baseline.summary(Summary::Mean)),
-            distance: motion.distance(baseline).into(),
-            body: Body::of(motion),
+            distance: motion.motion.distance(&baseline.motion).into(),
+            body: motion.body(),
             point: points.row(0).to_vec(),
         };
         let is_finite = measured.numbers().all(f64::is_finite);
@@ -141,12 +131,40 @@ impl Measured {
         ];
         let Body {
             sliding,
+            sliding_speed,
             ankles,
             jerk,
             drift,
+            below_floor,
+            turning,
         } = self.body;
-        let single = [self.distance, sliding, ankles, jerk, drift];
-        features.into_iter().flatten().copied().chain(single)
+        let Turning {
+            mean,
+            largest,
+            pelvis,
+            pelvis_snaps: _,
+            spine3,
+            neck,
+            left_shoulder,
+            right_shoulder,
+        } = turning;
+        let feet = [sliding, sliding_speed, ankles];
+        let single = [
+            self.distance,
+            jerk,
+            drift,
+            below_floor,
+            mean,
+            largest,
+            pelvis,
+        ];
+        let joints = [spine3, neck, left_shoulder, right_shoulder];
+        let joints = joints.map(|JointTurn { mean, largest }| [mean, largest]);
+        let features = features.into_iter().flatten().copied();
+        features
+            .chain(feet)
+            .chain(single)
+            .chain(joints.into_iter().flatten())
     }
 }
 
