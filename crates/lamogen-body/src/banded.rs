@@ -20,7 +20,12 @@ impl Banded {
     /// # Panics
     ///
     /// If the diagonal is not above 0.
-    pub(crate) fn new(frames: usize, own: impl Fn(usize) -> f64, second: f64, third: f64) -> Banded {
+    pub(crate) fn new(
+        frames: usize,
+        own: impl Fn(usize) -> f64,
+        second: f64,
+        third: f64,
+    ) -> Banded {
         let mut diagonal: Vec<f64> = (0..frames).map(own).collect();
         assert!(diagonal.iter().all(|&x| x > 0.0), "a curvature is positive");
         let mut lower = vec![[0.0; REACH]; frames];
@@ -44,7 +49,8 @@ impl Banded {
                 for m in k + 1..REACH.min(t) {
                     let before = t - 1 - m;
                     if column - before <= REACH {
-                        value -= lower[t][m] * diagonal[before] * lower[column][column - before - 1];
+                        value -=
+                            lower[t][m] * diagonal[before] * lower[column][column - before - 1];
                     }
                 }
                 lower[t][k] = value / diagonal[column];
@@ -101,7 +107,10 @@ mod tests {
                 }
             }
             for t in 0..frames {
-                assert!((back[t] - right[1 + 2 * t]).abs() < 1e-9, "{frames} frames, {t}");
+                assert!(
+                    (back[t] - right[1 + 2 * t]).abs() < 1e-9,
+                    "{frames} frames, {t}"
+                );
                 assert_eq!(solved[2 * t], right[2 * t]);
             }
         }

@@ -101,7 +101,9 @@ pub(crate) fn stands(
 /// The lowest ball stands on the ground, and no other one far above it.
 fn put_on_the_ground(stands: &mut [Stand], ground: f64) {
     let balls = stands.iter().filter(|stand| !is_ankle(stand.joint));
-    let lowest = balls.map(|stand| stand.place[1]).fold(f64::INFINITY, f64::min);
+    let lowest = balls
+        .map(|stand| stand.place[1])
+        .fold(f64::INFINITY, f64::min);
     if lowest.is_finite() {
         for stand in stands {
             stand.place[1] += ground - lowest;
@@ -113,11 +115,7 @@ fn put_on_the_ground(stands: &mut [Stand], ground: f64) {
 }
 
 /// How high the ball of each foot has to be at every frame, in metres: where it neither stands nor is slow, so high that it clears the ground.
-pub(crate) fn clearance(
-    poses: &[[DVec3; JOINTS]],
-    stands: &[Stand],
-    ground: f64,
-) -> Vec<[f64; 2]> {
+pub(crate) fn clearance(poses: &[[DVec3; JOINTS]], stands: &[Stand], ground: f64) -> Vec<[f64; 2]> {
     let mut least = vec![[f64::NEG_INFINITY; 2]; poses.len()];
     for (side, foot) in FEET.into_iter().enumerate() {
         let mut swings: Vec<bool> = { poses.iter() }
@@ -196,6 +194,11 @@ mod tests {
             pose
         });
         let least = clearance(&lying.collect::<Vec<_>>(), &stands, 0.0);
-        assert!(least.iter().flatten().all(|least| *least == f64::NEG_INFINITY));
+        assert!(
+            least
+                .iter()
+                .flatten()
+                .all(|least| *least == f64::NEG_INFINITY)
+        );
     }
 }

@@ -68,11 +68,6 @@ impl Descent {
         &self.point
     }
 
-    /// Its value.
-    pub(crate) fn value(&self) -> f64 {
-        self.value
-    }
-
     /// Whether nothing is left to gain.
     pub(crate) fn is_done(&self) -> bool {
         self.is_done
@@ -238,8 +233,13 @@ mod tests {
             let gradient = vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b];
             (a * a + 100.0 * b * b, gradient)
         };
-        let found = minimise(vec![-1.2, 1.0], function, &|step| step.iter_mut().for_each(|x| *x *= 1e-3), 200);
-        assert!(found.value() < 1e-9, "{found:?}");
+        let found = minimise(
+            vec![-1.2, 1.0],
+            function,
+            &|step| step.iter_mut().for_each(|x| *x *= 1e-3),
+            200,
+        );
+        assert!(found.value < 1e-9, "{found:?}");
     }
 
     #[test]
@@ -247,7 +247,10 @@ mod tests {
         // Curvatures from 1 to a million.
         let curvature = |i: usize| 10f64.powf(6.0 * i as f64 / 99.0);
         let function = |x: &[f64]| {
-            let value = x.iter().enumerate().map(|(i, x)| 0.5 * curvature(i) * x * x);
+            let value = x
+                .iter()
+                .enumerate()
+                .map(|(i, x)| 0.5 * curvature(i) * x * x);
             let gradient = x.iter().enumerate().map(|(i, x)| curvature(i) * x);
             (value.sum(), gradient.collect())
         };
@@ -260,7 +263,12 @@ mod tests {
         let start = vec![1.0; 100];
         let good = minimise(start.clone(), function, &scaled, 15);
         let bad = minimise(start, function, &plain, 15);
-        assert!(good.value() < 1e-9 && bad.value() > 1e-3, "{} {}", good.value(), bad.value());
+        assert!(
+            good.value < 1e-9 && bad.value > 1e-3,
+            "{} {}",
+            good.value,
+            bad.value
+        );
     }
 
     #[test]

@@ -83,11 +83,14 @@ impl Fit {
                 let joints: Vec<_> = trials.iter().map(Trial::joints).collect();
                 goal.evaluate(&joints)
             });
-            tracks.par_iter_mut().enumerate().for_each(|(place, track)| {
-                if !track.descent.is_done() {
-                    track.advance(&trials[place], goals.as_ref().map(|goals| &goals[place]));
-                }
-            });
+            tracks
+                .par_iter_mut()
+                .enumerate()
+                .for_each(|(place, track)| {
+                    if !track.descent.is_done() {
+                        track.advance(&trials[place], goals.as_ref().map(|goals| &goals[place]));
+                    }
+                });
             is_stopped = watch(FitProgress {
                 done: evaluation + 1,
                 total,

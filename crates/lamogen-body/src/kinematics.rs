@@ -109,13 +109,16 @@ impl Kinematics {
         let (roots, _) = root.as_chunks::<3>();
         let (quaternions, _) = rotations.as_chunks::<4>();
         let (quaternions, _) = quaternions.as_chunks::<JOINTS>();
-        let placed = roots.par_iter().zip(quaternions).map(|(root, quaternions)| {
-            let given = quaternions.map(|q| DQuat::from_array(q.map(f64::from)));
-            let lengths = given.map(|q| (q.length_squared() + f64::from(NO_LENGTH)).sqrt());
-            let local = std::array::from_fn(|joint| given[joint] / lengths[joint]);
-            let pose = Pose::of(&self.bones, DVec3::from(root.map(f64::from)), &local);
-            (pose, lengths, local)
-        });
+        let placed = roots
+            .par_iter()
+            .zip(quaternions)
+            .map(|(root, quaternions)| {
+                let given = quaternions.map(|q| DQuat::from_array(q.map(f64::from)));
+                let lengths = given.map(|q| (q.length_squared() + f64::from(NO_LENGTH)).sqrt());
+                let local = std::array::from_fn(|joint| given[joint] / lengths[joint]);
+                let pose = Pose::of(&self.bones, DVec3::from(root.map(f64::from)), &local);
+                (pose, lengths, local)
+            });
         let placed: Vec<(Pose, [f64; JOINTS], [DQuat; JOINTS])> = placed.collect();
         let joints = placed.iter().flat_map(|(pose, ..)| pose.positions);
         let joints = joints.flat_map(|point| point.as_vec3().to_array());
@@ -283,11 +286,8 @@ mod tests {
         let (of_root, of_rotations) =
             { kinematics.linearize(root.clone(), rotations.clone()) }.pull(weights.clone());
 
-        let [root, rotations] = [
-            root.reshape([2, FRAMES, 1, 3]),
-            rotations,
-        ]
-        .map(|leaf| leaf.autodiff().require_grad());
+        let [root, rotations] =
+            [root.reshape([2, FRAMES, 1, 3]), rotations].map(|leaf| leaf.autodiff().require_grad());
         let joints = kinematics.joints(root.clone().reshape([2, FRAMES, 3]), rotations.clone());
         let gradients = (joints * weights.autodiff()).sum().backward();
         let error = of_root - root.grad(&gradients).unwrap().reshape([2, FRAMES, 3]);

@@ -102,7 +102,13 @@ impl Fit {
             ("prior", self.prior),
             ("goal", self.goal),
         ];
-        let problem = |field, expected, found| Err(FitError { field, expected, found });
+        let problem = |field, expected, found| {
+            Err(FitError {
+                field,
+                expected,
+                found,
+            })
+        };
         for (field, found) in weights {
             if !(0.0..=1e6).contains(&found) {
                 return problem(field, "a weight from 0 to 1000000", found);
@@ -142,15 +148,30 @@ mod tests {
     fn numbers_that_make_no_sense_are_named() {
         assert_eq!(Fit::default().check(), Ok(()));
         let broken = [
-            Fit { stand: f64::NAN, ..Fit::default() },
-            Fit { nearness: 0.0, ..Fit::default() },
-            Fit { evaluations: 0, ..Fit::default() },
-            Fit { fastest: 0.0, ..Fit::default() },
+            Fit {
+                stand: f64::NAN,
+                ..Fit::default()
+            },
+            Fit {
+                nearness: 0.0,
+                ..Fit::default()
+            },
+            Fit {
+                evaluations: 0,
+                ..Fit::default()
+            },
+            Fit {
+                fastest: 0.0,
+                ..Fit::default()
+            },
         ];
         let names = ["stand", "nearness", "evaluations", "fastest"];
         for (fit, name) in broken.into_iter().zip(names) {
             let message = fit.check().unwrap_err().to_string();
-            assert!(message.contains(name) && message.contains("expected"), "{message}");
+            assert!(
+                message.contains(name) && message.contains("expected"),
+                "{message}"
+            );
         }
     }
 }

@@ -80,13 +80,18 @@ impl Track {
         let mut solved: Vec<[DQuat; JOINTS]> = { rotations.local().iter() }
             .map(|pose| pose.map(|q| DQuat::from_array(q.map(f64::from)).normalize()))
             .collect();
-        let wanted: Vec<[DVec3; JOINTS]> = { rotations.joints().iter() }
+        let wanted = rotations.joints().into_iter();
+        let wanted: Vec<[DVec3; JOINTS]> = wanted
             .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
             .collect();
         let trust = trust(&solved);
         bridge(&mut solved, &trust);
         let mut stands = stands(&wanted, motion.features(), ground);
-        stands.retain(|stand| trust[stand.from..stand.until].iter().all(|t| is_believed(*t)));
+        stands.retain(|stand| {
+            trust[stand.from..stand.until]
+                .iter()
+                .all(|t| is_believed(*t))
+        });
         let mut point = vec![0.0; WIDTH * wanted.len()];
         for (t, row) in point.chunks_exact_mut(WIDTH).enumerate() {
             row[..3].copy_from_slice(&wanted[t][0].to_array());
@@ -138,7 +143,11 @@ impl Track {
         let mut value = self.positions(trial, &mut of_positions);
         if let Some((of_goal, gradient)) = goal {
             value += self.fit.goal * of_goal;
-            for (sums, gradient) in of_positions.as_flattened_mut().iter_mut().zip(gradient.as_flattened()) {
+            for (sums, gradient) in of_positions
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(gradient.as_flattened())
+            {
                 *sums += self.fit.goal * DVec3::from(gradient.map(f64::from));
             }
         }
@@ -221,7 +230,12 @@ impl Track {
         }
         for stand in &self.stands {
             let j = stand.joint.index();
-            for (t, gradient) in gradient.iter_mut().enumerate().take(stand.until).skip(stand.from) {
+            for (t, gradient) in gradient
+                .iter_mut()
+                .enumerate()
+                .take(stand.until)
+                .skip(stand.from)
+            {
                 let off = at(t, j) - DVec3::from(stand.place);
                 value += fit.stand * off.length_squared();
                 gradient[j] += 2.0 * fit.stand * off;
@@ -286,7 +300,9 @@ impl Track {
                 if t < 2 {
                     continue;
                 }
-                let second = |local: &[[DQuat; JOINTS]]| local[t][j] + local[t - 2][j] - local[t - 1][j] * 2.0;
+                let second = |local: &[[DQuat; JOINTS]]| {
+                    local[t][j] + local[t - 2][j] - local[t - 1][j] * 2.0
+                };
                 let own = second(&trial.local);
                 let off = own - second(&self.solved);
                 let weight = fit.weight_of(*joint);

@@ -2,10 +2,22 @@
 
 use std::f64::consts::PI;
 
+use lamogen_body::Fit;
 use lamogen_laban::{COMPONENTS, Divisor, LabanOptions};
 
 use crate::error::GuideError;
 use crate::schedule::TRAINING_STEPS;
+
+/// Whose motion is measured, guided to its target and given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Body {
+    /// That of a rigid body, which the network's motion is fitted to: its bones keep their length, its feet stand where they stand, and
+    /// files hold exactly its rotations. See [`Rig`](crate::Rig).
+    #[default]
+    Rig,
+    /// That of the network, as in the paper: joints of the pose features, whose bones may stretch.
+    Network,
+}
 
 /// When a step's update of the embedding or modulation takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,6 +94,7 @@ impl Finish {
             last_learning_rate: Some(0.0),
             betas: [0.9, 0.999],
             epsilon: self.epsilon,
+            body: Body::Network,
             finish: None,
             ..others.clone()
         }
@@ -113,7 +126,12 @@ pub struct Guidance {
     /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
     /// other components move more.
     pub emphasis: [f32; COMPONENTS],
-    /// What is done to the finished motion after the last step; nothing in the paper.
+    /// Whose motion is measured and given: that of a rigid body by default, the network's in the paper.
+    pub body: Body,
+    /// How the network's motion becomes that of a rigid body and, where there are goals, reaches them on it; with [`Body::Rig`] only.
+    pub fit: Fit,
+    /// What is done to the network's finished motion after the last step; nothing in the paper. With [`Body::Network`] only: on a rigid
+    /// body the fit does it.
     pub finish: Option<Finish>,
     /// How Laban features are measured.
     pub laban: LabanOptions,
@@ -166,6 +184,8 @@ impl Guidance {
             update: Update::Immediate,
             divisor: Divisor::Frame,
             emphasis: [1.0; COMPONENTS],
+            body: Body::Network,
+            fit: Fit::default(),
             finish: None,
             laban: LabanOptions::default(),
         }
@@ -176,6 +196,7 @@ impl Guidance {
         Guidance {
             learning_rate: 0.05,
             divisor: Divisor::Mean,
+            body: Body::Rig,
             ..Guidance::paper()
         }
     }
@@ -217,17 +238,23 @@ impl Guidance {
         Guidance {
             moved: Moved::Noise { iterations: 100 },
             betas: [0.9, 0.999],
+            body: Body::Network,
             ..Guidance::fast()
         }
     }
 
-    /// How many steps a guided pass has beside a first pass of so many DDIM steps.
+    /// How many steps a guided pass of the network has beside a first pass of so many DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
         let moves = match self.moved {
             Moved::Embedding | Moved::Modulation | Moved::Prediction => ddim,
             Moved::Motion { iterations } | Moved::Noise { iterations } => iterations,
         };
-        moves + self.finish.map_or(0, |finish| finish.iterations)
+        moves + self.network_finish().map_or(0, |finish| finish.iterations)
+    }
+
+    /// What is done to the network's finished motion.
+    pub(crate) fn network_finish(&self) -> Option<Finish> {
+        self.finish.filter(|_| self.body == Body::Network)
     }
 
     /// The learning rate at a step, from 0, of so many.
@@ -269,6 +296,9 @@ impl Guidance {
         let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
         if !self.emphasis.iter().all(makes_sense) {
             return problem("a finite emphasis of at least 0", &self.emphasis);
+        }
+        if let Err(problem) = self.fit.check() {
+            return Err(GuideError::Guidance(problem.to_string()));
         }
         if let Some(finish) = self.finish {
             let checked = finish.alone(self).check();

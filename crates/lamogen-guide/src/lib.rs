@@ -10,6 +10,13 @@
 //! The same pass moves something else where [`Guidance::moved`] says so: the scales and shifts that `e` becomes in every layer (the most exact,
 //! [`Preset::Precise`]), the predicted motion, the finished motion, the start noise.
 //!
+//! What users get is the motion of a rigid body, unless [`Guidance::body`] says otherwise:
+//!
+//! ```text
+//! motion of pass 1 ──Rig::fit──▶ rigid motion ──Laban features, scaled──▶ target
+//! motion of pass 2 ──Rig::guide─────────────────────────────────────────▶ rigid motion that reaches it
+//! ```
+//!
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise gives the same motion.
 
@@ -20,15 +27,18 @@ mod guided;
 mod noise;
 mod observer;
 mod prompt_editing;
+mod rig;
 mod sampler;
 mod schedule;
 
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
-pub use guidance::{Finish, Guidance, Moved, Preset, Update};
+pub use guidance::{Body, Finish, Guidance, Moved, Preset, Update};
 pub use guided::{Guided, Reached};
+pub use lamogen_body::{Fit, FitError, FitProgress};
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};
 pub use prompt_editing::edited_prompt;
+pub use rig::{Rig, RigGuided};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};

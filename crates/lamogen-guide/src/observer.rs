@@ -5,13 +5,15 @@ use std::ops::ControlFlow;
 
 use burn::tensor::Tensor;
 
-/// One of the two passes.
+/// One of the two passes, or what follows each of them on a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pass {
     /// The first, from text alone.
     Baseline,
     /// The second, towards the target.
     Guided,
+    /// The fit of a pass's motions to a rigid body.
+    Body,
 }
 
 impl fmt::Display for Pass {
@@ -19,6 +21,7 @@ impl fmt::Display for Pass {
         f.pad(match self {
             Pass::Baseline => "baseline",
             Pass::Guided => "guided",
+            Pass::Body => "body",
         })
     }
 }
@@ -30,10 +33,10 @@ pub struct Step<'a> {
     pub pass: Pass,
     /// Its number in the pass, from 0.
     pub index: usize,
-    /// How many steps the pass has; where guidance moves the finished motion or the start noise, how many updates. Those of a finish
+    /// How many steps the pass has; a fit may end before the last one. Where guidance moves the finished motion or the start noise, how many updates. Those of a finish
     /// come after them and count too.
     pub steps: usize,
-    /// The timestep that the network saw; 0 for those updates.
+    /// The timestep that the network saw; 0 for those updates and for a fit.
     pub timestep: usize,
     /// The Laban loss of each motion of the batch, before the step's last update; guided pass only.
     pub loss: Option<&'a [f32]>,
@@ -42,7 +45,7 @@ pub struct Step<'a> {
     pub gradient: Option<&'a Tensor<2>>,
     /// The sentence embedding after the step, `[batch, d_condition]`.
     pub embedding: &'a Tensor<2>,
-    /// The clean motion as predicted at this step, normalised, `[batch, frames, features]`.
+    /// The clean motion as predicted at this step, normalised, `[batch, frames, features]`; in a fit what the network finished.
     pub prediction: &'a Tensor<3>,
 }
 

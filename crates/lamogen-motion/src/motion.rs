@@ -39,7 +39,9 @@ pub enum MotionError {
     #[allow(missing_docs)]
     NotFinite { frame: usize, joint: Joint },
     /// Rotations of another frame rate.
-    #[error("expected rotations at {FRAMES_PER_SECOND} frames a second, found {found}; resample them first")]
+    #[error(
+        "expected rotations at {FRAMES_PER_SECOND} frames a second, found {found}; resample them first"
+    )]
     #[allow(missing_docs)]
     FrameRate { found: f32 },
 }

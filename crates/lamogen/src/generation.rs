@@ -32,11 +32,13 @@ pub struct Generation {
     pub cut_tokens: usize,
     /// What was asked for, by tags, factors or else.
     pub goals: Goals,
-    /// The motion of the text alone.
+    /// The motion of the text alone: that of a rigid body, unless [`Guidance::body`](lamogen_guide::Guidance::body) says otherwise.
     pub baseline: Motion,
     /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
     /// second pass is left out and this is the baseline.
     pub guided: Motion,
+    /// What the network itself gave, with its pose features; both motions are made of these. Bones stretch and feet slide in them.
+    pub network: NetworkMotions,
     /// Laban features of the baseline.
     pub baseline_laban: LabanSeries,
     /// Laban features of the guided motion.
@@ -47,6 +49,16 @@ pub struct Generation {
     pub parts: Vec<PartLaban>,
     /// The Laban loss at every step of the guided pass.
     pub loss: Vec<f32>,
+}
+
+/// The motions of pose features that a network gave.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct NetworkMotions {
+    /// In the first pass, of the text alone.
+    pub baseline: Motion,
+    /// In the second pass; the baseline where there is none.
+    pub guided: Motion,
 }
 
 /// Laban features of some end-effectors; Shape is that of the whole body.
@@ -68,7 +80,7 @@ pub struct PartLaban {
 pub struct Progress<'a> {
     /// Steps made, over all passes and batches.
     pub done: usize,
-    /// Steps in all.
+    /// Steps in all; a fit to the body may end before its last one, so that fewer are made.
     pub total: usize,
     /// The step just made.
     pub step: &'a Step<'a>,

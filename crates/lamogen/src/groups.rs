@@ -1,6 +1,6 @@
 //! Which requests run together.
 
-use lamogen_guide::{Guidance, Preset, Schedule};
+use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, Tokenizer};
 
@@ -30,13 +30,23 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Steps that the group takes.
+    /// Whether its motions are those of a rigid body.
+    pub(crate) fn is_rigid(&self) -> bool {
+        self.guidance.body == Body::Rig
+    }
+
+    /// Steps that the group takes at most.
     pub(crate) fn cost(&self) -> usize {
         let guided = match self.is_guided {
             true => self.guidance.steps(self.steps),
             false => 0,
         };
-        self.steps + guided
+        let fits = match (self.is_rigid(), self.is_guided) {
+            (false, _) => 0,
+            (true, false) => self.guidance.fit.allowed(false),
+            (true, true) => self.guidance.fit.allowed(false) + self.guidance.fit.allowed(true),
+        };
+        self.steps + guided + fits
     }
 }
 

@@ -37,12 +37,14 @@ pub use device::{DeviceError, DeviceName};
 pub use error::{
     Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
 };
-pub use generation::{Generation, LaMoGen, PartLaban, Progress};
+pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress};
 pub use licence::Licence;
 pub use request::{Length, Request};
 
 pub use burn::tensor::Device;
-pub use lamogen_guide::{Coherence, Finish, Guidance, Moved, Pass, Preset, Step, Update};
+pub use lamogen_guide::{
+    Body, Coherence, Finish, Fit, Guidance, Moved, Pass, Preset, Step, Update,
+};
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Goal,
     Goals, Interpolation, Key, LabanOptions, LabanSeries, PartScale, Scale, ScaleCurve, Smoothing,
@@ -50,6 +52,7 @@ pub use lamogen_laban::{
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
+pub use lamogen_body as body;
 pub use lamogen_files as files;
 pub use lamogen_guide as guide;
 pub use lamogen_laban as laban;

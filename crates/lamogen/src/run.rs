@@ -3,15 +3,20 @@
 use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
-use lamogen_guide::{Batch, GuideError, Guided, Pass, Sampler, Step, noise};
-use lamogen_laban::{COMPONENTS, Goals, LabanFeatures, LabanSeries};
+use lamogen_guide::{
+    Batch, FitProgress, GuideError, Guided, Pass, Reached, Rig, Sampler, Step, noise,
+};
+use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
-use lamogen_motion::{Motion, MotionError, joints};
+use lamogen_motion::{Motion, MotionError, Rotations};
 
 use crate::error::{Error, Failed, Failure, Partial, Stopped, Unfinished, Which};
-use crate::generation::{Generation, LaMoGen, PartLaban};
+use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban};
 use crate::groups::Group;
 use crate::request::Request;
+
+/// Sees every step and may stop the run.
+type Watch<'w> = &'w mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
 
 /// A group of requests that a model works on.
 pub(crate) struct Run<'a, D> {
@@ -32,7 +37,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
     /// The group's motions, with their places among the requests.
     pub(crate) fn generations(
         &self,
-        mut watch: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+        mut watch: Watch<'_>,
     ) -> Result<Vec<(usize, Generation)>, Error> {
         let LaMoGen {
             network,
@@ -47,32 +52,53 @@ impl<'a, D: Denoiser> Run<'a, D> {
             .baseline(&batch, &mut watch)
             .map_err(|error| self.interrupted(error, &[]))?;
         // A baseline that is no motion must not be blamed on guidance.
-        let baselines = self.motions(&baseline, Pass::Baseline, &[])?;
+        let networks = self.motions(&baseline, Pass::Baseline, &[])?;
+        let embedding = batch.prompt.embedding.clone();
+        let mut body = OnBody {
+            run: self,
+            rig: Rig::new(&self.group.guidance, &network.device()),
+            embedding: &embedding,
+            watch,
+        };
+        let baselines = body.baselines(&networks, &baseline)?;
         if !self.group.is_guided {
-            return Ok(self.text_alone(&baseline, baselines));
+            return Ok(self.text_alone(baselines, networks));
         }
         let jobs = self.group.jobs.iter();
         let goals: Vec<Goals> = jobs.filter_map(|job| job.goals.clone()).collect();
         let guided = sampler
-            .guided(&batch, baseline, &goals, &self.group.guidance, &mut watch)
+            .guided(
+                &batch,
+                baseline,
+                &goals,
+                &self.group.guidance,
+                &mut body.watch,
+            )
             .map_err(|error| self.interrupted(error, &baselines))?;
-        let motions = self.motions(&guided.motion, Pass::Guided, &baselines)?;
+        let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
+        let Made {
+            motions,
+            whole,
+            parts,
+        } = body.guided(&network_guided, &baselines, &goals, &guided)?;
 
-        let jobs = self
-            .group
-            .jobs
-            .iter()
-            .zip(baselines.into_iter().zip(motions));
-        let generations = jobs.enumerate().map(|(index, (job, (baseline, motion)))| {
+        let networks = networks.into_iter().zip(network_guided);
+        let motions = baselines.into_iter().zip(motions).zip(networks);
+        let jobs = self.group.jobs.iter().zip(motions).enumerate();
+        let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
                 cut_tokens: job.cut,
                 goals: goals[index].clone(),
                 guided: motion,
                 baseline,
-                guided_laban: self.series(&guided.whole.guided, index),
-                target: self.series(&guided.whole.target, index),
-                baseline_laban: self.series(&guided.whole.baseline, index),
-                parts: self.parts(&goals[index], &guided, index),
+                network: NetworkMotions {
+                    baseline: network.0,
+                    guided: network.1,
+                },
+                guided_laban: self.series(&whole.guided, index),
+                target: self.series(&whole.target, index),
+                baseline_laban: self.series(&whole.baseline, index),
+                parts: self.parts(&goals[index], &whole, &parts, index),
                 loss: guided.loss.iter().map(|losses| losses[index]).collect(),
             };
             (job.request, generation)
@@ -81,20 +107,25 @@ impl<'a, D: Denoiser> Run<'a, D> {
     }
 
     /// What there is without tags: the baseline is all.
-    fn text_alone(&self, normalized: &Tensor<3>, motions: Vec<Motion>) -> Vec<(usize, Generation)> {
-        let [_, frames, _] = normalized.dims();
+    fn text_alone(&self, motions: Vec<Motion>, networks: Vec<Motion>) -> Vec<(usize, Generation)> {
+        let device = self.model.network.device();
         let options = &self.group.guidance.laban;
-        let denormalized = self.model.normalization.denormalize(normalized.clone());
-        let features = LabanFeatures::new(options, frames, &self.lengths(), &normalized.device())
-            .measure(joints(denormalized));
-        let jobs = self.group.jobs.iter().zip(motions).enumerate();
-        jobs.map(|(index, (job, motion))| {
-            let laban = self.series(&features, index);
+        let jobs = self
+            .group
+            .jobs
+            .iter()
+            .zip(motions.into_iter().zip(networks));
+        jobs.map(|(job, (motion, network))| {
+            let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
                 cut_tokens: job.cut,
                 goals: Goals::default(),
                 guided: motion.clone(),
                 baseline: motion,
+                network: NetworkMotions {
+                    baseline: network.clone(),
+                    guided: network,
+                },
                 guided_laban: laban.clone(),
                 target: laban.clone(),
                 baseline_laban: laban,
@@ -159,6 +190,21 @@ impl<'a, D: Denoiser> Run<'a, D> {
         (0..self.group.jobs.len()).map(motion).collect()
     }
 
+    /// Motions of a rigid body.
+    fn rigid(
+        &self,
+        rotations: Vec<Rotations>,
+        pass: Pass,
+        baselines: &[Motion],
+    ) -> Result<Vec<Motion>, Error> {
+        let motions = rotations.into_iter().enumerate();
+        let motions = motions.map(|(index, rotations)| {
+            Motion::from_rotations(rotations)
+                .map_err(|reason| self.failed(index, Failure::Motion { pass, reason }, baselines))
+        });
+        motions.collect()
+    }
+
     fn series(&self, features: &Tensor<3>, index: usize) -> LabanSeries {
         let frames = self.group.jobs[index].frames;
         let rows = features.clone().narrow(0, index, 1).narrow(1, 0, frames);
@@ -166,13 +212,19 @@ impl<'a, D: Denoiser> Run<'a, D> {
     }
 
     /// Laban features of the parts that a motion asks something of.
-    fn parts(&self, goals: &Goals, guided: &Guided, index: usize) -> Vec<PartLaban> {
+    fn parts(
+        &self,
+        goals: &Goals,
+        whole: &Reached,
+        parts: &[Reached],
+        index: usize,
+    ) -> Vec<PartLaban> {
         let all = &self.group.guidance.laban.end_effectors;
         let own = goals.terms(all).into_iter().skip(1);
         let own = own.map(|term| {
-            let found = guided.parts.iter();
+            let found = parts.iter();
             let mut found = found.filter(|part| part.end_effectors == term.end_effectors);
-            let part = found.next().unwrap_or(&guided.whole);
+            let part = found.next().unwrap_or(whole);
             PartLaban {
                 end_effectors: term.end_effectors,
                 baseline: self.series(&part.baseline, index),
@@ -230,5 +282,129 @@ impl<'a, D: Denoiser> Run<'a, D> {
             finished: Vec::new(),
             unfinished: unfinished.collect(),
         }
+    }
+}
+
+/// What follows each pass of the network: its motions on a rigid body, where that is asked for.
+struct OnBody<'r, 'w, D> {
+    run: &'r Run<'r, D>,
+    rig: Rig<'r>,
+    embedding: &'r Tensor<2>,
+    watch: Watch<'w>,
+}
+
+/// The guided motions of a group, and what they reached.
+struct Made {
+    motions: Vec<Motion>,
+    whole: Reached,
+    parts: Vec<Reached>,
+}
+
+impl<D: Denoiser> OnBody<'_, '_, D> {
+    /// The motions of the first pass, which the network gave as `normalized`.
+    fn baselines(
+        &mut self,
+        networks: &[Motion],
+        normalized: &Tensor<3>,
+    ) -> Result<Vec<Motion>, Error> {
+        if !self.run.group.is_rigid() {
+            return Ok(networks.to_vec());
+        }
+        let mut last = 0;
+        let mut watch = watching(self.embedding, normalized, &mut self.watch, &mut last);
+        let (rotations, is_stopped) = self.rig.fit(networks, &mut watch);
+        drop(watch);
+        let motions = self.run.rigid(rotations, Pass::Baseline, &[])?;
+        match is_stopped {
+            true => Err(self.stopped(
+                last,
+                self.run.group.guidance.fit.allowed(false),
+                &motions,
+                &[],
+                &[],
+            )),
+            false => Ok(motions),
+        }
+    }
+
+    /// The motions of the second pass.
+    fn guided(
+        &mut self,
+        networks: &[Motion],
+        baselines: &[Motion],
+        goals: &[Goals],
+        guided: &Guided,
+    ) -> Result<Made, Error> {
+        if !self.run.group.is_rigid() {
+            return Ok(Made {
+                motions: networks.to_vec(),
+                whole: guided.whole.clone(),
+                parts: guided.parts.clone(),
+            });
+        }
+        let mut last = 0;
+        let mut watch = watching(self.embedding, &guided.motion, &mut self.watch, &mut last);
+        let made = self.rig.guide(networks, baselines, goals, &mut watch);
+        drop(watch);
+        let made = made.map_err(|error| self.run.interrupted(error, baselines))?;
+        let motions = self.run.rigid(made.rotations, Pass::Guided, baselines)?;
+        match made.is_stopped {
+            true => Err(self.stopped(
+                last,
+                self.run.group.guidance.fit.allowed(true),
+                baselines,
+                &motions,
+                &guided.loss,
+            )),
+            false => Ok(Made {
+                motions,
+                whole: made.whole,
+                parts: made.parts,
+            }),
+        }
+    }
+
+    /// The end of a fit before its time: what it has so far is kept.
+    fn stopped(
+        &self,
+        index: usize,
+        steps: usize,
+        baselines: &[Motion],
+        predictions: &[Motion],
+        loss: &[Vec<f32>],
+    ) -> Error {
+        let mut partial = self.run.partial(baselines);
+        for (place, unfinished) in partial.unfinished.iter_mut().enumerate() {
+            unfinished.prediction = predictions.get(place).cloned();
+            unfinished.loss = loss.iter().map(|losses| losses[place]).collect();
+        }
+        Error::Stopped(Box::new(Stopped {
+            pass: Pass::Body,
+            index,
+            steps,
+            partial,
+        }))
+    }
+}
+
+/// What sees a fit as steps of a run; `last` is told the number of the step just made.
+fn watching<'s>(
+    embedding: &'s Tensor<2>,
+    prediction: &'s Tensor<3>,
+    watch: &'s mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+    last: &'s mut usize,
+) -> impl FnMut(FitProgress) -> ControlFlow<()> + 's {
+    move |progress| {
+        *last = progress.done - 1;
+        watch(&Step {
+            pass: Pass::Body,
+            index: progress.done - 1,
+            steps: progress.total,
+            timestep: 0,
+            loss: None,
+            gradient: None,
+            embedding,
+            prediction,
+        })
     }
 }

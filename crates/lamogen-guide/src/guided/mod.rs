@@ -17,6 +17,7 @@ use crate::guidance::{Guidance, Moved};
 use crate::observer::{Observer, Pass, Step};
 use crate::sampler::{Batch, Sampler};
 pub use objective::Reached;
+pub(crate) use objective::Targets;
 use objective::{Broken, Objective};
 use subjects::{Condition, Subject, Told};
 
@@ -38,7 +39,8 @@ impl<D: Denoiser> Sampler<'_, D> {
     /// section "Step 2: Laban-Guided Generation").
     ///
     /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there are
-    /// goals for each motion, such as a scale.
+    /// goals for each motion, such as a scale. Motions are the network's, with bones that may stretch, and measured as such; what
+    /// [`Body::Rig`](crate::Body::Rig) asks for is done by [`Rig`](crate::Rig) afterwards, instead of [`Guidance::finish`].
     ///
     /// # Errors
     ///
@@ -71,7 +73,7 @@ impl<D: Denoiser> Sampler<'_, D> {
         let told = &batch.prompt.embedding;
         let subject = self.subject(&objective, batch, (baseline, told), guidance)?;
         let (mut motion, embedding) = course.follow(subject)?;
-        if let Some(finish) = guidance.finish {
+        if let Some(finish) = guidance.network_finish() {
             let own = finish.alone(guidance);
             let subject = self.subject(&objective, batch, (motion, &embedding), &own)?;
             (motion, _) = course.follow(subject)?;

@@ -9,10 +9,15 @@ use lamogen_motion::{Normalization, joints};
 use crate::error::Quantity;
 use crate::guidance::Guidance;
 
-/// Laban features to reach, and the loss of not reaching them.
+/// Laban features that the joints of predicted motions shall reach, and the loss of not reaching them.
 pub(super) struct Objective<'a> {
     normalization: &'a Normalization,
-    /// First that of the whole body, then those of parts that any motion of the batch asks something of.
+    targets: Targets,
+}
+
+/// Laban features that joints shall reach: first those of the whole body, then those of parts that any motion of the batch asks
+/// something of.
+pub(crate) struct Targets {
     terms: Vec<Term>,
 }
 
@@ -66,24 +71,23 @@ pub(super) struct Broken {
     pub(super) motion: usize,
 }
 
-impl<'a> Objective<'a> {
-    pub(super) fn new(
-        normalization: &'a Normalization,
-        baseline: Tensor<3>,
+impl Targets {
+    /// What joints `[batch, frames, 22, 3]` of such lengths shall become.
+    pub(crate) fn new(
+        joints: &Tensor<4>,
         lengths: &[usize],
         goals: &[Goals],
         guidance: &Guidance,
     ) -> Self {
-        let [_, frames, _] = baseline.dims();
-        let baseline = joints(normalization.denormalize(baseline));
+        let [_, frames, ..] = joints.dims();
         let terms = by_end_effectors(goals, &guidance.laban.end_effectors);
         let terms = terms.into_iter().map(|(end_effectors, goals)| {
             let options = LabanOptions {
                 end_effectors: end_effectors.clone(),
                 ..guidance.laban.clone()
             };
-            let features = LabanFeatures::new(&options, frames, lengths, &baseline.device());
-            let baseline = features.measure(baseline.clone());
+            let features = LabanFeatures::new(&options, frames, lengths, &joints.device());
+            let baseline = features.measure(joints.clone());
             let (divisor, emphasis) = (guidance.divisor, guidance.emphasis);
             Term {
                 target: Target::new(baseline.clone(), lengths, &goals, divisor, emphasis),
@@ -92,15 +96,21 @@ impl<'a> Objective<'a> {
                 baseline,
             }
         });
-        Objective {
-            normalization,
+        Targets {
             terms: terms.collect(),
         }
     }
 
-    /// What became of it in finished motions, normalised: of the whole body first.
-    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<Reached> {
-        let joints = joints(self.normalization.denormalize(motions));
+    /// The Laban loss `[batch, 4]` of joints.
+    pub(crate) fn loss(&self, joints: Tensor<4>) -> Tensor<2> {
+        let losses = { self.terms.iter() }
+            .map(|term| term.target.loss(term.features.measure(joints.clone())));
+        let loss = losses.reduce(|all, loss| all + loss);
+        loss.expect("the whole body is a term")
+    }
+
+    /// What became of it in finished motions: of the whole body first.
+    pub(crate) fn reached(self, joints: &Tensor<4>) -> Vec<Reached> {
         let terms = self.terms.into_iter();
         terms
             .map(|term| Reached {
@@ -110,6 +120,28 @@ impl<'a> Objective<'a> {
                 guided: term.features.measure(joints.clone()),
             })
             .collect()
+    }
+}
+
+impl<'a> Objective<'a> {
+    pub(super) fn new(
+        normalization: &'a Normalization,
+        baseline: Tensor<3>,
+        lengths: &[usize],
+        goals: &[Goals],
+        guidance: &Guidance,
+    ) -> Self {
+        let baseline = joints(normalization.denormalize(baseline));
+        Objective {
+            normalization,
+            targets: Targets::new(&baseline, lengths, goals, guidance),
+        }
+    }
+
+    /// What became of it in finished motions, normalised: of the whole body first.
+    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<Reached> {
+        let joints = joints(self.normalization.denormalize(motions));
+        self.targets.reached(&joints)
     }
 
     /// The loss, and its gradient back along a way. The way is asked for again only to find what broke.
@@ -151,10 +183,8 @@ impl<'a> Objective<'a> {
     ) -> (Tensor<3>, Tensor<2>) {
         let leaf = leaf.clone().autodiff().require_grad();
         let joints = joints(self.normalization.denormalize(clean(leaf.clone())));
-        let losses = { self.terms.iter() }
-            .map(|term| term.target.loss(term.features.measure(joints.clone())));
-        let loss = losses.reduce(|all, loss| all + loss);
-        (leaf, loss.expect("the whole body is a term"))
+        let loss = self.targets.loss(joints);
+        (leaf, loss)
     }
 
     /// The component whose gradient is not finite for a motion; the first where each is finite

@@ -8,7 +8,7 @@ use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
 use lamogen::laban::GoalError;
 use lamogen::{
-    COMPONENTS, Coherence, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
+    Body, COMPONENTS, Coherence, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
 };
 use serde::{Deserialize, Serialize};
 
@@ -196,6 +196,42 @@ pub struct PassArguments {
     /// the factors more exactly and keeps the others less.
     #[arg(long, value_name = "WEIGHT")]
     pub emphasis: Option<f32>,
+    /// Whose motion is measured, guided and written: that of a rigid body, or the network's, whose bones may stretch. Precise and fast
+    /// have the rig, paper has the network.
+    #[arg(long, value_enum)]
+    pub body: Option<BodyName>,
+}
+
+/// Whose motion is measured and written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BodyName {
+    Rig,
+    Network,
+}
+
+impl BodyName {
+    pub fn name(self) -> &'static str {
+        match self {
+            BodyName::Rig => "rig",
+            BodyName::Network => "network",
+        }
+    }
+
+    /// The name of what guidance works on.
+    pub fn of(body: Body) -> BodyName {
+        match body {
+            Body::Rig => BodyName::Rig,
+            Body::Network => BodyName::Network,
+        }
+    }
+
+    fn body(self) -> Body {
+        match self {
+            BodyName::Rig => Body::Rig,
+            BodyName::Network => Body::Network,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -241,9 +277,14 @@ impl PassArguments {
         if let Some(steps) = self.steps {
             request = request.steps(steps);
         }
+        let mut guidance = preset.guidance();
         if let Some(emphasis) = self.emphasis {
-            let mut guidance = preset.guidance();
             guidance.emphasis = [emphasis; COMPONENTS];
+        }
+        if let Some(body) = self.body {
+            guidance.body = body.body();
+        }
+        if guidance != preset.guidance() {
             request = request.guidance(guidance);
         }
         request
@@ -410,6 +451,10 @@ pub struct Convert {
     pub from: PathBuf,
     /// The file to write: .bvh, .glb, .npy, .features.npy, .csv (Laban series), .svg, .png, .gif, .html or .json.
     pub to: Output,
+    /// Give the motion rigid bones and feet that stand where they stand: they neither slide nor sink into the ground, which is taken to be as
+    /// low as the feet come.
+    #[arg(long)]
+    pub clean_feet: bool,
     #[command(flatten)]
     pub reading: ReadingArguments,
     #[command(flatten)]

@@ -155,6 +155,7 @@ impl Work<'_> {
             "preset": pass.preset.map(|preset| preset.name()),
             "steps": pass.steps,
             "emphasis": pass.emphasis,
+            "body": pass.body.map(|body| body.name()),
             "coherence": self.source.coherence_frames(),
             "formats": formats.collect::<Vec<_>>(),
             "fps": writing.fps,

@@ -1,18 +1,30 @@
 //! `lamogen convert`.
 
+use std::ops::ControlFlow;
+
+use indicatif::ProgressBar;
+use lamogen::Motion;
+use lamogen::body::{Fit, FitInput, ground};
+use lamogen::motion::RestPose;
 use serde_json::json;
 
 use crate::arguments::Convert;
 use crate::console::Console;
-use crate::failure::Failure;
+use crate::failure::{Code, Failure};
 use crate::opened::open;
 use crate::source::device;
 
 pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
     options.to.check()?;
-    let opened = open(&options.from, &options.reading, &device(None)?)?;
+    let mut opened = open(&options.from, &options.reading, &device(None)?)?;
     if !opened.assumed.is_empty() {
         console.notice(format!("Read with {}.", opened.assumed));
+    }
+    if options.clean_feet {
+        let bar = console.bar("steps");
+        let motion = clean_feet(&opened.scene.main().motion, &bar)?;
+        bar.finish_and_clear();
+        opened.scene.replace_main(motion, &device(None)?);
     }
     options.to.write(&opened.scene, &options.writing, console)?;
     let motion = &opened.scene.main().motion;
@@ -25,4 +37,20 @@ pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
         return console.say(result.to_string());
     }
     console.say(format!("{}: {:.2} s", options.to, motion.seconds()))
+}
+
+/// The motion of a rigid body with the motion's own bones, whose feet stand where they stand.
+fn clean_feet(motion: &Motion, bar: &ProgressBar) -> Result<Motion, Failure> {
+    let input = FitInput {
+        motion,
+        body: &RestPose::of(motion),
+        ground: ground(motion),
+    };
+    let mut fitted = Fit::default().run(&[input], None, &mut |progress| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+        ControlFlow::Continue(())
+    });
+    let rotations = fitted.rotations.pop().expect("one motion was fitted");
+    Motion::from_rotations(rotations).map_err(|error| Failure::new(Code::Run, error))
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use lamogen::{Generation, Request};
 use serde_json::{Map, Value, json};
 
-use crate::arguments::{Generate, PassArguments, PresetName};
+use crate::arguments::{BodyName, Generate, PassArguments, PresetName};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::output::Output;
@@ -139,6 +139,7 @@ pub fn facts(
         "preset": preset.name(),
         "steps": pass.steps.unwrap_or(preset.preset().steps()),
         "emphasis": pass.emphasis,
+        "body": pass.body.unwrap_or(BodyName::of(preset.preset().guidance().body)).name(),
         "coherence": source.coherence_frames(),
         "cut_tokens": generation.cut_tokens,
         "loss": generation.loss,

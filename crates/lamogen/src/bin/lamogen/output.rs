@@ -142,7 +142,10 @@ impl Output {
                 let options = options(scene, writing, self.format);
                 let shown = scene.main();
                 lamogen::files::write(path, &shown.motion, &options)?;
-                if matches!(self.format, Format::Glb | Format::Bvh) && !console.is_quiet() {
+                if matches!(self.format, Format::Glb | Format::Bvh)
+                    && !scene.main().motion.is_rigid()
+                    && !console.is_quiet()
+                {
                     console.notice(format!("{self}: {}", rigid(shown)));
                 }
                 return Ok(());

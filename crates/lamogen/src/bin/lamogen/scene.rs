@@ -38,7 +38,8 @@ impl Shown {
 
     /// What files of the motion hold; solved when first asked for.
     pub fn rotations(&self) -> &Rotations {
-        self.rotations.get_or_init(|| self.motion.rotations().into_owned())
+        self.rotations
+            .get_or_init(|| self.motion.rotations().into_owned())
     }
 
     /// How fast joints turn: in the file that the motion is from, else in those that would be written.
@@ -143,6 +144,16 @@ impl Scene {
             facts: facts.as_object().cloned().unwrap_or_default(),
             copyright: None,
         }
+    }
+
+    /// Puts another motion in the place of the main one; it is measured anew.
+    pub fn replace_main(&mut self, motion: Motion, device: &Device) {
+        let label = self
+            .motions
+            .pop()
+            .map_or(String::new(), |shown| shown.label);
+        let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
+        self.motions.push(Shown::new(label, motion, laban));
     }
 
     /// The motion that it is all about.

@@ -9,7 +9,7 @@ use lamogen::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::arguments::{PassArguments, PresetName};
+use crate::arguments::{BodyName, PassArguments, PresetName};
 use crate::goals::Asked;
 use crate::report::name;
 
@@ -44,6 +44,8 @@ pub struct Line {
     preset: Option<PresetName>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     emphasis: Option<f32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    body: Option<BodyName>,
 }
 
 /// A goal as the command line has it, or a plain number.
@@ -179,6 +181,7 @@ impl Item {
             steps: self.line.steps.or(general.steps),
             preset: self.line.preset.or(general.preset),
             emphasis: self.line.emphasis.or(general.emphasis),
+            body: self.line.body.or(general.body),
         }
     }
 

@@ -1,0 +1,193 @@
+//! The network's motions on a rigid body, and there towards their targets.
+
+use std::ops::ControlFlow;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use lamogen_body::{FitInput, FitProgress, Goal};
+use lamogen_laban::{COMPONENTS, Component, Goals};
+use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
+
+use crate::error::{GuideError, Quantity};
+use crate::guidance::Guidance;
+use crate::guided::{Reached, Targets};
+
+/// How much more a component that shall change counts on the body than [`Guidance::emphasis`] says. The body's motion can follow where the
+/// network's would leave what the sentence says.
+const EMPHASIS: f32 = 3.0;
+
+/// The body that motions of pose features are on: that of HumanML3D, which all of its motions have.
+///
+/// It turns the network's motions, whose bones stretch and whose feet slide, into those of rigid bones, and draws guided ones to
+/// their target: features of the *rigid* baseline times the factors, reached by the *rigid* motion. What is reported is what files hold.
+#[derive(Clone, Debug)]
+pub struct Rig<'a> {
+    guidance: &'a Guidance,
+    body: RestPose,
+    device: Device,
+}
+
+/// What guidance on a body gives.
+#[derive(Clone, Debug)]
+pub struct RigGuided {
+    /// The rotations of every motion.
+    pub rotations: Vec<Rotations>,
+    /// Whether the observer stopped the fit; what is here is the best until then.
+    pub is_stopped: bool,
+    /// Laban features of the whole body.
+    pub whole: Reached,
+    /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
+    pub parts: Vec<Reached>,
+}
+
+impl<'a> Rig<'a> {
+    /// A body that follows these options: [`Guidance::fit`] and how Laban features are measured, divided and weighed. Features are
+    /// computed on the device.
+    pub fn new(guidance: &'a Guidance, device: &Device) -> Self {
+        Rig {
+            guidance,
+            body: RestPose::humanml3d(),
+            device: device.clone(),
+        }
+    }
+
+    /// The rigid motions that are nearest to the network's, and whether the observer stopped the fit before its end.
+    pub fn fit(
+        &self,
+        motions: &[Motion],
+        watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+    ) -> (Vec<Rotations>, bool) {
+        let fitted = self.guidance.fit.run(&self.inputs(motions), None, watch);
+        (fitted.rotations, fitted.is_stopped)
+    }
+
+    /// The rigid motions that reach the features of the rigid baselines as the goals ask, near the network's guided motions.
+    ///
+    /// # Errors
+    ///
+    /// If a loss of the motions as they are given is not finite.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many motions, baselines and goals, or a motion is not as long as its baseline.
+    pub fn guide(
+        &self,
+        motions: &[Motion],
+        baselines: &[Motion],
+        goals: &[Goals],
+        watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+    ) -> Result<RigGuided, GuideError> {
+        let lengths: Vec<usize> = motions.iter().map(Motion::frames).collect();
+        let of_baselines: Vec<usize> = baselines.iter().map(Motion::frames).collect();
+        assert_eq!(
+            lengths, of_baselines,
+            "motions are as long as their baselines"
+        );
+        let baselines: Vec<&[[[f32; 3]; JOINTS]]> = baselines.iter().map(Motion::joints).collect();
+        let guidance = Guidance {
+            emphasis: self.guidance.emphasis.map(|emphasis| EMPHASIS * emphasis),
+            ..self.guidance.clone()
+        };
+        let targets = Targets::new(&self.tensor(&baselines), &lengths, goals, &guidance);
+        let mut goal = LabanGoal {
+            rig: self,
+            targets: &targets,
+            is_first: true,
+            broken: None,
+        };
+        let inputs = self.inputs(motions);
+        let fitted = { self.guidance.fit }.run(&inputs, Some(&mut goal), watch);
+        if let Some((motion, component)) = goal.broken {
+            return Err(GuideError::NotFinite {
+                quantity: Quantity::Loss,
+                component,
+                index: 0,
+                steps: self.guidance.fit.goal_evaluations,
+                timestep: 0,
+                motion,
+            });
+        }
+        let joints: Vec<Vec<[[f32; 3]; JOINTS]>> =
+            fitted.rotations.iter().map(Rotations::joints).collect();
+        let joints: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
+        let mut reached = targets.reached(&self.tensor(&joints)).into_iter();
+        Ok(RigGuided {
+            rotations: fitted.rotations,
+            is_stopped: fitted.is_stopped,
+            whole: reached.next().expect("the whole body is a term"),
+            parts: reached.collect(),
+        })
+    }
+
+    fn inputs<'m>(&'m self, motions: &'m [Motion]) -> Vec<FitInput<'m>> {
+        let input = |motion| FitInput {
+            motion,
+            body: &self.body,
+            // Pose features count heights from the ground.
+            ground: 0.0,
+        };
+        motions.iter().map(input).collect()
+    }
+
+    /// Joints of motions, padded by zeros to the longest: `[batch, frames, 22, 3]`.
+    fn tensor(&self, motions: &[&[[[f32; 3]; JOINTS]]]) -> Tensor<4> {
+        let frames = motions.iter().map(|motion| motion.len()).max().unwrap_or(0);
+        let width = JOINTS * 3;
+        let mut values = Vec::with_capacity(motions.len() * frames * width);
+        for (place, motion) in motions.iter().enumerate() {
+            values.extend_from_slice(motion.as_flattened().as_flattened());
+            values.resize((place + 1) * frames * width, 0.0);
+        }
+        let data = TensorData::new(values, [motions.len(), frames, JOINTS, 3]);
+        Tensor::from_data(data, &self.device)
+    }
+}
+
+/// The Laban loss as what a fit makes small.
+struct LabanGoal<'g> {
+    rig: &'g Rig<'g>,
+    targets: &'g Targets,
+    /// Whether no trial was evaluated yet. Later ones may be too bold, and are stepped back from.
+    is_first: bool,
+    /// The first motion whose loss was not finite at the first evaluation, and the component.
+    broken: Option<(usize, Component)>,
+}
+
+impl Goal for LabanGoal<'_> {
+    fn evaluate(
+        &mut self,
+        joints: &[Vec<[[f32; 3]; JOINTS]>],
+    ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
+        let poses: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
+        let leaf = self.rig.tensor(&poses).autodiff().require_grad();
+        let [_, frames, ..] = leaf.dims();
+        let loss = self.targets.loss(leaf.clone());
+        let losses: Vec<f32> = host(loss.clone().inner());
+        let gradient = match loss.is_tracked() {
+            true => leaf.grad(&loss.sum().backward()),
+            false => None,
+        };
+        let gradient: Vec<f32> = host(gradient.unwrap_or_else(|| leaf.inner().zeros_like()));
+        let (poses, _) = gradient.as_chunks::<3>();
+        let (poses, _) = poses.as_chunks::<JOINTS>();
+        let motions = losses
+            .chunks_exact(COMPONENTS)
+            .zip(poses.chunks_exact(frames));
+        let motions = motions.zip(joints).enumerate();
+        let is_first = std::mem::replace(&mut self.is_first, false);
+        motions
+            .map(|(motion, ((losses, gradient), joints))| {
+                let broken = losses.iter().position(|loss| !loss.is_finite());
+                if let Some(place) = broken.filter(|_| is_first) {
+                    self.broken
+                        .get_or_insert((motion, Component::ALL[place % COMPONENTS]));
+                }
+                let loss = losses.iter().copied().map(f64::from).sum();
+                (loss, gradient[..joints.len()].to_vec())
+            })
+            .collect()
+    }
+}
+
+fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.try_into_vec_as().expect("floats convert to f32")
+}
