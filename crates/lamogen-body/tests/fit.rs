@@ -1,0 +1,311 @@
+//! What a fit makes of motions: bones stay rigid, feet stand, and what is in the air stays there.
+
+use std::ops::ControlFlow;
+
+use lamogen_body::{Fit, FitInput, Goal, ground};
+use lamogen_motion::{
+    BoneDrift, FRAMES_PER_SECOND, FootSliding, JOINTS, Joint, JointTurning, Motion, RestPose,
+    Rotations, npy,
+};
+
+const FRAMES: usize = 60;
+
+/// The golden motion of the pose features, made rigid: as captured motion, positions alone.
+fn captured() -> Motion {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../lamogen-motion/tests/golden/joints.npy");
+    let array = npy::read(path).unwrap();
+    let (points, _) = array.values.as_chunks::<3>();
+    let (poses, _) = points.as_chunks::<JOINTS>();
+    let stretching = Motion::from_joints(poses.to_vec()).unwrap();
+    Motion::from_joints(Rotations::of(&stretching).joints()).unwrap()
+}
+
+/// A turn about an axis of the world, as a quaternion.
+fn turn(axis: usize, angle: f32) -> [f32; 4] {
+    let mut q = [0.0, 0.0, 0.0, (angle / 2.0).cos()];
+    q[axis] = (angle / 2.0).sin();
+    q
+}
+
+/// A body of HumanML3D's bones in a pose and place of its own at every frame.
+fn body(
+    root: impl Fn(usize) -> [f32; 3],
+    rotations: impl Fn(usize, &mut [[f32; 4]; JOINTS]),
+) -> Motion {
+    let local = (0..FRAMES).map(|frame| {
+        let mut pose = [turn(0, 0.0); JOINTS];
+        rotations(frame, &mut pose);
+        pose
+    });
+    let rotations = Rotations::new(
+        RestPose::humanml3d(),
+        (0..FRAMES).map(root).collect(),
+        local.collect(),
+        FRAMES_PER_SECOND,
+    );
+    // Positions alone: the fit knows no rotations.
+    Motion::from_joints(rotations.joints()).unwrap()
+}
+
+/// How high the pelvis of the standing T-pose is above the balls of the feet.
+fn standing() -> f32 {
+    let rest = RestPose::humanml3d();
+    let leg = [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle, Joint::LeftFoot];
+    -leg.iter().map(|joint| rest.offset(*joint)[1]).sum::<f32>()
+}
+
+fn fit(motion: &Motion, fit: &Fit) -> Motion {
+    fit_on(motion, &RestPose::humanml3d(), fit)
+}
+
+fn fit_on(motion: &Motion, body: &RestPose, fit: &Fit) -> Motion {
+    let input = FitInput {
+        motion,
+        body,
+        ground: 0.0,
+    };
+    let fitted = fit.run(&[input], None, &mut |_| ControlFlow::Continue(()));
+    assert!(!fitted.is_stopped);
+    Motion::from_rotations(fitted.rotations.into_iter().next().unwrap()).unwrap()
+}
+
+fn largest_gap(a: &Motion, b: &Motion) -> f32 {
+    let pairs = a.joints().as_flattened().iter().zip(b.joints().as_flattened());
+    let gap = |(a, b): (&[f32; 3], &[f32; 3])| {
+        let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f32>().sqrt()
+    };
+    pairs.map(gap).fold(0.0, f32::max)
+}
+
+/// How far a foot moves along the ground from frame to frame at most, in metres.
+fn largest_slide(motion: &Motion, foot: Joint, frames: std::ops::Range<usize>) -> f32 {
+    let steps = frames.clone().zip(frames.skip(1));
+    let slide = |(a, b)| {
+        let [a, b] = [a, b].map(|frame| motion.position(frame, foot));
+        (a[0] - b[0]).hypot(a[2] - b[2])
+    };
+    steps.map(slide).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_captured_clip_of_rigid_bones_is_reproduced_to_a_millimetre() {
+    // Without the terms that want more than nearness.
+    let near = Fit {
+        evaluations: 300,
+        jerk: 0.0,
+        rotation: 0.0,
+        haste: 0.0,
+        stand: 0.0,
+        clearance: 0.0,
+        floor: 0.0,
+        plane: 0.0,
+        hinge: 0.0,
+        prior: 1e-6,
+        ..Fit::default()
+    };
+    let motion = captured();
+    let fitted = fit_on(&motion, &RestPose::of(&motion), &near);
+    let distance = fitted.distance(&motion);
+    let largest = largest_gap(&fitted, &motion);
+    println!("{distance} m, {largest} m at most");
+    assert!(largest < 1e-3, "{distance} {largest}");
+    assert!(BoneDrift::of(&fitted).largest() < 1e-5);
+}
+
+#[test]
+fn feet_that_stand_stop_sliding_and_the_body_stays_where_it_is() {
+    // A standing body that drifts by 20 cm a second, 6 cm deep in the ground.
+    let height = standing() - 0.06;
+    let drifting = body(|frame| [0.0, height, 0.01 * frame as f32], |_, _| ());
+    assert!(FootSliding::of(&drifting).speed > 0.19);
+    let fitted = fit(&drifting, &Fit::default());
+    let sliding = FootSliding::of(&fitted);
+    assert!(sliding.speed < 0.02, "{sliding:?}");
+    for foot in [Joint::LeftFoot, Joint::RightFoot] {
+        assert!(largest_slide(&fitted, foot, 0..FRAMES) < 3e-3);
+        let lowest = (0..FRAMES).map(|frame| fitted.position(frame, foot)[1]);
+        let lowest = lowest.fold(f32::INFINITY, f32::min);
+        assert!(lowest > -0.01, "{foot:?} is at {lowest}");
+    }
+}
+
+#[test]
+fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
+    // Up by 40 cm and down again.
+    let jump = body(
+        |frame| {
+            let way = (frame as f32 / (FRAMES - 1) as f32 * std::f32::consts::PI).sin();
+            [0.0, standing() + 0.4 * way, 0.0]
+        },
+        |_, _| (),
+    );
+    let fitted = fit(&jump, &Fit::default());
+    for foot in [Joint::LeftFoot, Joint::RightFoot] {
+        let [before, after] = [&jump, &fitted].map(|motion| motion.position(FRAMES / 2, foot)[1]);
+        assert!((before - after).abs() < 0.01, "{before} became {after}");
+    }
+    // A leg that is held up for the whole motion.
+    let held = body(
+        |_| [0.0, standing(), 0.0],
+        |_, pose| pose[Joint::LeftHip.index()] = turn(0, -1.2),
+    );
+    let fitted = fit(&held, &Fit::default());
+    let foot = fitted.position(30, Joint::LeftFoot)[1];
+    assert!((foot - held.position(30, Joint::LeftFoot)[1]).abs() < 0.01);
+}
+
+#[test]
+fn a_body_that_lies_or_never_touches_the_ground_keeps_its_pose() {
+    let lying = body(
+        |frame| [0.0, 0.15 + 0.01 * (0.3 * frame as f32).sin(), 0.0],
+        |_, pose| pose[0] = turn(0, -std::f32::consts::FRAC_PI_2),
+    );
+    let swimming = body(
+        |frame| [0.0, 3.0, 0.05 * frame as f32],
+        |frame, pose| {
+            pose[0] = turn(0, 1.4);
+            pose[Joint::LeftHip.index()] = turn(0, 0.4 * (0.5 * frame as f32).sin());
+        },
+    );
+    for (motion, bound) in [(lying, 0.05), (swimming, 0.01)] {
+        let fitted = fit(&motion, &Fit::default());
+        assert!(fitted.distance(&motion) < bound, "{}", fitted.distance(&motion));
+    }
+}
+
+#[test]
+fn elbows_and_knees_bend_one_way_only() {
+    // The left knee and the right elbow overstretch by 20 degrees and back.
+    let overstretched = body(
+        |_| [0.0, standing(), 0.0],
+        |frame, pose| {
+            let way = (0.2 * frame as f32).sin().powi(2);
+            pose[Joint::LeftKnee.index()] = turn(0, -0.35 * way);
+            pose[Joint::RightElbow.index()] = turn(1, -0.35 * way);
+            // Bent well at the end, so that it is known which way they bend.
+            if frame > 45 {
+                pose[Joint::LeftKnee.index()] = turn(0, 0.1 * (frame - 45) as f32);
+                pose[Joint::RightElbow.index()] = turn(1, 0.1 * (frame - 45) as f32);
+            }
+        },
+    );
+    let fitted = fit(&overstretched, &Fit::default());
+    let rotations = fitted.rotations();
+    for (joint, axis) in [(Joint::LeftKnee, 0), (Joint::RightElbow, 1)] {
+        for pose in rotations.local() {
+            let [.., w] = pose[joint.index()];
+            let angle = 2.0 * (pose[joint.index()][axis] * w.signum()).asin().to_degrees();
+            assert!(angle > -6.0, "{joint:?} bends by {angle} degrees");
+        }
+    }
+}
+
+#[test]
+fn a_body_that_snaps_round_turns_like_one_that_has_weight() {
+    let snapping = body(
+        |_| [0.0, standing(), 0.0],
+        |frame, pose| pose[0] = turn(1, if frame < 30 { 0.0 } else { 3.0 }),
+    );
+    let pelvis = |motion: &Motion| {
+        JointTurning::of(&motion.rotations()).largest(Joint::Pelvis).degrees
+    };
+    assert!(pelvis(&snapping) > 170.0);
+    let fitted = fit(&snapping, &Fit::default());
+    assert!(pelvis(&fitted) < 45.0, "{}", pelvis(&fitted));
+    let far = [0, FRAMES - 1].map(|frame| {
+        let [a, b] = [&fitted, &snapping].map(|motion| motion.position(frame, Joint::LeftWrist));
+        (a[0] - b[0]).hypot(a[2] - b[2])
+    });
+    assert!(far.iter().all(|far| *far < 0.05), "{far:?}");
+}
+
+#[test]
+fn motions_of_a_frame_or_three_and_bodies_without_bones_are_fitted_too() {
+    let whole = captured();
+    for frames in 1..5 {
+        let short = Motion::from_joints(whole.joints()[..frames].to_vec()).unwrap();
+        let fitted = fit(&short, &Fit::default());
+        assert_eq!(fitted.frames(), frames);
+    }
+    let point = Motion::from_joints(vec![[[0.1, 0.2, 0.3]; JOINTS]; 8]).unwrap();
+    let fitted = fit_on(&point, &RestPose::of(&point), &Fit::default());
+    assert!(largest_gap(&fitted, &point) < 1e-3);
+}
+
+#[test]
+fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() {
+    let (long, rest) = (captured(), RestPose::humanml3d());
+    let short = Motion::from_joints(long.joints()[5..40].to_vec()).unwrap();
+    let input = |motion| FitInput {
+        motion,
+        body: &rest,
+        ground: 0.0,
+    };
+    let run = |inputs: &[FitInput<'_>], threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let run = || Fit::default().run(inputs, None, &mut |_| ControlFlow::Continue(()));
+        pool.build().unwrap().install(run).rotations
+    };
+    let together = run(&[input(&long), input(&short)], 4);
+    assert_eq!(together[0], run(&[input(&long)], 1)[0]);
+    assert_eq!(together[1], run(&[input(&short)], 3)[0]);
+}
+
+/// Wants the right wrist at a height.
+struct Reach(f32);
+
+impl Goal for Reach {
+    fn evaluate(
+        &mut self,
+        joints: &[Vec<[[f32; 3]; JOINTS]>],
+    ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
+        let wrist = Joint::RightWrist.index();
+        let of = |poses: &Vec<[[f32; 3]; JOINTS]>| {
+            let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
+            let mut value = 0.0;
+            for (gradient, pose) in gradient.iter_mut().zip(poses) {
+                let off = pose[wrist][1] - self.0;
+                value += f64::from(off * off);
+                gradient[wrist][1] = 2.0 * off;
+            }
+            (value, gradient)
+        };
+        joints.iter().map(of).collect()
+    }
+}
+
+#[test]
+fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
+    let still = body(|_| [0.0, standing(), 0.0], |_, _| ());
+    let rest = RestPose::humanml3d();
+    let input = FitInput {
+        motion: &still,
+        body: &rest,
+        ground: 0.0,
+    };
+    let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
+    let before = still.position(30, Joint::RightWrist)[1];
+    let asked = before + 0.2;
+    let whole = Fit::default().run(&[input], Some(&mut Reach(asked)), &mut |_| {
+        ControlFlow::Continue(())
+    });
+    assert!((wrist(&whole.rotations[0]) - asked).abs() < 0.03);
+
+    let mut seen = 0;
+    let stopped = Fit::default().run(&[input], Some(&mut Reach(asked)), &mut |progress| {
+        seen = progress.done;
+        match progress.done {
+            10 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
+    assert!(stopped.is_stopped && seen == 10);
+    assert!(wrist(&stopped.rotations[0]) > before + 0.02);
+}
+
+#[test]
+fn the_ground_is_as_low_as_the_feet_come() {
+    let sunk = body(|_| [0.0, standing() - 0.5, 0.0], |_, _| ());
+    assert!((ground(&sunk) + 0.5).abs() < 0.02, "{}", ground(&sunk));
+}
