@@ -6,7 +6,8 @@ use std::path::Path;
 use lamogen::model::Tokenizer;
 use lamogen::motion::npy;
 use lamogen::{
-    Component, Device, Error, Factor, Guidance, LaMoGen, Pass, Request, Scale, ScaleCurve, Tag,
+    Component, Device, Error, Factor, Guidance, LaMoGen, Motion, Pass, Request, Scale, ScaleCurve,
+    Tag,
 };
 use tempfile::TempDir;
 
@@ -136,7 +137,7 @@ fn a_target_beyond_all_numbers() {
     let error = model.generate(&request).unwrap_err();
     says(
         &error.to_string(),
-        &["a person jumps", "Laban loss of Shape", "step 1 of 105"],
+        &["a person jumps", "Laban loss of Shape", "step 1 of 5"],
     );
 }
 
@@ -147,23 +148,26 @@ fn a_stopped_run_returns_what_it_has() {
         .with_batch_size(1);
     let requests = [jump(), jump().seed(2)];
     let mut seen = Vec::new();
+    let mut second = 0;
     let error = model
         .generate_all_with(&requests, &mut |progress| {
             seen.push((progress.done, progress.total));
-            match progress.done {
-                117 => ControlFlow::Break(()),
+            let step = progress.step;
+            second += usize::from(step.pass == Pass::Guided && step.index == 1);
+            match second {
+                2 => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
             }
         })
         .unwrap_err();
-    // Five steps, five guided ones, a finish of a hundred.
-    assert_eq!(seen.len(), 117);
-    assert_eq!((seen[0], seen[116]), ((1, 220), (117, 220)));
+    // For each five steps, a fit of at most 60, five guided steps, a fit of at most 200.
+    assert_eq!((seen[0], seen[9]), ((1, 540), (10, 540)));
+    assert!(seen.iter().enumerate().all(|(i, (done, _))| *done == i + 1));
     says(
         &error.to_string(),
         &[
             "stopped",
-            "step 2 of 105 of the guided pass",
+            "step 2 of 5 of the guided pass",
             "1 request was finished",
         ],
     );
@@ -178,6 +182,36 @@ fn a_stopped_run_returns_what_it_has() {
     assert_eq!(unfinished.loss.len(), 2);
     assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 40);
     assert_eq!(unfinished.prediction.as_ref().unwrap().frames(), 40);
+}
+
+#[test]
+fn a_run_that_is_stopped_in_a_fit_keeps_the_bodies_so_far() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    for fit in [1, 2] {
+        let mut begun = 0;
+        let error = model.generate_with(&jump(), &mut |progress| {
+            let step = progress.step;
+            begun += usize::from(step.pass == Pass::Body && step.index == 0);
+            match begun == fit && step.pass == Pass::Body && step.index == 3 {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        let error = error.unwrap_err();
+        says(
+            &error.to_string(),
+            &["stopped", "step 4 of", "of the body pass"],
+        );
+        let Error::Stopped(stopped) = error else {
+            panic!("{error}");
+        };
+        assert_eq!((stopped.pass, stopped.index), (Pass::Body, 3));
+        let unfinished = &stopped.partial.unfinished[0];
+        let baseline = unfinished.baseline.as_ref().unwrap();
+        assert!(baseline.is_rigid() && baseline.frames() == 40);
+        let prediction = unfinished.prediction.as_ref();
+        assert_eq!(prediction.map(Motion::is_rigid), (fit == 2).then_some(true));
+    }
 }
 
 #[test]

@@ -144,7 +144,8 @@ fn a_batch_of_different_parts_gives_the_motions_of_single_calls() {
     let together = model.generate_all(&requests).unwrap();
     for (request, found) in requests.iter().zip(&together) {
         let alone = model.generate(request).unwrap();
-        assert!(alone.guided.distance(&found.guided) < 1e-4);
+        // On a CPU every motion runs alone.
+        assert!(alone.guided == found.guided);
         assert_eq!(alone.parts.len(), found.parts.len());
     }
     assert_eq!(

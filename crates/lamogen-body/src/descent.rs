@@ -86,7 +86,9 @@ impl Descent {
         }
         let is_first = self.value.is_infinite();
         let enough = self.value + ARMIJO * self.length * self.slope;
-        if !is_first && !(value.is_finite() && value <= enough) {
+        // What is not a number is not low enough either.
+        let is_low = is_first || value <= enough;
+        if !is_low {
             return self.shorten(value, precondition);
         }
         if !is_first {

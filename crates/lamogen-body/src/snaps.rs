@@ -40,21 +40,22 @@ pub(crate) fn bridge(local: &mut [[DQuat; JOINTS]], trust: &[f64]) {
         if !is_believed(run[0]) {
             let before = start.checked_sub(1).map(|t| local[t]);
             let after = local.get(until).copied();
-            for t in start..until {
-                let part = (t + 1 - start) as f64 / (run.len() + 1) as f64;
-                local[t] = match (before, after) {
+            for (place, pose) in local[start..until].iter_mut().enumerate() {
+                let part = (place + 1) as f64 / (run.len() + 1) as f64;
+                *pose = match (before, after) {
                     (Some(a), Some(b)) => std::array::from_fn(|j| a[j].slerp(b[j], part)),
                     (Some(only), None) | (None, Some(only)) => only,
-                    (None, None) => local[t],
+                    (None, None) => *pose,
                 };
             }
         }
         start = until;
     }
     for t in 1..local.len() {
-        for j in 0..JOINTS {
-            if local[t][j].dot(local[t - 1][j]) < 0.0 {
-                local[t][j] = -local[t][j];
+        let before = local[t - 1];
+        for (turn, before) in local[t].iter_mut().zip(before) {
+            if turn.dot(before) < 0.0 {
+                *turn = -*turn;
             }
         }
     }

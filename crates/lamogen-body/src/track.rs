@@ -193,6 +193,8 @@ impl Track {
     }
 
     /// Terms of the positions; their gradient is added up.
+    // Frames and joints are places in several tables at once.
+    #[allow(clippy::needless_range_loop)]
     fn positions(&self, trial: &Trial, gradient: &mut [[DVec3; JOINTS]]) -> f64 {
         let fit = &self.fit;
         let at = |t: usize, j: usize| trial.poses[t].positions[j];

@@ -12,7 +12,10 @@ const FRAMES: usize = 60;
 
 /// The golden motion of the pose features, made rigid: as captured motion, positions alone.
 fn captured() -> Motion {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../lamogen-motion/tests/golden/joints.npy");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../lamogen-motion/tests/golden/joints.npy"
+    );
     let array = npy::read(path).unwrap();
     let (points, _) = array.values.as_chunks::<3>();
     let (poses, _) = points.as_chunks::<JOINTS>();
@@ -50,7 +53,12 @@ fn body(
 /// How high the pelvis of the standing T-pose is above the balls of the feet.
 fn standing() -> f32 {
     let rest = RestPose::humanml3d();
-    let leg = [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle, Joint::LeftFoot];
+    let leg = [
+        Joint::LeftHip,
+        Joint::LeftKnee,
+        Joint::LeftAnkle,
+        Joint::LeftFoot,
+    ];
     -leg.iter().map(|joint| rest.offset(*joint)[1]).sum::<f32>()
 }
 
@@ -70,7 +78,11 @@ fn fit_on(motion: &Motion, body: &RestPose, fit: &Fit) -> Motion {
 }
 
 fn largest_gap(a: &Motion, b: &Motion) -> f32 {
-    let pairs = a.joints().as_flattened().iter().zip(b.joints().as_flattened());
+    let pairs = a
+        .joints()
+        .as_flattened()
+        .iter()
+        .zip(b.joints().as_flattened());
     let gap = |(a, b): (&[f32; 3], &[f32; 3])| {
         let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
         squares.sum::<f32>().sqrt()
@@ -170,7 +182,11 @@ fn a_body_that_lies_or_never_touches_the_ground_keeps_its_pose() {
     );
     for (motion, bound) in [(lying, 0.05), (swimming, 0.01)] {
         let fitted = fit(&motion, &Fit::default());
-        assert!(fitted.distance(&motion) < bound, "{}", fitted.distance(&motion));
+        assert!(
+            fitted.distance(&motion) < bound,
+            "{}",
+            fitted.distance(&motion)
+        );
     }
 }
 
@@ -208,7 +224,9 @@ fn a_body_that_snaps_round_turns_like_one_that_has_weight() {
         |frame, pose| pose[0] = turn(1, if frame < 30 { 0.0 } else { 3.0 }),
     );
     let pelvis = |motion: &Motion| {
-        JointTurning::of(&motion.rotations()).largest(Joint::Pelvis).degrees
+        JointTurning::of(&motion.rotations())
+            .largest(Joint::Pelvis)
+            .degrees
     };
     assert!(pelvis(&snapping) > 170.0);
     let fitted = fit(&snapping, &Fit::default());

@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use batches::batch;
 use burn::tensor::{Device, Tensor};
-use lamogen_guide::{Batch, Finish, Guidance, GuideError, Guided, Moved, Observer, Sampler, Step};
+use lamogen_guide::{
+    Batch, Body, Finish, Guidance, GuideError, Guided, Moved, Observer, Sampler, Step,
+};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::{Normalization, POSE_FEATURES};
@@ -156,6 +158,7 @@ fn a_finish_goes_on_where_the_steps_end() {
         };
         let (plain, before, ..) = run(&guidance);
         let (finished, seen, embeddings, predictions) = run(&Guidance {
+            body: Body::Network,
             finish: Some(FINISH),
             ..guidance.clone()
         });

@@ -523,9 +523,9 @@ pub struct Batch {
     /// Which part of the lines to work on: 2/8 is the second of eight.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
-    /// How many motions run together.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub batch_size: u32,
+    /// How many motions run together: usually 1 on a CPU, where each is then exactly the motion that generate gives, and 8 on a GPU.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub batch_size: Option<u32>,
     #[command(flatten)]
     pub pass: PassArguments,
     #[command(flatten)]

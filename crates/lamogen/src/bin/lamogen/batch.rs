@@ -33,8 +33,10 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
         .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
         .map_err(|error| Failure::output(&options.out, error))?;
     let source = Source::open(&options.source, console)?;
+    let batch_size = options.batch_size.map(|size| size as usize);
+    let batch_size = batch_size.unwrap_or(source.model.batch_size());
     let source = Source {
-        model: source.model.with_batch_size(options.batch_size as usize),
+        model: source.model.with_batch_size(batch_size),
         ..source
     };
     let work = Work {
@@ -51,7 +53,7 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
     let bar = console.bar("motions");
     bar.set_length(pending.len() as u64);
     let mut failed: Vec<(String, String)> = Vec::new();
-    for items in pending.chunks(options.batch_size as usize) {
+    for items in pending.chunks(batch_size) {
         work.generate(items, &bar, &mut failed)?;
     }
     bar.finish_and_clear();

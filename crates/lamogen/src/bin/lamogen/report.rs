@@ -140,6 +140,7 @@ fn turning(shown: &Shown) -> Value {
     let mut whole = of(turning.mean_but_pelvis(), turning.largest_but_pelvis());
     whole["rotations"] = match shown.turns_as_its_file() {
         true => "file".into(),
+        false if shown.motion.is_rigid() => "rig".into(),
         false => "solved".into(),
     };
     whole["pelvis"] = joints[Joint::Pelvis.name()].clone();
