@@ -261,9 +261,9 @@ mod tests {
             let Some(parent) = joint.parent() else {
                 continue;
             };
-            for axis in 0..3 {
-                let bone = joints[joint.index()][axis] - joints[parent.index()][axis];
-                assert!((bone - rest.offset(joint)[axis]).abs() < 1e-6);
+            let ends = joints[joint.index()].iter().zip(joints[parent.index()]);
+            for ((end, start), offset) in ends.zip(rest.offset(joint)) {
+                assert!((end - start - offset).abs() < 1e-6);
             }
         }
     }
