@@ -11,16 +11,16 @@ pub struct Fit {
     pub evaluations: usize,
     /// The same where there is a goal. Default: 200.
     pub goal_evaluations: usize,
-    /// Distance of every joint from the motion's, in metres. Default: 1.
+    /// Distance of every joint from the motion's, in metres. Default: 4.
     pub nearness: f64,
-    /// Third difference of that distance: what is changed is changed smoothly, and details of the motion stay. Default: 5.
+    /// Third difference of that distance: what is changed is changed smoothly, and details of the motion stay. Default: 15.
     pub smoothness: f64,
     /// Third difference of the joints' own positions. Default: 0.1.
     pub jerk: f64,
     /// Second difference of what a joint's quaternion is off the one [solved](lamogen_motion::Rotations::of) from the motion. The neck,
-    /// whose turns hardly move anything, counts [sixty times](Fit::neck). Default: 5.
+    /// whose turns hardly move anything, counts [eighty times](Fit::neck). Default: 5.
     pub turning: f64,
-    /// How many times as much as another joint's the neck's turning counts. Default: 60.
+    /// How many times as much as another joint's the neck's turning counts. Default: 80.
     pub neck: f64,
     /// Second difference of a joint's quaternion. Default: 0.05.
     pub rotation: f64,
@@ -28,11 +28,11 @@ pub struct Fit {
     pub haste: f64,
     /// Degrees that a joint may turn in its parent's frame from one frame to the next. Default: 26, which is 520 degrees a second.
     pub fastest: f64,
-    /// Distance of a foot that stands from where it stands, in metres. Default: 300.
+    /// Distance of a foot that stands from where it stands, in metres. Default: 600.
     pub stand: f64,
-    /// How far the ball of a swinging foot is below the height at which it clears the ground, in metres. Default: 30.
+    /// How far the ball of a swinging foot is below the height at which it clears the ground, in metres. Default: 70.
     pub clearance: f64,
-    /// How far a joint is below the ground, in metres. Default: 600.
+    /// How far a joint is below the ground, in metres. Default: 1500.
     pub floor: f64,
     /// How far elbow or knee is bent the wrong way, as a share of the lower bone's length. Default: 2.
     pub hinge: f64,
@@ -40,7 +40,7 @@ pub struct Fit {
     pub plane: f64,
     /// Difference of a joint's quaternion from the one solved. It settles twists that no position tells. Default: 0.002.
     pub prior: f64,
-    /// What a [`Goal`](crate::Goal) is multiplied by. Default: 10.
+    /// What a [`Goal`](crate::Goal) is multiplied by. Default: 15.
     pub goal: f64,
 }
 
@@ -49,21 +49,21 @@ impl Default for Fit {
         Fit {
             evaluations: 60,
             goal_evaluations: 200,
-            nearness: 1.0,
-            smoothness: 5.0,
+            nearness: 4.0,
+            smoothness: 15.0,
             jerk: 0.1,
             turning: 5.0,
-            neck: 60.0,
+            neck: 80.0,
             rotation: 0.05,
             haste: 200.0,
             fastest: 26.0,
-            stand: 300.0,
-            clearance: 30.0,
-            floor: 600.0,
+            stand: 600.0,
+            clearance: 70.0,
+            floor: 1500.0,
             hinge: 2.0,
             plane: 0.05,
             prior: 0.002,
-            goal: 10.0,
+            goal: 15.0,
         }
     }
 }

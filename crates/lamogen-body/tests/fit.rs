@@ -305,13 +305,17 @@ fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
     let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
     let before = still.position(30, Joint::RightWrist)[1];
     let asked = before + 0.2;
-    let whole = Fit::default().run(&[input], Some(&mut Reach(asked)), &mut |_| {
+    let fit = Fit {
+        goal: 100.0,
+        ..Fit::default()
+    };
+    let whole = fit.run(&[input], Some(&mut Reach(asked)), &mut |_| {
         ControlFlow::Continue(())
     });
     assert!((wrist(&whole.rotations[0]) - asked).abs() < 0.03);
 
     let mut seen = 0;
-    let stopped = Fit::default().run(&[input], Some(&mut Reach(asked)), &mut |progress| {
+    let stopped = fit.run(&[input], Some(&mut Reach(asked)), &mut |progress| {
         seen = progress.done;
         match progress.done {
             10 => ControlFlow::Break(()),

@@ -13,7 +13,7 @@ use crate::guided::{Reached, Targets};
 
 /// How much more a component that shall change counts on the body than [`Guidance::emphasis`] says. The body's motion can follow where the
 /// network's would leave what the sentence says.
-const EMPHASIS: f32 = 3.0;
+const EMPHASIS: f32 = 3.5;
 
 /// The body that motions of pose features are on: that of HumanML3D, which all of its motions have.
 ///
