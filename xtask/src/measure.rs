@@ -38,7 +38,7 @@ pub struct Options {
 const DRAWS: usize = 20;
 
 /// Measures a model and, beside it, the real motions: losses on clean motions, R-precision, FID, foot sliding, jitter, bone
-/// drift. Generated motions have captions and lengths of the real ones.
+/// drift. Generated motions have captions and lengths of the real ones, and are what the network itself gives.
 ///
 /// # Errors
 ///
@@ -89,7 +89,7 @@ pub fn run(
             })
             .collect();
         let made = model.generate_all(&requests)?;
-        let made: Vec<Motion> = made.into_iter().map(|made| made.guided).collect();
+        let made: Vec<Motion> = made.into_iter().map(|made| made.network.guided).collect();
         let (mut figures, found) = judged(&judge, &entries, &made, Some(seed))?;
         figures.insert("fid", fid(embedded.motions(), found.motions())?);
         tell(format!("seed {seed}: {figures:.4?}"));

@@ -69,7 +69,7 @@ impl Take {
             bvh: place(".bvh"),
             again_glb: place("_again.glb"),
             joints: place(".json"),
-            rotations: Rotations::of(motion),
+            rotations: motion.rotations().into_owned(),
         };
         let options = WriteOptions::default();
         let mut bare = options.clone();
