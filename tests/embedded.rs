@@ -53,10 +53,10 @@ fn all_components_follow_their_tags_for_every_prompt_and_seed() {
                 100.0 * (tag.scale() - 1.0)
             );
             println!("{report}");
-            // Of what is asked: measured 0.54 to 1.11 by the mean, 0.36 to 1.11 by the maximum.
+            // Of what is asked: measured 0.8 to 1.03 by the mean.
             let asked = tag.scale() - 1.0;
-            assert!((0.4..1.3).contains(&(mean / asked)), "{report}");
-            assert!((0.2..1.4).contains(&(maximum / asked)), "{report}");
+            assert!((0.65..1.2).contains(&(mean / asked)), "{report}");
+            assert!((0.5..1.3).contains(&(maximum / asked)), "{report}");
             let (first, last) = (result.loss[0], result.loss[result.loss.len() - 1]);
             assert!(last < first, "{report}: loss {first} to {last}");
         }

@@ -296,6 +296,8 @@ impl<D: Denoiser> LaMoGen<D> {
 }
 
 /// Motions that run together where nothing else is said.
+// burn gives ndarray up for flex; as long as it is there, it is a CPU.
+#[cfg_attr(feature = "ndarray", allow(deprecated))]
 fn usual_batch_size(device: &Device) -> usize {
     let processors: &[Device] = &[
         #[cfg(feature = "flex")]
