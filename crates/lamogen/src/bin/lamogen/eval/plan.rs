@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use lamogen::guide::edited_prompt;
 use lamogen::laban::{Gaussian, Smoothing};
 use lamogen::{
-    COMPONENTS, Component, Divisor, Finish, Guidance, Preset, Request, Scale, Tag, Update,
+    Body, COMPONENTS, Component, Divisor, Finish, Guidance, Preset, Request, Scale, Tag, Update,
 };
 use lamogen_data::Checksum;
 
@@ -399,15 +399,25 @@ impl Basis {
                 })
                 .into(),
             Study::Front => {
-                let finished = Guidance::precise();
+                // What is moved of the network is compared on its own motions, and with the body beside them.
+                let on_the_network = |guidance| Guidance {
+                    body: Body::Network,
+                    ..guidance
+                };
+                let finished = on_the_network(Guidance::precise());
                 let modulation = Guidance {
                     finish: None,
                     ..finished.clone()
                 };
                 let moved = [
-                    ("embedding", Guidance::fast(), self.steps_of(Preset::Fast)),
+                    (
+                        "embedding",
+                        on_the_network(Guidance::fast()),
+                        self.steps_of(Preset::Fast),
+                    ),
                     ("modulation", modulation, self.steps()),
                     ("modulation with a finish", finished, self.steps()),
+                    ("modulation and body", Guidance::precise(), self.steps()),
                 ];
                 let rows = moved.into_iter().flat_map(|(name, guidance, steps)| {
                     FRONT.map(|emphasis| {
@@ -439,6 +449,7 @@ impl Basis {
                             iterations,
                             ..usual
                         };
+                        setting.guidance.body = Body::Network;
                         setting.guidance.finish = (iterations > 0).then_some(finish);
                     })
                 });

@@ -208,6 +208,7 @@ impl Report {
             line("embedding", [213, 94, 0]),
             line("modulation", [0, 114, 178]),
             line("modulation with a finish", [17, 24, 39]),
+            line("modulation and body", [230, 159, 0]),
             line("finished motion", [0, 158, 115]),
             line("predicted motion", [156, 163, 175]),
             line("start noise", [204, 121, 167]),
