@@ -1,5 +1,7 @@
 //! How a motion becomes one of rigid bones.
 
+use lamogen_motion::Joint;
+
 /// What a fit weighs, and how long it works.
 ///
 /// A fit moves the root and the rotations of a body so that the sum of all its terms becomes least. Each term is a square, summed over
@@ -132,9 +134,9 @@ impl Fit {
     }
 
     /// The weight of a joint's turning.
-    pub(crate) fn weight_of(&self, joint: lamogen_motion::Joint) -> f64 {
+    pub(crate) fn weight_of(&self, joint: Joint) -> f64 {
         match joint {
-            lamogen_motion::Joint::Neck => self.neck,
+            Joint::Neck => self.neck,
             _ => 1.0,
         }
     }

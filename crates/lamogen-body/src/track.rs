@@ -389,15 +389,16 @@ fn is_of_a_leg(joint: Joint) -> bool {
     )
 }
 
-/// Elbows bend forward when the palms of the T-pose look down, knees backward.
 fn hinges(bones: &Bones) -> [Hinge; 4] {
     [
-        (Joint::LeftElbow, Joint::LeftWrist, DVec3::NEG_Y),
-        (Joint::RightElbow, Joint::RightWrist, DVec3::Y),
-        (Joint::LeftKnee, Joint::LeftAnkle, DVec3::X),
-        (Joint::RightKnee, Joint::RightAnkle, DVec3::X),
+        (Joint::LeftElbow, Joint::LeftWrist),
+        (Joint::RightElbow, Joint::RightWrist),
+        (Joint::LeftKnee, Joint::LeftAnkle),
+        (Joint::RightKnee, Joint::RightAnkle),
     ]
-    .map(|(joint, end, axis)| {
+    .map(|(joint, end)| {
+        let axis = RestPose::hinge(joint).expect("elbows and knees are hinges");
+        let axis = DVec3::from(axis.map(f64::from));
         let bone = bones.0[end.index()].normalize_or_zero();
         Hinge {
             joint,

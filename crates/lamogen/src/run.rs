@@ -239,7 +239,10 @@ impl<'a, D: Denoiser> Run<'a, D> {
     fn interrupted(&self, error: GuideError, baselines: &[Motion]) -> Error {
         match error {
             GuideError::Stopped(stopped) => {
-                Error::Stopped(Box::new(self.stopped(*stopped, baselines)))
+                let at = (stopped.pass, stopped.index, stopped.steps);
+                self.stopped(at, baselines, &stopped.loss, |index| {
+                    self.motion(&stopped.prediction, index).ok()
+                })
             }
             error => {
                 let index = error.motion().unwrap_or(0);
@@ -248,18 +251,25 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }
     }
 
-    fn stopped(&self, stopped: lamogen_guide::Stopped, baselines: &[Motion]) -> Stopped {
+    /// What a stopped pass leaves: the baselines, if they are finished, and what else there is of every motion.
+    fn stopped(
+        &self,
+        (pass, index, steps): (Pass, usize, usize),
+        baselines: &[Motion],
+        loss: &[Vec<f32>],
+        prediction: impl Fn(usize) -> Option<Motion>,
+    ) -> Error {
         let mut partial = self.partial(baselines);
-        for (index, unfinished) in partial.unfinished.iter_mut().enumerate() {
-            unfinished.prediction = self.motion(&stopped.prediction, index).ok();
-            unfinished.loss = stopped.loss.iter().map(|losses| losses[index]).collect();
+        for (place, unfinished) in partial.unfinished.iter_mut().enumerate() {
+            unfinished.prediction = prediction(place);
+            unfinished.loss = loss.iter().map(|losses| losses[place]).collect();
         }
-        Stopped {
-            pass: stopped.pass,
-            index: stopped.index,
-            steps: stopped.steps,
+        Error::Stopped(Box::new(Stopped {
+            pass,
+            index,
+            steps,
             partial,
-        }
+        }))
     }
 
     fn failed(&self, index: usize, reason: Failure, baselines: &[Motion]) -> Error {
@@ -316,13 +326,11 @@ impl<D: Denoiser> OnBody<'_, '_, D> {
         drop(watch);
         let motions = self.run.rigid(rotations, Pass::Baseline, &[])?;
         match is_stopped {
-            true => Err(self.stopped(
-                last,
-                self.run.group.guidance.fit.allowed(false),
-                &motions,
-                &[],
-                &[],
-            )),
+            true => {
+                let steps = self.run.group.guidance.fit.allowed(false);
+                let at = (Pass::Body, last, steps);
+                Err(self.run.stopped(at, &motions, &[], |_| None))
+            }
             false => Ok(motions),
         }
     }
@@ -349,41 +357,18 @@ impl<D: Denoiser> OnBody<'_, '_, D> {
         let made = made.map_err(|error| self.run.interrupted(error, baselines))?;
         let motions = self.run.rigid(made.rotations, Pass::Guided, baselines)?;
         match made.is_stopped {
-            true => Err(self.stopped(
-                last,
-                self.run.group.guidance.fit.allowed(true),
-                baselines,
-                &motions,
-                &guided.loss,
-            )),
+            true => {
+                let steps = self.run.group.guidance.fit.allowed(true);
+                let at = (Pass::Body, last, steps);
+                let prediction = |index: usize| motions.get(index).cloned();
+                Err(self.run.stopped(at, baselines, &guided.loss, prediction))
+            }
             false => Ok(Made {
                 motions,
                 whole: made.whole,
                 parts: made.parts,
             }),
         }
-    }
-
-    /// The end of a fit before its time: what it has so far is kept.
-    fn stopped(
-        &self,
-        index: usize,
-        steps: usize,
-        baselines: &[Motion],
-        predictions: &[Motion],
-        loss: &[Vec<f32>],
-    ) -> Error {
-        let mut partial = self.run.partial(baselines);
-        for (place, unfinished) in partial.unfinished.iter_mut().enumerate() {
-            unfinished.prediction = predictions.get(place).cloned();
-            unfinished.loss = loss.iter().map(|losses| losses[place]).collect();
-        }
-        Error::Stopped(Box::new(Stopped {
-            pass: Pass::Body,
-            index,
-            steps,
-            partial,
-        }))
     }
 }
 

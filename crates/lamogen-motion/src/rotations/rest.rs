@@ -119,6 +119,17 @@ impl RestPose {
         (lengths.iter().sum::<f64>() / 2.0) as f32
     }
 
+    /// The axis about which elbow or knee bends in the T-pose: elbows bend forward when the palms look down, knees backward. `None` for
+    /// joints that turn any way.
+    pub fn hinge(joint: Joint) -> Option<[f32; 3]> {
+        match joint {
+            Joint::LeftElbow => Some([0.0, -1.0, 0.0]),
+            Joint::RightElbow => Some([0.0, 1.0, 0.0]),
+            Joint::LeftKnee | Joint::RightKnee => Some([1.0, 0.0, 0.0]),
+            _ => None,
+        }
+    }
+
     /// Where a joint is seen from its parent, in metres; the pelvis is at the origin.
     pub fn offset(&self, joint: Joint) -> [f32; 3] {
         self.offsets[joint.index()]

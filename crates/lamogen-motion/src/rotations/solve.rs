@@ -13,33 +13,32 @@ use crate::skeleton::{JOINTS, Joint};
 struct Limb {
     /// Shoulder or hip.
     upper: Joint,
+    /// Elbow or knee.
+    middle: Joint,
     /// Wrist or ankle.
     end: Joint,
-    /// The axis about which elbow or knee bends, in the T-pose.
-    hinge: DVec3,
 }
 
-/// Elbows bend forward when the palms of the T-pose look down, knees backward.
 const LIMBS: [Limb; 4] = [
     Limb {
         upper: Joint::LeftShoulder,
+        middle: Joint::LeftElbow,
         end: Joint::LeftWrist,
-        hinge: DVec3::NEG_Y,
     },
     Limb {
         upper: Joint::RightShoulder,
+        middle: Joint::RightElbow,
         end: Joint::RightWrist,
-        hinge: DVec3::Y,
     },
     Limb {
         upper: Joint::LeftHip,
+        middle: Joint::LeftKnee,
         end: Joint::LeftAnkle,
-        hinge: DVec3::X,
     },
     Limb {
         upper: Joint::RightHip,
+        middle: Joint::RightKnee,
         end: Joint::RightAnkle,
-        hinge: DVec3::X,
     },
 ];
 
@@ -205,10 +204,10 @@ impl Turns<'_> {
         bones: &[DVec3],
         parents: &[DQuat],
     ) -> Vec<(DQuat, f64)> {
-        let middle = limb.end.parent().unwrap_or(limb.end);
-        let standing = frame(rest, limb.hinge).transpose();
+        let hinge = RestPose::hinge(limb.middle).expect("elbows and knees are hinges");
+        let standing = frame(rest, vector(hinge)).transpose();
         let plane = |((pose, parent), &bone): ((&[DVec3; JOINTS], &DQuat), &DVec3)| {
-            let lower = pose[limb.end.index()] - pose[middle.index()];
+            let lower = pose[limb.end.index()] - pose[limb.middle.index()];
             let lower = (parent.inverse() * lower).normalize_or_zero();
             let normal = bone.cross(lower);
             if normal.length() < 1e-3 {

@@ -284,10 +284,7 @@ impl PassArguments {
         if let Some(body) = self.body {
             guidance.body = body.body();
         }
-        if guidance != preset.guidance() {
-            request = request.guidance(guidance);
-        }
-        request
+        request.guidance(guidance)
     }
 }
 
