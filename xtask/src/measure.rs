@@ -53,7 +53,7 @@ pub fn run(
     let judge = Judge::load(&options.evaluator, device)?;
     let network = model.network();
     let lengths = network.min_frames()..=network.max_frames();
-    let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None)?;
+    let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
     let mut losses = serde_json::Map::new();
     for split in [Split::Validation, Split::Test] {
         let validation = Validation::new(&dataset, &tokens, split, lengths.clone(), device);

@@ -123,6 +123,8 @@ impl Task for Practice {
             captions: (0..self.batch).collect(),
             x_t: clean.clone() * alphas.sqrt() + noise * rest.sqrt(),
             timesteps,
+            laban: None,
+            sentences: None,
             mask: FrameMask::new(&vec![self.frames; self.batch], self.frames, &self.device),
         };
         let trained = network.gradients(batch, |output| (output - clean).square().mean());

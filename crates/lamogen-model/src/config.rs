@@ -34,6 +34,63 @@ pub struct ClipTextConfig {
     pub layers: usize,
 }
 
+/// How the Laban features of a motion are told to a network that was trained to read them: as natural logarithms of the means over time of
+/// Weight, Time, Flow and Shape, normalised by the mean and standard deviation of these logarithms over the training clips.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LabanCondition {
+    /// Mean of the logarithms over the training clips: Weight, Time, Flow, Shape.
+    pub mean: [f32; LABAN_FEATURES],
+    /// Their standard deviation.
+    pub std: [f32; LABAN_FEATURES],
+}
+
+/// Weight, Time, Flow and Shape.
+pub const LABAN_FEATURES: usize = 4;
+
+impl LabanCondition {
+    /// What the network reads of a motion: each feature's normalised logarithm, at most four standard deviations from the mean, and 0 where it
+    /// is not told; then 1 or 0 for each, whether it is told.
+    ///
+    /// `means` are the features' means over time, as `lamogen_laban::LabanFeatures` measures them by default; below 0 counts as 0.
+    pub fn encode(&self, means: &[Option<f32>; LABAN_FEATURES]) -> [f32; 2 * LABAN_FEATURES] {
+        /// Keeps the logarithm of a motion at rest finite.
+        const LEAST: f32 = 1e-12;
+        const FARTHEST: f32 = 4.0;
+        std::array::from_fn(|place| {
+            match (
+                place.checked_sub(LABAN_FEATURES),
+                means[place % LABAN_FEATURES],
+            ) {
+                (_, None) => 0.0,
+                (Some(_), Some(_)) => 1.0,
+                (None, Some(mean)) => {
+                    let logarithm = mean.max(LEAST).ln();
+                    ((logarithm - self.mean[place]) / self.std[place]).clamp(-FARTHEST, FARTHEST)
+                }
+            }
+        })
+    }
+
+    fn problem(&self) -> Option<String> {
+        for (name, numbers, least) in [
+            ("mean", &self.mean, f32::NEG_INFINITY),
+            ("std", &self.std, 0.0),
+        ] {
+            if let Some(found) = numbers
+                .iter()
+                .find(|number| !(number.is_finite() && **number > least))
+            {
+                return Some(format!(
+                    "laban_condition.{name} must be finite numbers{}, found {found}",
+                    if least == 0.0 { " above 0" } else { "" }
+                ));
+            }
+        }
+        None
+    }
+}
+
 /// Sizes of a denoiser with its text encoder. The names are those of MotionDiffuse's options.
 ///
 /// ```
@@ -43,7 +100,7 @@ pub struct ClipTextConfig {
 /// let json = serde_json::to_string(&config).unwrap();
 /// assert_eq!(ModelConfig::from_json(json.as_bytes(), "config.json").unwrap(), config);
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
     /// Pose features a frame.
@@ -75,6 +132,9 @@ pub struct ModelConfig {
     /// What the output is.
     #[serde(default)]
     pub prediction: Prediction,
+    /// How Laban features are told to the network; left out, it cannot be told any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub laban_condition: Option<LabanCondition>,
 }
 
 /// Frames of HumanML3D's shortest clips.
@@ -126,6 +186,7 @@ impl ModelConfig {
                 layers: 12,
             },
             prediction: Prediction::Epsilon,
+            laban_condition: None,
         }
     }
 
@@ -245,7 +306,7 @@ impl ModelConfig {
                 self.latent_dim
             ));
         }
-        None
+        { self.laban_condition.as_ref() }.and_then(LabanCondition::problem)
     }
 }
 

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_motion::frame_mask;
 
-use crate::config::Prediction;
+use crate::config::{LABAN_FEATURES, Prediction};
 
 /// A text-to-motion denoiser that can be sampled from and guided.
 ///
@@ -47,6 +47,13 @@ pub trait Denoiser {
 
     /// Everything that depends on the timesteps alone: `[timesteps, d_condition]`.
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2>;
+
+    /// What is added to the embeddings of prompts to tell the network the Laban features of the motions to make: the means over time of Weight,
+    /// Time, Flow and Shape, each where it is told. `[motions, d_condition]`, or `None` where the network cannot be told any.
+    fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
+        let _ = means;
+        None
+    }
 
     /// One evaluation: noise or clean motion (see [`prediction`](Denoiser::prediction)),
     /// `[batch, frames, features]`. What stands past a motion's length has no meaning.

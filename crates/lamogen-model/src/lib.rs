@@ -16,7 +16,12 @@ mod denoiser;
 mod network;
 
 pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precision};
-pub use config::{ClipTextConfig, ConfigError, ModelConfig, Prediction};
+pub use config::{
+    ClipTextConfig, ConfigError, LABAN_FEATURES, LabanCondition, ModelConfig, Prediction,
+};
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens, learn};
-pub use network::{CrossAttentionContext, Draw, MotionDiffuse, Trained, TrainingBatch, initialize};
+pub use network::{
+    CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, Trained, TrainingBatch,
+    initialize,
+};

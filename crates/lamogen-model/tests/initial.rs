@@ -27,6 +27,7 @@ fn config() -> ModelConfig {
             layers: 1,
         },
         prediction: Prediction::Sample,
+        laban_condition: None,
     }
 }
 
@@ -93,6 +94,8 @@ fn at_first_the_network_says_zero_whatever_it_sees() {
         captions: vec![0],
         x_t: Tensor::from_data(TensorData::new(x_t, [1, 30, 20]), &Device::flex()),
         timesteps: vec![400],
+        laban: None,
+        sentences: None,
         mask: FrameMask::new(&[30], 30, &Device::flex()),
     });
     let output: Vec<f32> = output.try_into_vec_as().unwrap();

@@ -36,6 +36,7 @@ fn config() -> ModelConfig {
             layers: 1,
         },
         prediction: Prediction::Epsilon,
+        laban_condition: None,
     }
 }
 
@@ -232,6 +233,8 @@ fn batch() -> TrainingBatch {
         captions: vec![0, 1, 2, 3],
         x_t: input.x_t,
         timesteps: vec![321, 0, 999, 5],
+        laban: None,
+        sentences: None,
         mask: input.mask,
     }
 }

@@ -12,7 +12,7 @@ const MERGES: &str = include_str!("../data/clip_merges.txt");
 /// What stands at the end of a token that ends a word.
 const END_OF_WORD: &str = "</w>";
 
-const START: u32 = 49406;
+pub(crate) const START: u32 = 49406;
 
 /// The id that ends a text, the largest.
 pub(crate) const END: u32 = 49407;

@@ -83,6 +83,11 @@ impl FileTokenizer {
         self.empty.len()
     }
 
+    /// What a text without words becomes.
+    pub(crate) fn empty(&self) -> &[u32] {
+        &self.empty
+    }
+
     /// The id that ends a text, which is the largest.
     pub(crate) fn end(&self) -> u32 {
         self.end

@@ -122,6 +122,20 @@ impl Tokenizer {
         self.context_length
     }
 
+    /// The ids of a text without words: what a network sees that was trained with text dropout where nothing is said.
+    pub fn unconditional(&self) -> Tokens {
+        let mut ids = match &self.source {
+            Source::Clip(_) => vec![clip::START, clip::END],
+            Source::File(file) => file.empty().to_vec(),
+        };
+        ids.resize(self.context_length, 0);
+        Tokens {
+            ids,
+            cut: 0,
+            own: 0,
+        }
+    }
+
     /// Number of embeddings that a text tower needs for this tokenizer's ids: 49408 for CLIP's.
     pub fn vocab_size(&self) -> usize {
         let end = match &self.source {

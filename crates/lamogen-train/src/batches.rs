@@ -4,6 +4,7 @@ use std::ops::{Range, RangeInclusive};
 
 use lamogen_data::Dataset;
 use lamogen_guide::TRAINING_STEPS;
+use lamogen_model::LABAN_FEATURES;
 use rand::{Rng, RngExt};
 
 use crate::config::DenoisingConfig;
@@ -17,6 +18,9 @@ pub(crate) struct Batches {
     lengths: RangeInclusive<usize>,
     frames_per_batch: usize,
     noises: usize,
+    text_dropout: f64,
+    laban_share: f64,
+    phrasings: bool,
     buckets: Vec<Bucket>,
     /// Sums of the buckets' weights, each with those before it.
     weights: Vec<f64>,
@@ -45,8 +49,12 @@ pub(crate) struct Visit {
     pub(crate) entry: usize,
     /// Which frames of it.
     pub(crate) frames: Range<usize>,
-    /// Which of its captions.
-    pub(crate) caption: usize,
+    /// Which of its captions; none where nothing is said.
+    pub(crate) caption: Option<usize>,
+    /// Which phrasing of it; 0 is as it is.
+    pub(crate) phrasing: u64,
+    /// Which Laban features are told.
+    pub(crate) laban: [bool; LABAN_FEATURES],
     pub(crate) timestep: usize,
     /// Of its noise.
     pub(crate) noise: u64,
@@ -62,7 +70,7 @@ impl Batches {
         lengths: RangeInclusive<usize>,
     ) -> Option<Self> {
         let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
-        let mut sorted = candidates(dataset, *lengths.start());
+        let mut sorted = candidates(dataset, *lengths.start(), config.source_balance);
         sorted.sort_by_key(|&(entry, _)| (frames(entry), entry));
         let size = sorted.len().div_ceil(config.length_buckets);
         let bucket = |candidates: &[(usize, f64)]| {
@@ -88,6 +96,9 @@ impl Batches {
             lengths,
             frames_per_batch: config.frames_per_batch,
             noises: config.noises_per_motion,
+            text_dropout: config.text_dropout,
+            laban_share: config.laban_share,
+            phrasings: config.phrasings > 0,
             weights,
             buckets,
         })
@@ -96,6 +107,12 @@ impl Batches {
     /// How many motions are dealt out.
     pub(crate) fn motions(&self) -> usize {
         self.buckets.iter().map(|bucket| bucket.entries.len()).sum()
+    }
+
+    /// Which entries are dealt out.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = usize> {
+        let buckets = self.buckets.iter();
+        buckets.flat_map(|bucket| bucket.entries.iter().map(|candidate| candidate.entry))
     }
 
     /// The batch of a step.
@@ -109,13 +126,25 @@ impl Batches {
             let lengths = self.lengths.clone();
             let frames = cut(candidate.frames, self.crop, lengths, 1, &mut generator);
             let caption = generator.random_range(0..candidate.captions as u64) as usize;
+            // Drawn only where asked for, so that other runs draw as they did before.
+            let phrasing = match self.phrasings {
+                true => generator.random_range(0..=u64::from(u32::MAX)),
+                false => 0,
+            };
             // Each noise of a motion in a part of the timesteps of its own, so that they differ.
             for part in 0..self.noises {
                 let range = |part: usize| (part * TRAINING_STEPS / self.noises) as u64;
+                let unsaid = self.text_dropout > 0.0 && generator.random_bool(self.text_dropout);
+                let laban = match self.laban_share > 0.0 {
+                    true => told(self.laban_share, &mut generator),
+                    false => [false; LABAN_FEATURES],
+                };
                 visits.push(Visit {
                     entry: candidate.entry,
                     frames: frames.clone(),
-                    caption,
+                    caption: (!unsaid).then_some(caption),
+                    phrasing,
+                    laban,
                     timestep: generator.random_range(range(part)..range(part + 1)) as usize,
                     noise: generator.next_u64(),
                 });
@@ -123,6 +152,16 @@ impl Batches {
         }
         visits
     }
+}
+
+/// Which Laban features are told of a motion: of a share of the motions, mostly all of them, at times only some.
+fn told(share: f64, generator: &mut impl Rng) -> [bool; LABAN_FEATURES] {
+    const ALL: f64 = 0.7;
+    if !generator.random_bool(share) {
+        return [false; LABAN_FEATURES];
+    }
+    let all = generator.random_bool(ALL);
+    std::array::from_fn(|_| generator.random_bool(0.5) || all)
 }
 
 /// Sums of numbers, each with those before it.

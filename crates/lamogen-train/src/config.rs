@@ -45,6 +45,20 @@ pub struct DenoisingConfig {
     pub length_buckets: usize,
     /// The share of a motion's frames that may be cut away, at its ends, at each visit; never below the model's shortest motion.
     pub crop: f64,
+    /// How often each caption is also known in other words (see [`Paraphrases`](crate::Paraphrases)), beside its own.
+    pub phrasings: usize,
+    /// The share of motions that are shown without their caption, so that the network knows motion of which nothing is said: what
+    /// classifier-free guidance (Ho and Salimans 2022) needs.
+    pub text_dropout: f64,
+    /// The share of motions that are shown with their Laban features, as one more condition: what control without gradients needs. Their
+    /// statistics are measured on the training split where the model's config has none.
+    pub laban_share: f64,
+    /// Motions are drawn by one over this power of how many have their source: 0 draws them as if all were from one, 1 each source alike.
+    pub source_balance: f64,
+    /// Sentences of a step that the text encoder learns from a sentence encoder; none at 0.
+    pub sentences_per_batch: usize,
+    /// Weight of what it learns from them.
+    pub sentence_weight: f64,
     /// Weights of losses beside that of the prediction.
     pub losses: Losses,
 }
@@ -56,6 +70,12 @@ impl Default for DenoisingConfig {
             noises_per_motion: 1,
             length_buckets: 8,
             crop: 0.0,
+            phrasings: 0,
+            text_dropout: 0.0,
+            laban_share: 0.0,
+            source_balance: 0.0,
+            sentences_per_batch: 0,
+            sentence_weight: 1.0,
             losses: Losses::default(),
         }
     }
@@ -175,6 +195,26 @@ impl DenoisingConfig {
             return Some(format!(
                 "denoising.crop must be from 0 to below 1, found {found}"
             ));
+        }
+        for (name, found) in [
+            ("text_dropout", self.text_dropout),
+            ("laban_share", self.laban_share),
+            ("source_balance", self.source_balance),
+        ] {
+            if !(0.0..=1.0).contains(&found) {
+                return Some(format!(
+                    "denoising.{name} must be from 0 to 1, found {found}"
+                ));
+            }
+        }
+        if !(self.sentence_weight.is_finite() && self.sentence_weight >= 0.0) {
+            let found = self.sentence_weight;
+            return Some(format!(
+                "denoising.sentence_weight must be 0 or above, found {found}"
+            ));
+        }
+        if self.sentences_per_batch == 1 {
+            return Some("denoising.sentences_per_batch must be 0, or 2 and above: sentences are compared with each other".to_owned());
         }
         self.losses.problem()
     }

@@ -7,7 +7,7 @@ use burn::module::Module;
 use burn::tensor::Device;
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::Schedule;
-use lamogen_model::{MotionDiffuse, Precision, Prediction, Trained};
+use lamogen_model::{ModelConfig, MotionDiffuse, Precision, Prediction, Trained};
 use lamogen_motion::Normalization;
 
 use crate::batches::Batches;
@@ -15,8 +15,10 @@ use crate::config::TrainingConfig;
 use crate::error::TrainError;
 use crate::example::Example;
 use crate::identity::first_difference;
+use crate::laban::TrainingLaban;
 use crate::model_folder::{self, write};
 use crate::optimization::Optimization;
+use crate::sentences::Sentences;
 use crate::task::{Lesson, Task};
 use crate::tokens::CaptionTokens;
 use crate::validation::Validation;
@@ -29,7 +31,9 @@ use crate::validation::Validation;
 pub struct Denoising<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
-    config: &'a TrainingConfig,
+    config: TrainingConfig,
+    laban: Option<TrainingLaban>,
+    sentences: Option<&'a Sentences>,
     batches: Batches,
     schedule: Schedule,
     normalization: Normalization,
@@ -64,12 +68,21 @@ impl<'a> Denoising<'a> {
         let lengths = config.model.shortest()..=config.model.num_frames;
         let seed = config.optimization.seed;
         let batches = Batches::new(dataset, &config.denoising, seed, lengths.clone());
+        let batches = batches.ok_or_else(|| TrainError::NoMotions {
+            split: Split::Train,
+            shortest: *lengths.start(),
+            longest: *lengths.end(),
+        })?;
+        let laban = (config.denoising.laban_share > 0.0)
+            .then(|| TrainingLaban::measure(dataset, batches.entries(), device));
+        let mut config = config.clone();
+        if let (Some(laban), None) = (&laban, &config.model.laban_condition) {
+            config.model.laban_condition = Some(laban.statistics());
+        }
         Ok(Denoising {
-            batches: batches.ok_or_else(|| TrainError::NoMotions {
-                split: Split::Train,
-                shortest: *lengths.start(),
-                longest: *lengths.end(),
-            })?,
+            batches,
+            laban,
+            sentences: None,
             validation: Validation::new(dataset, tokens, Split::Validation, lengths, device),
             schedule: Schedule::linear(),
             normalization: dataset.normalization(device),
@@ -111,6 +124,19 @@ impl<'a> Denoising<'a> {
         })
     }
 
+    /// Lets the text encoder learn from sentences as well, as the config's `sentences_per_batch` and `sentence_weight` say.
+    pub fn with_sentences(self, sentences: &'a Sentences) -> Self {
+        Denoising {
+            sentences: Some(sentences),
+            ..self
+        }
+    }
+
+    /// Sizes of the network, with the statistics of Laban features where it is told any.
+    pub fn model(&self) -> &ModelConfig {
+        &self.config.model
+    }
+
     /// How many motions are trained on, mirrored ones included.
     pub fn motions(&self) -> usize {
         self.batches.motions()
@@ -132,16 +158,29 @@ impl Task for Denoising<'_> {
 
     fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {
         let visits = self.batches.draw(step);
-        let Example { batch, truth } = Example::new(
+        let Example { mut batch, truth } = Example::new(
             self.dataset,
             self.tokens,
+            self.laban.as_ref(),
             &self.schedule,
             &visits,
             &self.device,
         );
+        let denoising = &self.config.denoising;
+        let count = denoising.sentences_per_batch;
+        batch.sentences = { self.sentences }.filter(|_| count > 0).map(|sentences| {
+            sentences.draw(
+                self.config.optimization.seed,
+                step,
+                count,
+                denoising.sentence_weight,
+                &self.device,
+            )
+        });
         let mut loss = None;
         let Trained {
             loss: total_loss,
+            sentence_loss,
             gradients,
         } = network.gradients(batch, |output| {
             let losses = &self.config.denoising.losses;
@@ -152,7 +191,10 @@ impl Task for Denoising<'_> {
         });
         Lesson {
             loss: loss.expect("gradients ask for the loss"),
-            total_loss,
+            total_loss: match sentence_loss {
+                Some(sentence_loss) => total_loss + sentence_loss * denoising.sentence_weight,
+                None => total_loss,
+            },
             gradients,
             motions: visits.len(),
             frames: visits.iter().map(|visit| visit.frames.len()).sum(),

@@ -7,6 +7,7 @@ use lamogen_model::{FrameMask, TrainingBatch};
 use rayon::prelude::*;
 
 use crate::batches::Visit;
+use crate::laban::TrainingLaban;
 use crate::losses::Truth;
 use crate::tokens::CaptionTokens;
 
@@ -21,6 +22,7 @@ impl Example {
     pub(crate) fn new(
         dataset: &Dataset,
         tokens: &CaptionTokens,
+        laban: Option<&TrainingLaban>,
         schedule: &Schedule,
         visits: &[Visit],
         device: &Device,
@@ -59,7 +61,12 @@ impl Example {
             }
         };
         let captions = visits.iter();
-        let captions = captions.map(|visit| row(tokens.of(visit.entry, visit.caption)));
+        let captions = captions.map(|visit| {
+            row(match visit.caption {
+                Some(caption) => tokens.phrased(visit.entry, caption, visit.phrasing),
+                None => tokens.empty(),
+            })
+        });
         let captions: Vec<usize> = captions.collect();
         let shape_of_ids = [rows.len(), rows[0].len()];
         let ids = rows.concat();
@@ -80,6 +87,8 @@ impl Example {
                 x_t: truth.noisy.clone(),
                 timesteps: visits.iter().map(|visit| visit.timestep).collect(),
                 mask: truth.mask.clone(),
+                laban: laban.map(|laban| visits.iter().map(|visit| laban.told(visit)).collect()),
+                sentences: None,
             },
             truth,
         }

@@ -26,8 +26,10 @@ pub fn identity(
             add_text(&mut sum, word.as_deref().unwrap_or_default());
         }
         for caption in 0..entry.captions.len() {
-            for id in tokens.of(place, caption) {
-                sum.add(&id.to_le_bytes());
+            for ids in tokens.phrasings(place, caption) {
+                for id in ids {
+                    sum.add(&id.to_le_bytes());
+                }
             }
         }
     }

@@ -18,13 +18,16 @@ mod error;
 mod example;
 mod gradients;
 mod identity;
+mod laban;
 mod log;
 mod losses;
 mod matching;
 mod model_folder;
 mod optimization;
+mod paraphrases;
 mod run;
 mod sampling;
+mod sentences;
 mod task;
 mod tokens;
 mod trainer;
@@ -40,8 +43,10 @@ pub use matching::{
     EvaluatorTrainingConfig, Matching, MatchingConfig, MatchingError, Others, captioned,
 };
 pub use optimization::Optimization;
+pub use paraphrases::Paraphrases;
 pub use run::{Ended, Length, Plan, RunObserver, RunProgress, run};
+pub use sentences::{Sentences, SentencesError};
 pub use task::{Lesson, Task};
-pub use tokens::CaptionTokens;
+pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};
 pub use validation::Validation;

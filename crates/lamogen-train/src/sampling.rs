@@ -18,17 +18,25 @@ pub(crate) fn stream(seed: u64, step: u64) -> ChaCha12Rng {
 }
 
 /// The motions of the training split that have at least so many frames, each with how likely it is to be seen: by one over the root
-/// of how many have its content. What is done often is seen less than its share, what is done rarely more.
-pub(crate) fn candidates(dataset: &Dataset, shortest: usize) -> Vec<(usize, f64)> {
+/// of how many have its content, and one over a power of how many have its source. What is done often is seen less than its share, what is done rarely more.
+pub(crate) fn candidates(
+    dataset: &Dataset,
+    shortest: usize,
+    source_balance: f64,
+) -> Vec<(usize, f64)> {
     let content = |entry: usize| dataset.entries()[entry].content.as_deref();
+    let source = |entry: usize| dataset.entries()[entry].source.as_deref();
     let entries = dataset.indices(Split::Train);
     let entries = entries.filter(|&entry| dataset.entries()[entry].frames >= shortest);
     let entries: Vec<usize> = entries.collect();
     let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
+    let mut sources: HashMap<Option<&str>, f64> = HashMap::new();
     for &entry in &entries {
         *counts.entry(content(entry)).or_default() += 1.0;
+        *sources.entry(source(entry)).or_default() += 1.0;
     }
-    let weight = |entry| counts[&content(entry)].powf(-0.5);
+    let weight =
+        |entry| counts[&content(entry)].powf(-0.5) * sources[&source(entry)].powf(-source_balance);
     entries
         .into_iter()
         .map(|entry| (entry, weight(entry)))

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor};
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::{Schedule, TRAINING_STEPS};
-use lamogen_model::{Denoiser, MotionDiffuse};
+use lamogen_model::{Denoiser, LABAN_FEATURES, MotionDiffuse};
 
 use crate::batches::Visit;
 use crate::example::Example;
@@ -45,7 +45,9 @@ impl<'a> Validation<'a> {
             let visit = move |&(place, entry): &(usize, usize)| Visit {
                 entry,
                 frames: 0..frames(entry),
-                caption: 0,
+                caption: Some(0),
+                phrasing: 0,
+                laban: [false; LABAN_FEATURES],
                 timestep,
                 noise: (TRAINING_STEPS * place + timestep) as u64,
             };
@@ -81,8 +83,14 @@ impl<'a> Validation<'a> {
         let schedule = Schedule::linear();
         let mut errors = Vec::new();
         for visits in &self.batches {
-            let Example { batch, truth } =
-                Example::new(self.dataset, self.tokens, &schedule, visits, &self.device);
+            let Example { batch, truth } = Example::new(
+                self.dataset,
+                self.tokens,
+                None,
+                &schedule,
+                visits,
+                &self.device,
+            );
             let mut squares = error(network.predict(batch), &truth).square();
             if let Some(keep) = truth.mask.keep() {
                 squares = squares * keep;

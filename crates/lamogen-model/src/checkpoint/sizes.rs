@@ -49,6 +49,7 @@ impl Checkpoint {
                 layers: self.layers("clip.transformer.resblocks"),
             },
             prediction: Prediction::Epsilon,
+            laban_condition: None,
         };
         match config.problem() {
             None => Ok(config),

@@ -29,6 +29,7 @@ impl MotionDiffuse {
                 [.., "token_embedding", "weight"] => draw.normal(0.02, count),
                 // Of stylization layers, and of the whole network.
                 [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
+                ["laban", "mix", "weight"] => vec![0.0; count],
                 [.., "gamma"] => vec![1.0; count],
                 [.., "weight"] => draw.uniform((shape[0] as f32).powf(-0.5), count),
                 _ => vec![0.0; count],

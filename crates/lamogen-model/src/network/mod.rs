@@ -7,6 +7,7 @@ mod cpu;
 mod cross_attention;
 mod feed_forward;
 mod initial;
+mod laban_embedding;
 mod modulation;
 mod motion_diffuse;
 mod self_attention;
@@ -19,7 +20,7 @@ mod training;
 pub use cross_attention::CrossAttentionContext;
 pub use initial::{Draw, initialize};
 pub use motion_diffuse::MotionDiffuse;
-pub use training::{Trained, TrainingBatch};
+pub use training::{SentenceSimilarity, Trained, TrainingBatch};
 
 use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};

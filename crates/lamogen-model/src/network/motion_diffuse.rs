@@ -10,11 +10,12 @@ use super::block::{DecoderBlock, STYLIZATIONS};
 #[cfg(feature = "flex")]
 use super::cpu::{self, Evaluation, Numbers};
 use super::cross_attention::CrossAttentionContext;
+use super::laban_embedding::LabanEmbedding;
 use super::modulation::Modulations;
 use super::text_encoder::TextEncoder;
 use super::time_embedding::TimeEmbedding;
 use crate::checkpoint::{Keyed, Keys};
-use crate::config::{ModelConfig, Prediction};
+use crate::config::{LABAN_FEATURES, ModelConfig, Prediction};
 use crate::denoiser::{Denoiser, DenoiserInput, Linearized, Prompt};
 
 /// MotionDiffuse (Zhang et al. 2022, arXiv 2208.15001): a transformer decoder over frames with
@@ -28,6 +29,7 @@ pub struct MotionDiffuse {
     modulations: Modulations,
     blocks: Vec<DecoderBlock>,
     output: Linear,
+    laban: Option<LabanEmbedding>,
     #[module(skip)]
     config: ModelConfig,
 }
@@ -58,6 +60,7 @@ impl MotionDiffuse {
                 .map(|_| DecoderBlock::new(config, device))
                 .collect(),
             output: LinearConfig::new(latent, config.input_feats).init(device),
+            laban: LabanEmbedding::new(config, device),
             config: config.clone(),
         }
     }
@@ -79,7 +82,14 @@ impl MotionDiffuse {
     ///
     /// If an id is beyond the vocabulary or there are more tokens than the context holds.
     pub fn encode_text(&self, tokens: Tensor<2, Int>) -> (Tensor<2>, Tensor<3>) {
-        self.text.forward(tokens)
+        let features = self.text.forward(tokens.clone());
+        (self.text.project(&features, tokens), features)
+    }
+
+    /// The text features of each sentence's end token, which the sentence embedding is made of: `[batch, text_latent_dim]`.
+    pub(super) fn sentences(&self, tokens: Tensor<2, Int>) -> Tensor<2> {
+        let features = self.text.forward(tokens.clone());
+        TextEncoder::sentences(&features, tokens)
     }
 }
 
@@ -121,6 +131,11 @@ impl Denoiser for MotionDiffuse {
 
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
         self.time.forward(timesteps)
+    }
+
+    fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
+        let embedding = self.laban.as_ref()?;
+        Some(embedding.forward(means))
     }
 
     fn denoise(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
@@ -241,5 +256,8 @@ impl Keyed for MotionDiffuse {
         keys.side_by_side(&modulations, &mut self.modulations.project);
         keys.each("temporal_decoder_blocks", &mut self.blocks);
         keys.linear("out", &mut self.output);
+        if let Some(laban) = &mut self.laban {
+            keys.nested("laban_embed", laban);
+        }
     }
 }

@@ -54,12 +54,9 @@ impl TextEncoder {
 
     /// # Shapes
     ///
-    /// - `tokens`: `[batch, tokens]`, the end token being the largest id
-    /// - sentence embedding: `[batch, d_condition]`
+    /// - `tokens`: `[batch, tokens]`
     /// - token features: `[batch, tokens, text_latent_dim]`
-    pub(super) fn forward(&self, tokens: Tensor<2, Int>) -> (Tensor<2>, Tensor<3>) {
-        let [batch, _] = tokens.dims();
-        let end = tokens.clone().argmax(1);
+    pub(super) fn forward(&self, tokens: Tensor<2, Int>) -> Tensor<3> {
         let mut x = self.clip.forward(tokens);
         if let Some(narrow) = &self.narrow {
             x = narrow.forward(x);
@@ -67,11 +64,19 @@ impl TextEncoder {
         for layer in &self.layers {
             x = layer.forward(x);
         }
-        let x = self.norm.forward(x);
-        let [_, _, width] = x.dims();
-        let end = end.reshape([batch, 1, 1]).repeat_dim(2, width);
-        let sentence = x.clone().gather(1, end).reshape([batch, width]);
-        (self.project.forward(sentence), x)
+        self.norm.forward(x)
+    }
+
+    /// The features of each sentence's end token, the largest id of its row: `[batch, text_latent_dim]`.
+    pub(super) fn sentences(features: &Tensor<3>, tokens: Tensor<2, Int>) -> Tensor<2> {
+        let [batch, _, width] = features.dims();
+        let end = tokens.argmax(1).reshape([batch, 1, 1]).repeat_dim(2, width);
+        features.clone().gather(1, end).reshape([batch, width])
+    }
+
+    /// The sentence embeddings, `[batch, d_condition]`.
+    pub(super) fn project(&self, features: &Tensor<3>, tokens: Tensor<2, Int>) -> Tensor<2> {
+        self.project.forward(Self::sentences(features, tokens))
     }
 }
 

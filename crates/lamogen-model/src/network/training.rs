@@ -18,6 +18,7 @@ use burn::tensor::{Int, Tensor};
 use super::cpu::{self, Evaluation};
 use super::cross_attention::CrossAttentionContext;
 use super::motion_diffuse::MotionDiffuse;
+use crate::config::LABAN_FEATURES;
 use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
 
 /// What a step of training shows to the network. Nothing of it is tracked by autodiff.
@@ -33,6 +34,22 @@ pub struct TrainingBatch {
     pub timesteps: Vec<usize>,
     /// Which frames are part of each motion.
     pub mask: FrameMask,
+    /// The means over time of each motion's Laban features, where they are told (see [`Denoiser::embed_laban`]); `None` where nothing is told of
+    /// any motion.
+    pub laban: Option<Vec<[Option<f32>; LABAN_FEATURES]>>,
+    /// What the text encoder learns beside the motions.
+    pub sentences: Option<SentenceSimilarity>,
+}
+
+/// Sentences and how alike they are: what a text encoder learns from a larger one (relational knowledge distillation, Park et al. 2019).
+#[derive(Clone, Debug)]
+pub struct SentenceSimilarity {
+    /// Token ids, `[sentences, tokens]`, the end token being the largest id of each row.
+    pub tokens: Tensor<2, Int>,
+    /// Cosine of the angle between each two of them, as the larger encoder has it, `[sentences, sentences]`.
+    pub cosines: Tensor<2>,
+    /// Weight of the loss: the mean squared difference of the cosines, over all pairs.
+    pub weight: f64,
 }
 
 /// What a step of training finds.
@@ -40,6 +57,8 @@ pub struct TrainingBatch {
 pub struct Trained {
     /// What the loss function returned, not tracked.
     pub loss: Tensor<1>,
+    /// The mean squared difference of the sentences' cosines, without its weight, not tracked; none without sentences.
+    pub sentence_loss: Option<Tensor<1>>,
     /// The gradient of the loss with respect to each weight.
     pub gradients: GradientsParams,
 }
@@ -63,6 +82,11 @@ impl MotionDiffuse {
             self.device().is_autodiff(),
             "expected a network that autodiff follows"
         );
+        let sentences = batch.sentences.as_ref().map(|similarity| {
+            let loss = self.sentence_loss(similarity);
+            (loss.clone().inner(), loss * similarity.weight)
+        });
+        let (sentence_loss, sentences) = sentences.unzip();
         let (input, context) = self.prepare(TrainingBatch {
             tokens: batch.tokens.autodiff(),
             ..batch
@@ -74,13 +98,18 @@ impl MotionDiffuse {
             let gradients = evaluation.gradients(tape, gradient);
             return Trained {
                 loss,
-                gradients: self.gradients_before(input, &context, gradients),
+                sentence_loss,
+                gradients: self.gradients_before(input, &context, sentences, gradients),
             };
         }
         let loss = loss(self.forward(input, &context));
-        let gradients = loss.clone().backward();
+        let gradients = match sentences {
+            Some(sentences) => (loss.clone() + sentences).backward(),
+            None => loss.clone().backward(),
+        };
         Trained {
             loss: loss.inner(),
+            sentence_loss,
             gradients: GradientsParams::from_grads(gradients, self),
         }
     }
@@ -98,14 +127,29 @@ impl MotionDiffuse {
     /// Each caption encoded once, for all motions that share it.
     fn prepare(&self, batch: TrainingBatch) -> (DenoiserInput, CrossAttentionContext) {
         let prompt = shared(self.encode(batch.tokens), &batch.captions);
+        let laban = { batch.laban }.and_then(|means| self.embed_laban(&means));
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: self.embed_timesteps(&batch.timesteps),
-            embedding: prompt.embedding,
+            embedding: match laban {
+                Some(laban) => prompt.embedding + laban,
+                None => prompt.embedding,
+            },
             modulation: None,
             mask: batch.mask,
         };
         (input, prompt.context)
+    }
+
+    /// The mean squared difference between the cosines of the encoder's sentences and given ones, over all pairs.
+    fn sentence_loss(&self, similarity: &SentenceSimilarity) -> Tensor<1> {
+        let sentences = self.sentences(similarity.tokens.clone().autodiff());
+        let lengths = sentences.clone().square().sum_dim(1).sqrt();
+        let sentences = sentences / lengths;
+        let cosines = sentences.clone().matmul(sentences.transpose());
+        (cosines - similarity.cosines.clone().autodiff())
+            .square()
+            .mean()
     }
 }
 
@@ -134,6 +178,7 @@ impl MotionDiffuse {
         &self,
         input: DenoiserInput,
         context: &CrossAttentionContext,
+        sentences: Option<Tensor<1>>,
         found: lamogen_cpu::Gradients,
     ) -> GradientsParams {
         let condition = input.time + input.embedding;
@@ -142,6 +187,9 @@ impl MotionDiffuse {
         for (text, gradient) in context.0.iter().zip(found.text) {
             let gradient = cpu::tensor(gradient, text.dims());
             along = along + (text.clone() * gradient).sum();
+        }
+        if let Some(sentences) = sentences {
+            along = along + sentences;
         }
         let mut gradients = GradientsParams::from_grads(along.backward(), self);
         self.note(found.weights, &mut gradients);

@@ -67,7 +67,7 @@ impl Pairs {
     pub(super) fn new(dataset: &Dataset, config: &EvaluatorTrainingConfig) -> Option<Self> {
         let lengths = lengths(&config.evaluator);
         let mut known = HashMap::new();
-        let candidates = candidates(dataset, *lengths.start()).into_iter();
+        let candidates = candidates(dataset, *lengths.start(), 0.0).into_iter();
         let candidates = candidates.map(|(index, weight)| {
             let entry = &dataset.entries()[index];
             Candidate {

@@ -12,7 +12,7 @@ pub fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
     let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
     let json = learn(texts.into_iter(), 300).unwrap();
     let tokenizer = Tokenizer::from_json(&json, "learned", 300, context_length).unwrap();
-    CaptionTokens::new(dataset, tokenizer, Some(json)).unwrap()
+    CaptionTokens::new(dataset, tokenizer, Some(json), 0).unwrap()
 }
 
 /// Stops a run after some steps of a sitting, if it is told to.

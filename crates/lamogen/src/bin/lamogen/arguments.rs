@@ -637,6 +637,10 @@ pub struct Train {
     /// A tokenizer.json; without one it is CLIP's for a network with CLIP's vocabulary, else learned from the captions.
     #[arg(long, value_name = "FILE")]
     pub tokenizer: Option<PathBuf>,
+    /// Embeddings of sentences by a sentence encoder, one a row, with the sentences in the .txt beside it: what a recipe with sentences_per_batch
+    /// teaches the text encoder.
+    #[arg(long, value_name = "FILE.npy", conflicts_with = "evaluator")]
+    pub sentences: Option<PathBuf>,
     /// Steps between two measurements on the validation split, with pictures.
     #[arg(long, default_value_t = 500, value_name = "STEPS", value_parser = clap::value_parser!(u64).range(1..))]
     pub validate_every: u64,

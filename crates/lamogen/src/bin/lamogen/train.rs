@@ -22,7 +22,9 @@ use std::time::Duration;
 use lamogen::model::{Tokenizer, learn};
 use lamogen::{Device, Licence};
 use lamogen_data::{Dataset, LoadOptions, Split};
-use lamogen_train::{CaptionTokens, Ended, Length, Plan, Task, TrainError, TrainingConfigError};
+use lamogen_train::{
+    CaptionTokens, Ended, Length, Plan, Task, TrainError, TrainingConfigError, other_phrasings,
+};
 use serde_json::{Value, json};
 
 use crate::arguments::Train;
@@ -124,11 +126,14 @@ fn read(path: &Path) -> Result<Named, Failure> {
     Ok((fs::read(path).map_err(unreadable)?, path.to_owned()))
 }
 
-/// The captions as ids: by the tokenizer that is given, CLIP's own, or one that is learned from the captions.
+/// The captions as ids: by the tokenizer that is given, CLIP's own, or one that is learned from the captions in all their phrasings and from
+/// other sentences.
 fn tokens(
     tokenizer: Option<Named>,
     vocabulary: Vocabulary,
     dataset: &Dataset,
+    phrasings: usize,
+    sentences: &str,
     console: &Console,
 ) -> Result<CaptionTokens, Failure> {
     let Vocabulary {
@@ -142,8 +147,14 @@ fn tokens(
             let entries = dataset
                 .split(Split::Train)
                 .flat_map(|entry| &entry.captions);
-            let texts: Vec<&str> = entries.map(|caption| caption.text.as_str()).collect();
-            let learned = learn(texts.into_iter(), size);
+            let captions: Vec<&str> = entries.map(|caption| caption.text.as_str()).collect();
+            let others = captions
+                .iter()
+                .flat_map(|text| other_phrasings(text, phrasings));
+            let others: Vec<String> = others.collect();
+            let others = others.iter().map(String::as_str);
+            let texts = captions.into_iter().chain(others).chain(sentences.lines());
+            let learned = learn(texts, size);
             let learned = learned.map_err(|error| Failure::new(Code::Usage, error))?;
             Some((learned, PathBuf::from("the learned tokenizer")))
         }
@@ -156,7 +167,7 @@ fn tokens(
             (tokenizer.map_err(failed)?, Some(json))
         }
     };
-    let tokens = CaptionTokens::new(dataset, tokenizer, file).map_err(failed)?;
+    let tokens = CaptionTokens::new(dataset, tokenizer, file, phrasings).map_err(failed)?;
     if tokens.cut() > 0 {
         console.notice(format!(
             "{} captions are longer than the {context_length} tokens that the network reads, and are cut",

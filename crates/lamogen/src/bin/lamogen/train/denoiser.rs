@@ -6,7 +6,9 @@ use std::path::Path;
 use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
-use lamogen_train::{CaptionTokens, Denoising, Task, TrainingConfig, fingerprint, identity};
+use lamogen_train::{
+    CaptionTokens, Denoising, Sentences, Task, TrainingConfig, fingerprint, identity,
+};
 use lamogen_view::{Row, save, strip};
 
 use super::start::Start;
@@ -42,17 +44,27 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         (Some(start), _) => start.tokenizer.clone(),
         (None, path) => path.as_deref().map(read).transpose()?,
     };
-    let tokens = tokens(tokenizer, vocabulary, &dataset, console)?;
+    let texts = { options.sentences.as_deref() }.map(|path| read_text(&path.with_extension("txt")));
+    let texts = texts.transpose()?.unwrap_or_default();
+    let phrasings = config.denoising.phrasings;
+    let tokens = tokens(tokenizer, vocabulary, &dataset, phrasings, &texts, console)?;
+    let sentences = sentences(options, &config, &tokens)?;
     let licence = start.as_ref().and_then(|start| start.model.licence());
     let mut task = Denoising::new(&dataset, &tokens, &config, &device)?
         .with_metadata(metadata(options, licence));
+    if let Some(sentences) = &sentences {
+        task = task.with_sentences(sentences);
+    }
     let mut identity = identity("denoiser", &config, &dataset, &tokens);
+    if let Some(sentences) = &sentences {
+        identity["sentences"] = sentences.checksum().into();
+    }
     if let Some(start) = &start {
         let network = start.model.network();
         task = task.with_start(network.clone())?;
         identity["from"] = fingerprint(network).into();
     }
-    let sentences = match &options.sample[..] {
+    let samples = match &options.sample[..] {
         [] => usual(&dataset),
         sentences => sentences.to_vec(),
     };
@@ -61,7 +73,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         dataset: &dataset,
         tokens: &tokens,
         device: &device,
-        sentences,
+        sentences: samples,
     };
     samples.check(task.start(&device))?;
     let look = |step, network: &_| samples.draw(step, network);
@@ -78,6 +90,36 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         super::quoted(&model)
     );
     ended(options, &result, &hint, &[], console)
+}
+
+/// The sentences that the text encoder learns from, where the recipe asks for some.
+fn sentences(
+    options: &Train,
+    config: &TrainingConfig,
+    tokens: &CaptionTokens,
+) -> Result<Option<Sentences>, Failure> {
+    let count = config.denoising.sentences_per_batch;
+    match (&options.sentences, count) {
+        (None, 0) => Ok(None),
+        (Some(path), 1..) => {
+            let sentences = Sentences::read(path, tokens.tokenizer());
+            Ok(Some(sentences.map_err(|error| Failure::new(Code::Input, error))?))
+        }
+        (None, _) => Err(Failure::new(
+            Code::Usage,
+            format!("the recipe learns from {count} sentences a step (denoising.sentences_per_batch): expected --sentences FILE.npy"),
+        )
+        .hint("docs/training.md says how such a file is made; 0 in a recipe of your own learns from captions alone")),
+        (Some(_), _) => Err(Failure::new(
+            Code::Usage,
+            "--sentences is given, but the recipe learns from none: expected denoising.sentences_per_batch of 2 or above",
+        )),
+    }
+}
+
+fn read_text(path: &Path) -> Result<String, Failure> {
+    fs::read_to_string(path)
+        .map_err(|reason| Failure::new(Code::Input, format!("{}: {reason}", path.display())))
 }
 
 /// The recipe. One that comes with the program trains a network of any sizes; a file states them, and must state those of the

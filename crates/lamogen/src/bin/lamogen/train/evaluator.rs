@@ -37,7 +37,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let longest = config.evaluator.max_motion_length;
     let dataset = open(options, usual.min_frames..=longest, console)?;
     let tokenizer = options.tokenizer.as_deref().map(read).transpose()?;
-    let tokens = tokens(tokenizer, vocabulary, &dataset, console)?;
+    let tokens = tokens(tokenizer, vocabulary, &dataset, 0, "", console)?;
     let failed = |error| Failure::new(Code::Input, error);
     let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
     let task = task.with_metadata(metadata(options, None));
