@@ -21,6 +21,9 @@ pub struct Subject {
     /// The last timestep at which they are.
     #[arg(long, default_value_t = Coherence::default().until, requires = "coherence")]
     pub until: usize,
+    /// How strongly motions follow the sentence (classifier-free guidance); the model's own default without.
+    #[arg(long)]
+    pub text_scale: Option<f64>,
 }
 
 impl Subject {
@@ -33,6 +36,10 @@ impl Subject {
         let model = match &self.model {
             Some(folder) => LaMoGen::load(folder, device)?,
             None => LaMoGen::embedded(device)?,
+        };
+        let model = match self.text_scale {
+            Some(scale) => model.with_text_scale(scale)?,
+            None => model,
         };
         let Some(frames) = self.coherence else {
             return Ok(model);

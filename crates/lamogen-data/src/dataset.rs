@@ -1,5 +1,6 @@
 //! A data set in memory.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -87,6 +88,55 @@ impl Dataset {
             mirror,
             problems,
         })
+    }
+
+    /// All motions of several data sets as one, with statistics over all of them. A motion whose name another data set before has gets the name of
+    /// its data set's folder in front.
+    ///
+    /// # Errors
+    ///
+    /// If there is no data set, their mirror images are made in different ways, or statistics cannot be computed.
+    pub fn join(datasets: Vec<Dataset>) -> Result<Dataset, DataError> {
+        let mut datasets = datasets.into_iter();
+        let mut joined = datasets.next().ok_or(DataError::NoSource)?;
+        let mut names: HashSet<String> = { joined.entries.iter() }
+            .map(|entry| entry.name.clone())
+            .collect();
+        for other in datasets {
+            if other.mirror != joined.mirror {
+                return Err(DataError::Mirrors {
+                    folder: joined.folder,
+                    other: other.folder,
+                });
+            }
+            let (clips, rows) = (joined.rows.clips(), joined.rows.len());
+            let folder = other.folder.file_name().map_or_else(
+                || "other".into(),
+                |name| name.to_string_lossy().into_owned(),
+            );
+            for mut entry in other.entries {
+                if names.contains(&entry.name) {
+                    // Mirror images keep their M in front.
+                    entry.name = match entry.name.strip_prefix('M').filter(|_| entry.mirror) {
+                        Some(name) => format!("M{folder}_{name}"),
+                        None => format!("{folder}_{}", entry.name),
+                    };
+                }
+                names.insert(entry.name.clone());
+                entry.clip += clips;
+                entry.start += rows;
+                joined.entries.push(entry);
+            }
+            joined.rows.append(&other.rows);
+            joined.problems.extend(other.problems.iter().cloned());
+        }
+        Dataset::new(
+            &joined.folder,
+            (joined.entries, joined.rows),
+            joined.mirror,
+            None,
+            joined.problems,
+        )
     }
 
     /// Writes it in the packed form: `motions.safetensors` and `captions.jsonl`. The folder appears whole or not at

@@ -62,6 +62,19 @@ pub enum DataError {
     #[error("{folder}: mean and standard deviation cannot be computed: {problem}")]
     #[allow(missing_docs)]
     Statistics { folder: PathBuf, problem: String },
+    /// Nothing to pack.
+    #[error("expected at least one folder to read")]
+    NoSource,
+    /// Data sets that cannot be one, because their mirror images are made in different ways.
+    #[error("{other}: expected features that are mirrored as in {folder}, found others")]
+    #[allow(missing_docs)]
+    Mirrors { folder: PathBuf, other: PathBuf },
+    /// Several sources of which one is no data set.
+    #[error(
+        "{folder}: expected a data set (the packed form, or HumanML3D's), since several are packed into one; found motion files or others. Pack them first"
+    )]
+    #[allow(missing_docs)]
+    NotADataset { folder: PathBuf },
     /// The options allow no length.
     #[error(
         "expected a shortest length from 1 frame to the longest, found {min_frames} and {max_frames}"

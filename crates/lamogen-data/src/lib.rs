@@ -34,6 +34,6 @@ pub use entry::{Caption, Entry};
 pub use error::DataError;
 pub use mirror::Mirror;
 pub use options::{LoadOptions, Progress};
-pub use pack::{PackOptions, pack};
+pub use pack::{PackOptions, pack, pack_all};
 pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};

@@ -47,6 +47,14 @@ impl Rows {
         self.values.reserve(rows * POSE_FEATURES);
     }
 
+    /// Adds all clips of others.
+    pub fn append(&mut self, others: &Rows) {
+        let before = self.len();
+        self.values.extend_from_slice(&others.values);
+        let ends = others.offsets.iter().skip(1);
+        self.offsets.extend(ends.map(|end| before + end));
+    }
+
     /// Number of rows.
     pub fn len(&self) -> usize {
         self.values.len() / POSE_FEATURES

@@ -26,6 +26,11 @@ pub enum GuideError {
         "guidance: expected a network whose stylization layers have scales and shifts to move, found one without; move its sentence embedding"
     )]
     NoModulation,
+    /// A network that cannot be told Laban features.
+    #[error(
+        "guidance: expected a network that was trained with Laban features as a condition (laban_condition in its config.json), found one without; guide it by gradients"
+    )]
+    NoLabanCondition,
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
     Stopped(Box<Stopped>),

@@ -49,6 +49,8 @@ pub enum Moved {
         /// How often.
         iterations: usize,
     },
+    /// Nothing: the second pass runs as it is told ([`Guidance::laban_condition`]), without a gradient.
+    Nothing,
     /// The start noise, by Adam, through all DDIM steps of a pass: as in DNO (Karunratanakul et al. 2024). Each iteration is
     /// a pass with its gradient, so it is one for few DDIM steps. The noise keeps its length.
     Noise {
@@ -126,6 +128,9 @@ pub struct Guidance {
     /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
     /// other components move more.
     pub emphasis: [f32; COMPONENTS],
+    /// Whether the network is told the Laban features to reach, as the condition that it was trained with: the means over time of the target of
+    /// the whole body. For networks whose config has a `laban_condition`.
+    pub laban_condition: bool,
     /// Whose motion is measured and given: that of a rigid body by default, the network's in the paper.
     pub body: Body,
     /// How the network's motion becomes that of a rigid body and, where there are goals, reaches them on it; with [`Body::Rig`] only.
@@ -184,6 +189,7 @@ impl Guidance {
             update: Update::Immediate,
             divisor: Divisor::Frame,
             emphasis: [1.0; COMPONENTS],
+            laban_condition: false,
             body: Body::Network,
             fit: Fit::default(),
             finish: None,
@@ -246,7 +252,7 @@ impl Guidance {
     /// How many steps a guided pass of the network has beside a first pass of so many DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
         let moves = match self.moved {
-            Moved::Embedding | Moved::Modulation | Moved::Prediction => ddim,
+            Moved::Embedding | Moved::Modulation | Moved::Prediction | Moved::Nothing => ddim,
             Moved::Motion { iterations } | Moved::Noise { iterations } => iterations,
         };
         moves + self.network_finish().map_or(0, |finish| finish.iterations)

@@ -20,6 +20,7 @@
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise gives the same motion.
 
+mod classifier_free;
 mod coherence;
 mod error;
 mod guidance;
@@ -31,6 +32,7 @@ mod rig;
 mod sampler;
 mod schedule;
 
+pub use classifier_free::{ClassifierFree, ToldAndFree};
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
 pub use guidance::{Body, Finish, Guidance, Moved, Preset, Update};

@@ -20,7 +20,7 @@ pub use config::{
     ClipTextConfig, ConfigError, LABAN_FEATURES, LabanCondition, ModelConfig, Prediction,
 };
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
-pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens, learn};
+pub use lamogen_tokenizer::{KnownWords, Tokenizer, TokenizerError, Tokens, learn, words};
 pub use network::{
     CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, Trained, TrainingBatch,
     initialize,

@@ -37,7 +37,9 @@ mod error;
 mod file;
 mod learn;
 mod tokenizer;
+mod words;
 
 pub use error::TokenizerError;
 pub use learn::learn;
 pub use tokenizer::{Tokenizer, Tokens};
+pub use words::{KnownWords, words};

@@ -4,18 +4,19 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::Schedule;
-use lamogen_model::{ModelConfig, MotionDiffuse, Precision, Prediction, Trained};
+use lamogen_model::{ModelConfig, MotionDiffuse, Precision, Prediction, Trained, TrainingBatch};
 use lamogen_motion::Normalization;
 
-use crate::batches::Batches;
+use crate::batches::{Batches, Visit};
 use crate::config::TrainingConfig;
 use crate::error::TrainError;
 use crate::example::Example;
 use crate::identity::first_difference;
 use crate::laban::TrainingLaban;
+use crate::losses::Truth;
 use crate::model_folder::{self, write};
 use crate::optimization::Optimization;
 use crate::sentences::Sentences;
@@ -33,6 +34,7 @@ pub struct Denoising<'a> {
     tokens: &'a CaptionTokens,
     config: TrainingConfig,
     laban: Option<TrainingLaban>,
+    laban_is_measured: bool,
     sentences: Option<&'a Sentences>,
     batches: Batches,
     schedule: Schedule,
@@ -76,12 +78,14 @@ impl<'a> Denoising<'a> {
         let laban = (config.denoising.laban_share > 0.0)
             .then(|| TrainingLaban::measure(dataset, batches.entries(), device));
         let mut config = config.clone();
-        if let (Some(laban), None) = (&laban, &config.model.laban_condition) {
+        let laban_is_measured = config.model.laban_condition.is_none();
+        if let (Some(laban), true) = (&laban, laban_is_measured) {
             config.model.laban_condition = Some(laban.statistics());
         }
         Ok(Denoising {
             batches,
             laban,
+            laban_is_measured,
             sentences: None,
             validation: Validation::new(dataset, tokens, Split::Validation, lengths, device),
             schedule: Schedule::linear(),
@@ -106,7 +110,11 @@ impl<'a> Denoising<'a> {
     /// # Errors
     ///
     /// If its sizes or its prediction are not those of the config.
-    pub fn with_start(self, network: MotionDiffuse) -> Result<Self, TrainError> {
+    pub fn with_start(mut self, network: MotionDiffuse) -> Result<Self, TrainError> {
+        // Statistics that were only measured give way to those that the network learned with.
+        if self.laban_is_measured {
+            self.config.model.laban_condition = network.config().laban_condition;
+        }
         let (expected, found) = (&self.config.model, network.config());
         if expected != found {
             let [expected, found] = [expected, found]
@@ -135,6 +143,33 @@ impl<'a> Denoising<'a> {
     /// Sizes of the network, with the statistics of Laban features where it is told any.
     pub fn model(&self) -> &ModelConfig {
         &self.config.model
+    }
+
+    /// What the network is to make of noisy motions: the clean ones or, where it learns what classifier-free guidance makes of the network it
+    /// began with, these with so much more of what the sentence adds.
+    fn distilled(&self, truth: Truth, batch: &TrainingBatch, visits: &[Visit]) -> Truth {
+        let scale = self.config.denoising.text_scale;
+        let (true, Some(teacher)) = (scale != 1.0, &self.start) else {
+            return truth;
+        };
+        let prediction = self.config.model.prediction;
+        let unsaid = self.tokens.empty();
+        let unsaid = TensorData::new(unsaid.to_vec(), [1, unsaid.len()]);
+        let free = TrainingBatch {
+            tokens: Tensor::from_data(unsaid, &self.device),
+            captions: vec![0; visits.len()],
+            ..batch.clone()
+        };
+        let clean = |batch: TrainingBatch| truth.clean_of(teacher.predict(batch), prediction);
+        let added = clean(batch.clone()) - clean(free);
+        // Nothing is added to what is learned of motions of which nothing is said.
+        let said: Vec<f32> = { visits.iter() }
+            .map(|visit| f32::from(u8::from(visit.caption.is_some())))
+            .collect();
+        let said =
+            Tensor::<3>::from_data(TensorData::new(said, [visits.len(), 1, 1]), &self.device);
+        let clean = truth.clean.clone() + added * said * (scale - 1.0);
+        truth.with_clean(clean)
     }
 
     /// How many motions are trained on, mirrored ones included.
@@ -166,6 +201,7 @@ impl Task for Denoising<'_> {
             &visits,
             &self.device,
         );
+        let truth = self.distilled(truth, &batch, &visits);
         let denoising = &self.config.denoising;
         let count = denoising.sentences_per_batch;
         batch.sentences = { self.sentences }.filter(|_| count > 0).map(|sentences| {
@@ -215,6 +251,10 @@ impl Task for Denoising<'_> {
         network.save(path, Precision::F32, self.metadata.clone())?;
         let config = serde_json::to_vec_pretty(&self.config.model).expect("sizes are JSON");
         write(&folder.join("config.json"), &config)?;
+        write(
+            &folder.join("words.txt"),
+            self.tokens.words().to_lines().as_bytes(),
+        )?;
         model_folder::write_common(folder, self.dataset, self.tokens)
     }
 }

@@ -164,6 +164,16 @@ impl Truth {
         }
     }
 
+    /// The same noisy motions, with other clean ones behind them.
+    pub(crate) fn with_clean(self, clean: Tensor<3>) -> Self {
+        let (signal, rest) = self.shares();
+        Truth {
+            noise: (self.noisy.clone() - clean.clone() * signal) / rest,
+            clean,
+            ..self
+        }
+    }
+
     /// What the network should return.
     pub(crate) fn target(&self, prediction: Prediction) -> Tensor<3> {
         match prediction {

@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use lamogen_model::words;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde::Deserialize;
@@ -155,30 +156,6 @@ impl Paraphrases {
 
 fn pick<'a, T>(all: &'a [T], generator: &mut impl Rng) -> &'a T {
     &all[generator.random_range(0..all.len() as u64) as usize]
-}
-
-/// Words in lower case; punctuation stands for itself.
-pub(crate) fn words(text: &str) -> Vec<String> {
-    let mut words = Vec::new();
-    let mut word = String::new();
-    for letter in text.to_lowercase().chars() {
-        let inside =
-            letter.is_alphanumeric() || letter == '\'' || letter == '-' && !word.is_empty();
-        if inside {
-            word.push(letter);
-            continue;
-        }
-        if !word.is_empty() {
-            words.push(std::mem::take(&mut word));
-        }
-        if !letter.is_whitespace() {
-            words.push(letter.to_string());
-        }
-    }
-    if !word.is_empty() {
-        words.push(word);
-    }
-    words
 }
 
 /// Undoes [`words`], up to spaces.

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use lamogen_data::{Checksum, Dataset, Split};
-use lamogen_model::{Tokenizer, TokenizerError};
+use lamogen_model::{KnownWords, Tokenizer, TokenizerError};
 
 use crate::paraphrases::Paraphrases;
 
@@ -14,6 +14,8 @@ pub struct CaptionTokens {
     ids: Vec<Vec<Vec<Vec<i32>>>>,
     /// Of a sentence without words.
     empty: Vec<i32>,
+    /// Of the captions for training, in all phrasings.
+    words: KnownWords,
     /// How many captions are longer than the context.
     cut: usize,
     tokenizer: Tokenizer,
@@ -39,13 +41,19 @@ impl CaptionTokens {
             let tokens = tokenizer.encode(text)?;
             Ok((tokens.ids.iter().map(|&id| id as i32).collect(), tokens.cut))
         };
+        let mut words = KnownWords::default();
         let mut ids = Vec::with_capacity(dataset.entries().len());
         for entry in dataset.entries() {
             let captions = entry.captions.iter().map(|caption| {
                 let (first, lost) = encode(&caption.text)?;
                 cut += usize::from(lost > 0);
                 let others = match entry.split {
-                    Split::Train => other_phrasings(&caption.text, phrasings),
+                    Split::Train => {
+                        let others = other_phrasings(&caption.text, phrasings);
+                        words.add(&caption.text);
+                        others.iter().for_each(|text| words.add(text));
+                        others
+                    }
                     _ => Vec::new(),
                 };
                 let others = others.iter().map(|text| Ok(encode(text)?.0));
@@ -58,6 +66,7 @@ impl CaptionTokens {
         Ok(CaptionTokens {
             ids,
             empty,
+            words,
             cut,
             tokenizer,
             file,
@@ -83,6 +92,11 @@ impl CaptionTokens {
     /// The ids of a sentence without words: of a motion of which nothing is said.
     pub(crate) fn empty(&self) -> &[i32] {
         &self.empty
+    }
+
+    /// The words of the captions for training, in all phrasings.
+    pub fn words(&self) -> &KnownWords {
+        &self.words
     }
 
     /// The tokenizer.

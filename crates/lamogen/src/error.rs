@@ -20,6 +20,13 @@ pub enum LoadError {
     )]
     #[allow(missing_docs)]
     NoWeights { folder: PathBuf, found: String },
+    /// The list of known words cannot be read.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Words {
+        path: PathBuf,
+        reason: std::io::Error,
+    },
     /// The network's poses are not HumanML3D's.
     #[error(
         "{path}: expected a network of {POSE_FEATURES} pose features (input_feats), found {found}"

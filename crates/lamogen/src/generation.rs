@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 
 use burn::tensor::Device;
-use lamogen_guide::{Coherence, GuideError, Preset, Step};
+use lamogen_guide::{ClassifierFree, Coherence, GuideError, Preset, Step};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
-use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer};
+use lamogen_model::{Denoiser, KnownWords, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, RequestError, Which};
@@ -23,6 +23,8 @@ pub struct LaMoGen<D = MotionDiffuse> {
     preset: Preset,
     batch_size: usize,
     pub(crate) coherence: Option<Coherence>,
+    pub(crate) text_scale: f64,
+    pub(crate) known_words: Option<KnownWords>,
 }
 
 /// A finished request.
@@ -31,6 +33,9 @@ pub struct LaMoGen<D = MotionDiffuse> {
 pub struct Generation {
     /// How many tokens of the prompt did not fit the model and were left out.
     pub cut_tokens: usize,
+    /// Words of the prompt that stand in no caption that the model was trained on, as far as its words are [known](LaMoGen::known_words). The
+    /// motion goes by the others and by what these are spelled like.
+    pub unseen_words: Vec<String>,
     /// What was asked for, by tags, factors or else.
     pub goals: Goals,
     /// The motion of the text alone: that of a rigid body, unless [`Guidance::body`](lamogen_guide::Guidance::body) says otherwise.
@@ -109,6 +114,8 @@ impl<D: Denoiser> LaMoGen<D> {
             licence: None,
             preset: Preset::default(),
             coherence: None,
+            text_scale: 1.0,
+            known_words: None,
         }
     }
 
@@ -163,6 +170,35 @@ impl<D: Denoiser> LaMoGen<D> {
     /// How predictions are smoothed along time, if they are.
     pub fn coherence(&self) -> Option<Coherence> {
         self.coherence
+    }
+
+    /// Sets the words of the captions that the model was trained on, so that [generations](Generation::unseen_words) tell of others.
+    pub fn with_known_words(self, known_words: Option<KnownWords>) -> Self {
+        LaMoGen {
+            known_words,
+            ..self
+        }
+    }
+
+    /// The words of the captions that the model was trained on, if it comes with them.
+    pub fn known_words(&self) -> Option<&KnownWords> {
+        self.known_words.as_ref()
+    }
+
+    /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]): 1, the default, asks the network
+    /// once a step and takes what it says; above 1 it is asked twice. For networks that were trained with text dropout.
+    ///
+    /// # Errors
+    ///
+    /// If the scale is not finite or below 0.
+    pub fn with_text_scale(self, text_scale: f64) -> Result<Self, GuideError> {
+        ClassifierFree::new(&self.network, text_scale, &[])?;
+        Ok(LaMoGen { text_scale, ..self })
+    }
+
+    /// How strongly motions follow the sentence.
+    pub fn text_scale(&self) -> f64 {
+        self.text_scale
     }
 
     /// The licence of the weights, if their file states one. PyTorch checkpoints do not.

@@ -43,7 +43,7 @@ pub use request::{Length, Request};
 
 pub use burn::tensor::Device;
 pub use lamogen_guide::{
-    Body, Coherence, Finish, Fit, Guidance, Moved, Pass, Preset, Step, Update,
+    Body, ClassifierFree, Coherence, Finish, Fit, Guidance, Moved, Pass, Preset, Step, Update,
 };
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Goal,

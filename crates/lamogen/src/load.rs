@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::{Coherence, Preset};
-use lamogen_model::{Checkpoint, ModelConfig, MotionDiffuse, Tokenizer};
+use lamogen_model::{Checkpoint, KnownWords, ModelConfig, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::error::LoadError;
@@ -47,7 +47,8 @@ impl LaMoGen<MotionDiffuse> {
     ///
     /// A `config.json` states the sizes of the network; without one they are read off the weights (see
     /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
-    /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. Requests that say
+    /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the captions that it was
+    /// trained on, one a line. Requests that say
     /// nothing else run with the paper's numbers ([`Preset::Paper`]), and predictions are not smoothed.
     ///
     /// # Errors
@@ -76,9 +77,11 @@ impl LaMoGen<MotionDiffuse> {
             config.input_feats,
             device,
         )?;
+        let known_words = known_words(folder)?;
         let network = checkpoint.load(&config, device)?;
         Ok(LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
+            .with_known_words(known_words)
             .with_preset(Preset::Paper))
     }
 
@@ -141,6 +144,17 @@ fn tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError
             found: config.clip.vocab_size,
         }),
     }
+}
+
+/// The words of the captions that the model was trained on, where the folder says them.
+fn known_words(folder: &Path) -> Result<Option<KnownWords>, LoadError> {
+    let path = folder.join("words.txt");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let lines =
+        std::fs::read_to_string(&path).map_err(|reason| LoadError::Words { path, reason })?;
+    Ok(Some(KnownWords::from_lines(&lines)))
 }
 
 /// The names of a folder's files, for messages.

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{
-    Batch, FitProgress, GuideError, Guided, Pass, Reached, Rig, Sampler, Step, noise,
+    Batch, ClassifierFree, FitProgress, GuideError, Guided, Pass, Reached, Rig, Sampler, Step,
+    noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
@@ -41,11 +42,16 @@ impl<'a, D: Denoiser> Run<'a, D> {
     ) -> Result<Vec<(usize, Generation)>, Error> {
         let LaMoGen {
             network,
+            tokenizer,
             normalization,
+            text_scale,
             ..
         } = self.model;
-        let batch = self.batch();
-        let sampler = Sampler::new(network, normalization, self.group.steps)
+        let unconditional = tokenizer.unconditional().ids;
+        let network = ClassifierFree::new(network, *text_scale, &unconditional)
+            .map_err(|error| self.interrupted(error, &[]))?;
+        let batch = self.batch(&network);
+        let sampler = Sampler::new(&network, normalization, self.group.steps)
             .and_then(|sampler| sampler.with_coherence(self.model.coherence))
             .map_err(|error| self.interrupted(error, &[]))?;
         let baseline = sampler
@@ -88,6 +94,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
                 cut_tokens: job.cut,
+                unseen_words: self.unseen_words(job.request),
                 goals: goals[index].clone(),
                 guided: motion,
                 baseline,
@@ -106,6 +113,14 @@ impl<'a, D: Denoiser> Run<'a, D> {
         Ok(generations.collect())
     }
 
+    /// Words of a request's prompt that the model has not met.
+    fn unseen_words(&self, request: usize) -> Vec<String> {
+        let known = self.model.known_words.as_ref();
+        known.map_or(Vec::new(), |known| {
+            known.unseen(&self.requests[request].prompt)
+        })
+    }
+
     /// What there is without tags: the baseline is all.
     fn text_alone(&self, motions: Vec<Motion>, networks: Vec<Motion>) -> Vec<(usize, Generation)> {
         let device = self.model.network.device();
@@ -119,6 +134,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
                 cut_tokens: job.cut,
+                unseen_words: self.unseen_words(job.request),
                 goals: Goals::default(),
                 guided: motion.clone(),
                 baseline: motion,
@@ -138,10 +154,8 @@ impl<'a, D: Denoiser> Run<'a, D> {
     }
 
     /// Encoded prompts and start noise, padded to the longest motion.
-    fn batch(&self) -> Batch<D::Context> {
-        let LaMoGen {
-            network, tokenizer, ..
-        } = self.model;
+    fn batch<N: Denoiser>(&self, network: &N) -> Batch<N::Context> {
+        let tokenizer = &self.model.tokenizer;
         let device = network.device();
         let jobs = &self.group.jobs;
         let (size, features) = (jobs.len(), network.pose_features());

@@ -87,6 +87,36 @@ pub fn pack(
     Ok(dataset)
 }
 
+/// Packs several data sets into one folder (see [`Dataset::join`]); each may be of any form that [`Dataset::open`] knows.
+///
+/// # Errors
+///
+/// As [`pack`], and if one of several is no data set.
+pub fn pack_all(
+    sources: &[impl AsRef<Path>],
+    out: impl AsRef<Path>,
+    options: &PackOptions,
+    observer: &mut dyn FnMut(Progress),
+) -> Result<Dataset, DataError> {
+    if let [source] = sources {
+        return pack(source, out, options, observer);
+    }
+    let out = out.as_ref();
+    packed::check_free(out, options.force)?;
+    let mut datasets = Vec::with_capacity(sources.len());
+    for source in sources.iter().map(AsRef::as_ref) {
+        if Form::recognise(source)?.is_none() {
+            return Err(DataError::NotADataset {
+                folder: source.to_owned(),
+            });
+        }
+        datasets.push(opened(source, options, observer)?);
+    }
+    let dataset = Dataset::join(datasets)?;
+    dataset.save(out, options.force)?;
+    Ok(dataset)
+}
+
 /// A data set that is one already.
 fn opened(
     source: &Path,

@@ -68,6 +68,11 @@ impl<D: Denoiser> Sampler<'_, D> {
             goals,
             guidance,
         );
+        let told = match guidance.laban_condition {
+            true => Some(self.told(batch, &objective)?),
+            false => None,
+        };
+        let batch = told.as_ref().unwrap_or(batch);
         let steps = guidance.steps(self.steps().len());
         let mut course = Course::new(steps, observer);
         let told = &batch.prompt.embedding;
@@ -86,6 +91,20 @@ impl<D: Denoiser> Sampler<'_, D> {
             parts: reached.collect(),
             loss,
         })
+    }
+
+    /// A batch whose network is told the features to reach.
+    fn told(
+        &self,
+        batch: &Batch<D::Context>,
+        objective: &Objective<'_>,
+    ) -> Result<Batch<D::Context>, GuideError> {
+        let means = objective.told(&batch.lengths);
+        let added = self.model.embed_laban(&means);
+        let added = added.ok_or(GuideError::NoLabanCondition)?;
+        let mut told = batch.clone();
+        told.prompt.embedding = told.prompt.embedding + added;
+        Ok(told)
     }
 
     /// What guidance moves. Where that is a finished motion, it is the one given, made with the embedding beside it.
@@ -108,6 +127,7 @@ impl<D: Denoiser> Sampler<'_, D> {
             Moved::Prediction => {
                 Box::new(subjects::Prediction::new(self, objective, batch, guidance))
             }
+            Moved::Nothing => Box::new(subjects::Nothing::new(self, objective, batch)),
             Moved::Motion { iterations } => Box::new(subjects::Motion::new(
                 objective, motion, embedding, iterations, guidance,
             )),

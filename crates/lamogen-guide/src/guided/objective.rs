@@ -43,6 +43,9 @@ pub struct Reached {
     pub guided: Tensor<3>,
 }
 
+/// The first frame at which each component is known: velocity, acceleration and jerk need frames before theirs.
+const FIRST_KNOWN: [usize; COMPONENTS] = [1, 2, 3, 0];
+
 /// How what is moved becomes motions.
 pub(super) struct Way<'w, const D: usize> {
     /// Where autodiff begins, `[batch, frames, features]`; not tracked.
@@ -109,6 +112,23 @@ impl Targets {
         loss.expect("the whole body is a term")
     }
 
+    /// The means over time of the whole body's target, over the frames that have a difference of the feature's order.
+    fn told(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
+        let target = self.terms[0].target.features();
+        let [_, frames, _] = target.dims();
+        let values: Vec<f32> = target.try_into_vec_as().expect("floats convert to f32");
+        let motions = values.chunks_exact(frames * COMPONENTS).zip(lengths);
+        let means = motions.map(|(values, &length)| {
+            std::array::from_fn(|component| {
+                let first = FIRST_KNOWN[component].min(length);
+                let rows = values.chunks_exact(COMPONENTS).take(length).skip(first);
+                let sum: f64 = rows.map(|row| f64::from(row[component])).sum();
+                Some((sum / (length - first).max(1) as f64) as f32)
+            })
+        });
+        means.collect()
+    }
+
     /// What became of it in finished motions: of the whole body first.
     pub(crate) fn reached(self, joints: &Tensor<4>) -> Vec<Reached> {
         let terms = self.terms.into_iter();
@@ -142,6 +162,19 @@ impl<'a> Objective<'a> {
     pub(super) fn reached(self, motions: Tensor<3>) -> Vec<Reached> {
         let joints = joints(self.normalization.denormalize(motions));
         self.targets.reached(&joints)
+    }
+
+    /// The means over time of the whole body's target, over the frames whose features are known.
+    pub(super) fn told(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
+        self.targets.told(lengths)
+    }
+
+    /// The loss of each motion, summed over components.
+    pub(super) fn loss_of(&self, motions: Tensor<3>) -> Vec<f32> {
+        let joints = joints(self.normalization.denormalize(motions));
+        let values = host(self.targets.loss(joints));
+        let components = values.chunks_exact(COMPONENTS);
+        components.map(|loss| loss.iter().sum()).collect()
     }
 
     /// The loss, and its gradient back along a way. The way is asked for again only to find what broke.

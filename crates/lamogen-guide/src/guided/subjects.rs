@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! Condition    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
+//! Nothing                 network at a step ──▶ clean motion     at every DDIM step, without a gradient
 //! Prediction              clean motion ──▶ loss                    at every DDIM step
 //! Motion                  finished motion ──▶ loss                 again and again
 //! Noise        z ──all steps of a pass──▶ finished motion ──▶ loss again and again
@@ -209,6 +210,58 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
         latent.x = mix(&prediction, noise, step);
         Ok(Made {
             loss,
+            gradient: None,
+            prediction,
+        })
+    }
+
+    fn embedding(&self) -> &Tensor<2> {
+        &self.latent.embedding
+    }
+
+    fn finish(self: Box<Self>) -> Tensor<3> {
+        self.latent.x
+    }
+}
+
+/// Nothing: a pass as the network makes it of what it is told.
+pub(super) struct Nothing<'s, 'a, D: Denoiser> {
+    sampler: &'s Sampler<'a, D>,
+    objective: &'s Objective<'a>,
+    latent: Latent<'s, D::Context>,
+}
+
+impl<'s, 'a, D: Denoiser> Nothing<'s, 'a, D> {
+    pub(super) fn new(
+        sampler: &'s Sampler<'a, D>,
+        objective: &'s Objective<'a>,
+        batch: &'s Batch<D::Context>,
+    ) -> Self {
+        Nothing {
+            sampler,
+            objective,
+            latent: sampler.start(batch),
+        }
+    }
+}
+
+impl<D: Denoiser> Subject for Nothing<'_, '_, D> {
+    fn steps(&self) -> usize {
+        self.sampler.steps().len()
+    }
+
+    fn timestep(&self, index: usize) -> usize {
+        self.sampler.steps()[index].timestep
+    }
+
+    fn step(&mut self, index: usize) -> Result<Made, Broken> {
+        let (sampler, latent) = (self.sampler, &mut self.latent);
+        let step = &sampler.steps()[index];
+        let output = sampler.evaluate(latent, index);
+        let prediction = sampler.clean(latent, output.clone(), step);
+        latent.x = sampler.advance(latent, &prediction, output, step);
+        Ok(Made {
+            loss: self.objective.loss_of(prediction.clone()),
             gradient: None,
             prediction,
         })

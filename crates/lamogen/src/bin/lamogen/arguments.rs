@@ -154,6 +154,10 @@ pub struct SourceArguments {
     /// small network keep step; or off. Usually 1 for the embedded model, off for others.
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
+    /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, more (2 or 3) twice. For
+    /// models trained with text dropout, as the embedded one.
+    #[arg(long, value_name = "SCALE")]
+    pub text_scale: Option<f64>,
     /// Where to compute; lamogen devices lists them.
     #[arg(long)]
     pub device: Option<DeviceName>,
@@ -475,8 +479,9 @@ pub struct Play {
 
 #[derive(Args)]
 pub struct Pack {
-    /// The folder to read.
-    pub source: PathBuf,
+    /// The folder to read; several data sets become one.
+    #[arg(required = true, value_name = "SOURCE")]
+    pub sources: Vec<PathBuf>,
     /// Folder to write.
     #[arg(long, short, value_name = "FOLDER")]
     pub out: PathBuf,

@@ -159,6 +159,7 @@ impl Work<'_> {
             "emphasis": pass.emphasis,
             "body": pass.body.map(|body| body.name()),
             "coherence": self.source.coherence_frames(),
+            "text_scale": self.source.model.text_scale(),
             "formats": formats.collect::<Vec<_>>(),
             "fps": writing.fps,
             "bvh_unit": writing.bvh_unit.to_string(),

@@ -310,6 +310,7 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
         "model": lamogen_train::fingerprint(work.source.model.network()),
         "evaluator": lamogen_train::fingerprint(work.judge.evaluator()),
         "coherence": work.source.coherence_frames(),
+        "text_scale": work.source.model.text_scale(),
         "prompts": work.prompts.len(),
         "data": format!("{:016x}", data.value()),
         "preset": PresetName::of(preset).name(),

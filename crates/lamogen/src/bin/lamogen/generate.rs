@@ -74,6 +74,9 @@ impl Sample<'_> {
                 generation.cut_tokens
             ));
         }
+        if let Some(notice) = unseen(&generation) {
+            console.notice(notice);
+        }
         let facts = facts(
             &options.prompt,
             self.seed,
@@ -141,7 +144,9 @@ pub fn facts(
         "emphasis": pass.emphasis,
         "body": pass.body.unwrap_or(BodyName::of(preset.preset().guidance().body)).name(),
         "coherence": source.coherence_frames(),
+        "text_scale": source.model.text_scale(),
         "cut_tokens": generation.cut_tokens,
+        "unseen_words": generation.unseen_words,
         "loss": generation.loss,
     });
     facts.as_object().cloned().unwrap_or_default()
@@ -161,4 +166,19 @@ fn result(scene: &Scene, outputs: &[Output], json: bool) -> String {
         _ => report::text(scene.main()),
     };
     format!("{}\n{table}{}", scene.heading(), files.join("\n"))
+}
+
+/// Which words the model has not met, if there are any.
+fn unseen(generation: &Generation) -> Option<String> {
+    let words = &generation.unseen_words;
+    let named = words.join(", ");
+    Some(match words.len() {
+        0 => return None,
+        1 => format!(
+            "The model was trained on no caption with the word {named}: the motion goes by the others."
+        ),
+        count => format!(
+            "The model was trained on no caption with {count} of the words ({named}): the motion goes by the others."
+        ),
+    })
 }

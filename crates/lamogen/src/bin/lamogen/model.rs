@@ -39,6 +39,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let arguments = SourceArguments {
         model: folder.map(Path::to_owned),
         coherence: None,
+        text_scale: None,
         device: None,
     };
     let source = Source::open(&arguments, console)?;
@@ -59,6 +60,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "frames": [network.min_frames(), network.max_frames()],
             "steps": steps,
             "coherence": source.coherence_frames(),
+            "text_scale": source.model.text_scale(),
             "licence": licence,
         });
         return console.say(info.to_string());

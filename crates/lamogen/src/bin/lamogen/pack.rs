@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use lamogen::FRAMES_PER_SECOND;
-use lamogen_data::{Dataset, PackOptions, Problems, Split, pack};
+use lamogen_data::{Dataset, PackOptions, Problems, Split, pack_all};
 use serde_json::{Map, json};
 
 use crate::arguments::Pack;
@@ -25,7 +25,7 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
         reading: read_options(&options.reading)?,
         force: options.force,
     };
-    let packed = pack(&options.source, &options.out, &packing, &mut |progress| {
+    let packed = pack_all(&options.sources, &options.out, &packing, &mut |progress| {
         bar.set_length(progress.all as u64);
         bar.set_position(progress.done as u64);
     });

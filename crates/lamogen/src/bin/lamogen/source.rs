@@ -38,6 +38,10 @@ impl Source {
             let model = source.model.with_coherence(coherence);
             source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
         }
+        if let Some(scale) = arguments.text_scale {
+            let model = source.model.with_text_scale(scale);
+            source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
+        }
         console.licence(source.model.licence());
         Ok(source)
     }

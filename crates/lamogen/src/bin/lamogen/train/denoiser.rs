@@ -24,6 +24,10 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let start = start.transpose()?;
     let config = config(&options.config, start.as_ref())?;
     let model = &config.model;
+    if config.denoising.text_scale != 1.0 && start.is_none() {
+        let message = "the recipe learns what classifier-free guidance makes of another network (denoising.text_scale): expected --from MODEL";
+        return Err(Failure::new(Code::Usage, message));
+    }
     if model.prediction != Prediction::Sample && model.latent_dim < model.input_feats {
         console.notice(format!(
             "the network predicts noise in {} features through {} channels: what does not fit through cannot be learned; \

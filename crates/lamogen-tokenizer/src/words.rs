@@ -1,0 +1,117 @@
+//! Words as people see them, and those that a model has met.
+
+use std::collections::BTreeSet;
+
+/// Words in lower case; punctuation stands for itself.
+pub fn words(text: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    let mut word = String::new();
+    for letter in text.to_lowercase().chars() {
+        let inside =
+            letter.is_alphanumeric() || letter == '\'' || letter == '-' && !word.is_empty();
+        if inside {
+            word.push(letter);
+            continue;
+        }
+        if !word.is_empty() {
+            words.push(std::mem::take(&mut word));
+        }
+        if !letter.is_whitespace() {
+            words.push(letter.to_string());
+        }
+    }
+    if !word.is_empty() {
+        words.push(word);
+    }
+    words
+}
+
+/// The words of the captions that a model was trained on.
+///
+/// ```
+/// use lamogen_tokenizer::KnownWords;
+///
+/// let known = KnownWords::of(["a person walks", "someone jumps"]);
+/// assert_eq!(known.unseen("A person moonwalks, moonwalks!"), ["moonwalks"]);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct KnownWords(BTreeSet<String>);
+
+impl KnownWords {
+    /// The words of some texts.
+    pub fn of<'t>(texts: impl IntoIterator<Item = &'t str>) -> Self {
+        let mut known = KnownWords::default();
+        texts.into_iter().for_each(|text| known.add(text));
+        known
+    }
+
+    /// Adds the words of a text.
+    pub fn add(&mut self, text: &str) {
+        self.0
+            .extend(words(text).into_iter().filter(|word| is_word(word)));
+    }
+
+    /// The words of a list, one a line.
+    pub fn from_lines(lines: &str) -> Self {
+        let lines = lines.lines().map(str::trim);
+        KnownWords(
+            lines
+                .filter(|line| !line.is_empty())
+                .map(str::to_owned)
+                .collect(),
+        )
+    }
+
+    /// The list that [`from_lines`](Self::from_lines) reads, in the order of the alphabet.
+    pub fn to_lines(&self) -> String {
+        self.0.iter().flat_map(|word| [word, "\n"]).collect()
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The words of a text that are not among these, each once, in the text's order.
+    pub fn unseen(&self, text: &str) -> Vec<String> {
+        let mut unseen = Vec::new();
+        for word in words(text) {
+            if is_word(&word) && !self.0.contains(&word) && !unseen.contains(&word) {
+                unseen.push(word);
+            }
+        }
+        unseen
+    }
+}
+
+/// Whether it is no punctuation.
+fn is_word(word: &str) -> bool {
+    word.contains(char::is_alphanumeric)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_in_lower_case_and_punctuation_stands_alone() {
+        assert_eq!(
+            words("It's a U-turn, to the LEFT!"),
+            ["it's", "a", "u-turn", ",", "to", "the", "left", "!"]
+        );
+        assert_eq!(words("  "), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_list_is_read_as_it_was_written() {
+        let known = KnownWords::of(["walks to the left", "U-turn 2"]);
+        assert_eq!(KnownWords::from_lines(&known.to_lines()), known);
+        assert!(known.unseen("walks 2 u-turn").is_empty());
+        assert_eq!(known.unseen("höpft 左 walks höpft"), ["höpft", "左"]);
+    }
+}
