@@ -10,3 +10,4 @@ pub mod subject;
 pub mod sweep;
 pub mod test;
 pub mod training;
+pub mod truth;

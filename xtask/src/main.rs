@@ -83,6 +83,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Generate everyday sentences and check on the body whether the motions do what is said; --validate checks the checks.
+    Truth {
+        #[command(flatten)]
+        options: xtask::truth::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -156,6 +164,7 @@ fn main() -> ExitCode {
                 Err(error) => fail(&*error),
             }
         }),
+        Task::Truth { options, device } => truth(&options, device),
         Task::Embed {
             from,
             to,
@@ -210,6 +219,31 @@ fn bench(options: &Options, device_name: DeviceName, device: &Device) -> ExitCod
     });
     println!("{line}");
     ExitCode::SUCCESS
+}
+
+fn truth(options: &xtask::truth::Options, device: DeviceName) -> ExitCode {
+    let data = options.data.as_deref().filter(|_| options.validate);
+    if let Some(data) = data {
+        return match xtask::truth::validate(data, options.out.as_deref()) {
+            Ok((page, is_valid)) => {
+                print!("{page}");
+                match is_valid {
+                    true => ExitCode::SUCCESS,
+                    false => ExitCode::FAILURE,
+                }
+            }
+            Err(error) => fail(&*error),
+        };
+    }
+    on(device, |device| {
+        match xtask::truth::run(options, device, &mut |line| eprintln!("{line}")) {
+            Ok(page) => {
+                print!("{page}");
+                ExitCode::SUCCESS
+            }
+            Err(error) => fail(&*error),
+        }
+    })
 }
 
 fn fail(error: &dyn std::error::Error) -> ExitCode {

@@ -23,6 +23,7 @@ mod metrics;
 mod network;
 mod real;
 mod text;
+pub mod truth;
 mod vocabulary;
 
 pub use captioned::CaptionedMotions;

@@ -1,0 +1,334 @@
+//! What came of it: shares, failures, and the two files.
+
+use std::fmt::Write;
+
+use lamogen_motion::{FootSliding, Jitter, Joint, JointTurning, Motion};
+use serde::Serialize;
+
+use super::checks::Verdict;
+use super::measurements::Measurements;
+use super::sentences::{Phrasing, Sentence};
+
+/// A motion that was generated from a sentence, judged.
+#[derive(Clone, Debug, Serialize)]
+pub struct Trial {
+    /// Which sentence, by its place in the report.
+    pub sentence: usize,
+    /// Seed of the start noise.
+    pub seed: u64,
+    /// Whether it does all that the sentence says.
+    pub holds: bool,
+    /// What each check made of it.
+    pub verdicts: Vec<Verdict>,
+    /// How real it looks.
+    pub quality: Quality,
+    /// All that was measured.
+    pub measured: Measurements,
+}
+
+/// How real a motion looks, whatever it does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quality {
+    /// How far the pelvis turns at most from one frame to the next, degrees.
+    pub pelvis_turn: f32,
+    /// Mean jerk of all joints, m/s³ (see [`Jitter`]).
+    pub jerk: f32,
+    /// The share of the motion in which a standing foot slides, 0 to 1 (see [`FootSliding`]).
+    pub sliding_share: f32,
+    /// How fast a standing foot moves on average, m/s.
+    pub sliding_speed: f32,
+}
+
+impl Quality {
+    /// Measures a motion, and the rotations that its files hold.
+    pub fn of(motion: &Motion) -> Quality {
+        let (jitter, sliding) = (Jitter::of(motion), FootSliding::of(motion));
+        let turning = JointTurning::of(&motion.rotations());
+        Quality {
+            pelvis_turn: turning.largest(Joint::Pelvis).degrees,
+            jerk: jitter.jerk,
+            sliding_share: sliding.ratio,
+            sliding_speed: sliding.speed,
+        }
+    }
+
+    /// Whether the pelvis turns more than 60 degrees between two frames, which no body does.
+    pub fn snaps(&self) -> bool {
+        self.pelvis_turn > super::limits::PELVIS_SNAP
+    }
+}
+
+/// Sentences with the motions that were generated from them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// The sentences.
+    pub sentences: Vec<Sentence>,
+    /// Their motions.
+    pub trials: Vec<Trial>,
+}
+
+/// How many motions of how many do what is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Share {
+    /// Motions that do.
+    pub hold: usize,
+    /// Motions in all.
+    pub of: usize,
+}
+
+impl Share {
+    /// The share, 0 to 1; `None` of no motions.
+    pub fn ratio(self) -> Option<f32> {
+        (self.of > 0).then(|| self.hold as f32 / self.of as f32)
+    }
+
+    fn percent(self) -> String {
+        match self.ratio() {
+            Some(ratio) => format!("{:.0} %", 100.0 * ratio),
+            None => "–".into(),
+        }
+    }
+}
+
+impl Report {
+    /// A report without motions.
+    pub fn new(sentences: Vec<Sentence>) -> Report {
+        Report {
+            sentences,
+            trials: Vec::new(),
+        }
+    }
+
+    /// Judges a motion of a sentence and keeps what was found.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such sentence.
+    pub fn add(&mut self, sentence: usize, seed: u64, motion: &Motion) {
+        let measured = Measurements::of(motion);
+        let checks = self.sentences[sentence].checks.iter();
+        let verdicts: Vec<Verdict> = checks.map(|check| check.judge(&measured)).collect();
+        self.trials.push(Trial {
+            sentence,
+            seed,
+            holds: verdicts.iter().all(Verdict::holds),
+            verdicts,
+            quality: Quality::of(motion),
+            measured,
+        });
+    }
+
+    /// How many motions of some sentences do what is said.
+    pub fn share(&self, mut of: impl FnMut(&Sentence) -> bool) -> Share {
+        let mut share = Share::default();
+        for trial in &self.trials {
+            if of(&self.sentences[trial.sentence]) {
+                share.of += 1;
+                share.hold += usize::from(trial.holds);
+            }
+        }
+        share
+    }
+
+    /// How many motions of all sentences do what is said.
+    pub fn overall(&self) -> Share {
+        self.share(|_| true)
+    }
+
+    /// How many motions of a phrasing do what is said.
+    pub fn of_phrasing(&self, phrasing: Phrasing) -> Share {
+        self.share(|sentence| sentence.phrasing == phrasing)
+    }
+
+    /// The groups in the order of the sentences.
+    pub fn groups(&self) -> Vec<&str> {
+        let mut groups: Vec<&str> = Vec::new();
+        for sentence in &self.sentences {
+            if !groups.contains(&&*sentence.group) {
+                groups.push(&sentence.group);
+            }
+        }
+        groups
+    }
+
+    /// The motions of a sentence.
+    pub fn trials_of(&self, sentence: usize) -> impl Iterator<Item = &Trial> {
+        let trials = self.trials.iter();
+        trials.filter(move |trial| trial.sentence == sentence)
+    }
+
+    /// How many motions of each sentence do what it says, by the sentence's place.
+    pub fn shares(&self) -> Vec<Share> {
+        let of = |sentence: usize| Share {
+            hold: self.trials_of(sentence).filter(|trial| trial.holds).count(),
+            of: self.trials_of(sentence).count(),
+        };
+        (0..self.sentences.len()).map(of).collect()
+    }
+
+    /// Sentences of which fewer than half of the motions do what they say, by their places.
+    pub fn failing(&self) -> Vec<usize> {
+        let shares = self.shares().into_iter().enumerate();
+        let failing = shares.filter(|(_, share)| 2 * share.hold < share.of);
+        failing.map(|(sentence, _)| sentence).collect()
+    }
+
+    /// The means of [`Quality`] over the motions of some sentences, and how many of them snap.
+    fn quality(&self, mut of: impl FnMut(&Sentence) -> bool) -> (usize, usize, [f32; 3]) {
+        let trials = self.trials.iter();
+        let trials = trials.filter(|trial| of(&self.sentences[trial.sentence]));
+        let qualities: Vec<Quality> = trials.map(|trial| trial.quality).collect();
+        let count = qualities.len();
+        let mean = |value: fn(&Quality) -> f32| {
+            qualities.iter().map(value).sum::<f32>() / count.max(1) as f32
+        };
+        let means = [
+            mean(|quality| quality.jerk),
+            mean(|quality| quality.sliding_share),
+            mean(|quality| quality.sliding_speed),
+        ];
+        let snaps = qualities.iter().filter(|quality| quality.snaps()).count();
+        (snaps, count, means)
+    }
+
+    /// The report to read, as Markdown.
+    pub fn markdown(&self) -> String {
+        let mut page = String::from("# Does it do what the sentence says\n\n");
+        page.push_str(&self.summary());
+        page.push_str("\n## Every sentence\n\n| does | sentence | what is not so, seed by seed |\n|---|---|---|\n");
+        for (place, (sentence, share)) in self.sentences.iter().zip(self.shares()).enumerate() {
+            let faults: Vec<String> = self.trials_of(place).filter_map(faults).collect();
+            let (hold, of, text) = (share.hold, share.of, &sentence.text);
+            writeln!(page, "| {hold}/{of} | {text} | {} |", faults.join("; "))
+                .expect("writing to a string works");
+        }
+        page
+    }
+
+    /// The tables alone: shares by group and phrasing, failing sentences, quality.
+    pub fn summary(&self) -> String {
+        let mut page = String::from(
+            "The share of motions that do all that their sentence says.\n\n\
+             | group | sentences | all | training | novel |\n|---|---|---|---|---|\n",
+        );
+        let mut row = |name: &str, of: &dyn Fn(&Sentence) -> bool| {
+            let count = self
+                .sentences
+                .iter()
+                .filter(|sentence| of(sentence))
+                .count();
+            let [training, novel] = Phrasing::ALL.map(|phrasing| {
+                let share = self.share(|sentence| of(sentence) && sentence.phrasing == phrasing);
+                share.percent()
+            });
+            let all = self.share(of).percent();
+            writeln!(page, "| {name} | {count} | {all} | {training} | {novel} |")
+                .expect("writing to a string works");
+        };
+        for group in self.groups() {
+            row(group, &|sentence| sentence.group == group);
+        }
+        row("**all**", &|_| true);
+        let failing = self.failing();
+        page.push_str("\nSentences of which fewer than half of the motions do what they say: ");
+        writeln!(page, "{}.\n", failing.len()).expect("writing to a string works");
+        let shares = self.shares();
+        for place in failing {
+            let (sentence, share) = (&self.sentences[place], shares[place]);
+            let checks: Vec<String> = sentence.checks.iter().map(ToString::to_string).collect();
+            writeln!(
+                page,
+                "- {}/{} {} ({}): {}",
+                share.hold,
+                share.of,
+                sentence.text,
+                sentence.phrasing,
+                checks.join(", ")
+            )
+            .expect("writing to a string works");
+        }
+        page.push_str(
+            "\n| motions of | pelvis turns more than 60° between two frames | jerk, m/s³ | feet slide, share | speed of standing feet, m/s |\n\
+             |---|---|---|---|---|\n",
+        );
+        let mut row = |name: &str, of: &dyn Fn(&Sentence) -> bool| {
+            let (snaps, count, [jerk, share, speed]) = self.quality(of);
+            writeln!(
+                page,
+                "| {name} | {snaps} of {count} | {jerk:.0} | {share:.3} | {speed:.3} |"
+            )
+            .expect("writing to a string works");
+        };
+        for group in self.groups() {
+            row(group, &|sentence| sentence.group == group);
+        }
+        row("**all**", &|_| true);
+        page
+    }
+}
+
+/// What is not as it has to be in a motion; `None` where all is.
+fn faults(trial: &Trial) -> Option<String> {
+    if trial.holds {
+        return None;
+    }
+    let verdicts = trial.verdicts.iter();
+    let faults = verdicts.flat_map(Verdict::faults).map(ToString::to_string);
+    Some(faults.collect::<Vec<_>>().join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::truth::read_sentences;
+    use lamogen_motion::JOINTS;
+
+    fn report() -> Report {
+        let table = "still | training | 1 | a person stands | stays\n\
+                     still | novel | 1 | a statue | stays\n\
+                     run | novel | 1 | a rocket | runs\n";
+        let mut report = Report::new(read_sentences(table).unwrap());
+        let still = Motion::from_joints(vec![[[0.0, 1.0, 0.0]; JOINTS]; 20]).unwrap();
+        let gone = |frame: usize| [[0.0, 1.0, 0.2 * frame as f32]; JOINTS];
+        let gone = Motion::from_joints((0..20).map(gone).collect()).unwrap();
+        report.add(0, 0, &still);
+        report.add(0, 1, &gone);
+        report.add(1, 0, &gone);
+        report.add(1, 1, &gone);
+        report.add(2, 0, &gone);
+        report.add(2, 1, &gone);
+        report
+    }
+
+    #[test]
+    fn shares_are_counted_by_group_and_phrasing() {
+        let report = report();
+        assert_eq!(report.overall(), Share { hold: 3, of: 6 });
+        assert_eq!(
+            report.of_phrasing(Phrasing::Training),
+            Share { hold: 1, of: 2 }
+        );
+        assert_eq!(
+            report.of_phrasing(Phrasing::Novel),
+            Share { hold: 2, of: 4 }
+        );
+        assert_eq!(report.groups(), ["still", "run"]);
+    }
+
+    #[test]
+    fn a_sentence_fails_of_which_fewer_than_half_hold_and_the_report_says_why() {
+        let report = report();
+        assert_eq!(report.failing(), [1]);
+        let page = report.markdown();
+        assert!(page.contains("- 0/2 a statue (novel): stays"), "{page}");
+        assert!(page.contains("spread 3.80 (at most 0.8)"), "{page}");
+        assert!(page.contains("| run | 1 | 100 % | – | 100 % |"), "{page}");
+    }
+
+    #[test]
+    fn nothing_generated_has_no_share() {
+        let report = Report::new(Vec::new());
+        assert_eq!(report.overall().ratio(), None);
+        assert!(report.summary().contains('–'));
+    }
+}

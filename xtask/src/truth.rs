@@ -1,0 +1,182 @@
+//! Whether a model's motions do what everyday sentences say; and whether the checks are right about real motions.
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use burn::tensor::Device;
+use lamogen::{Motion, Request};
+use lamogen_data::{Dataset, LoadOptions, Split};
+use lamogen_eval::truth::{
+    Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, evidence, sentences,
+};
+use lamogen_motion::write_atomically;
+use serde_json::json;
+
+use crate::subject::Subject;
+
+/// What is generated and judged.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub subject: Subject,
+    /// Motions of every sentence, from as many seeds.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=100))]
+    pub seeds: u64,
+    /// Folder for truth.json and truth.md.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Only sentences of this group, several times for several.
+    #[arg(long)]
+    pub group: Vec<String>,
+    /// Judge real motions instead, and the checks by them.
+    #[arg(long, requires = "data")]
+    pub validate: bool,
+    /// Folder of the data set with the real motions.
+    #[arg(long, requires = "validate")]
+    pub data: Option<PathBuf>,
+}
+
+/// Generates every sentence without tags, judges the motions and writes the report, which is returned to be printed.
+///
+/// # Errors
+///
+/// If the model cannot be read, a motion cannot be generated, or the report cannot be written.
+pub fn run(
+    options: &Options,
+    device: &Device,
+    tell: &mut dyn FnMut(String),
+) -> Result<String, Box<dyn Error>> {
+    let model = options.subject.open(device)?;
+    let is_asked =
+        |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
+    let sentences: Vec<Sentence> = sentences().into_iter().filter(is_asked).collect();
+    let mut report = Report::new(sentences.clone());
+    for (place, sentence) in sentences.iter().enumerate() {
+        let requests: Vec<Request> = (0..options.seeds)
+            .map(|seed| {
+                let request = Request::new(&sentence.text).seconds(sentence.seconds);
+                let steps = options.subject.steps as usize;
+                request.steps(steps).seed(seed)
+            })
+            .collect();
+        let made = model.generate_all(&requests)?;
+        for (seed, made) in made.iter().enumerate() {
+            report.add(place, seed as u64, &made.baseline);
+        }
+        let hold = report.trials_of(place).filter(|trial| trial.holds).count();
+        tell(format!("{hold}/{} {}", options.seeds, sentence.text));
+    }
+    if let Some(folder) = &options.out {
+        let subject = &options.subject;
+        let file = json!({
+            "model": subject.model.as_deref().unwrap_or(Path::new("embedded")),
+            "steps": subject.steps,
+            "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
+            "seeds": options.seeds,
+            "overall": report.overall(),
+            "training": report.of_phrasing(Phrasing::Training),
+            "novel": report.of_phrasing(Phrasing::Novel),
+            "sentences": report.sentences,
+            "motions": report.trials,
+        });
+        write(folder, "truth.json", &format!("{file:#}\n"))?;
+        write(folder, "truth.md", &report.markdown())?;
+    }
+    Ok(report.summary())
+}
+
+/// Judges real motions of all splits, and by them every check; returns what is to be printed, and whether all checks are good
+/// enough and all sentences phrased as they say.
+///
+/// # Errors
+///
+/// If the data set cannot be read, or the report cannot be written.
+pub fn validate(data: &Path, out: Option<&Path>) -> Result<(String, bool), Box<dyn Error>> {
+    let dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
+    let clips = clips(&dataset)?;
+    let mut found: Vec<Validation> = evidence()
+        .iter()
+        .map(|evidence| evidence.validate(&clips))
+        .collect();
+    let worst = |validation: &Validation| validation.true_share.min(1.0 - validation.false_share);
+    found.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
+    let mut page = String::from(
+        "| check | holds where it should | of | holds where it should not | of |\n|---|---|---|---|---|\n",
+    );
+    for row in &found {
+        let mark = if row.is_valid() {
+            ""
+        } else {
+            " **not good enough**"
+        };
+        writeln!(
+            page,
+            "| {}{mark} | {:.3} | {} | {:.3} | {} |",
+            row.check, row.true_share, row.true_clips, row.false_share, row.false_clips
+        )?;
+    }
+    let captions = dataset
+        .split(Split::Train)
+        .flat_map(|entry| &entry.captions);
+    let captions = Captions::new(captions.map(|caption| &*caption.text));
+    let sentences = sentences();
+    let (mut wrong, mut new_words, mut novel) = (0, 0, 0);
+    for sentence in &sentences {
+        let novelty = captions.novelty(sentence);
+        if !novelty.allows(sentence.phrasing) {
+            wrong += 1;
+            let (phrasing, text) = (sentence.phrasing, &sentence.text);
+            writeln!(page, "\nnot {phrasing}: {text} ({novelty:?})")?;
+        }
+        if sentence.phrasing == Phrasing::Novel {
+            novel += 1;
+            new_words += usize::from(!novelty.words.is_empty());
+        }
+    }
+    let valid = found.iter().filter(|row| row.is_valid()).count();
+    writeln!(
+        page,
+        "\n{valid} of {} checks are good enough. {} sentences, {novel} of them novel, {new_words} of these with a word that no \
+         caption for training has; {wrong} phrased otherwise than they say.",
+        found.len(),
+        sentences.len(),
+    )?;
+    if let Some(folder) = out {
+        let clips = clips.iter().map(|clip| {
+            json!({ "name": clip.name, "content": clip.content, "captions": clip.captions, "measured": clip.measured })
+        });
+        let clips: Vec<_> = clips.collect();
+        let file = json!({ "checks": found, "clips": clips });
+        write(folder, "validation.json", &file.to_string())?;
+        write(folder, "validation.md", &page)?;
+    }
+    Ok((page, valid == found.len() && wrong == 0))
+}
+
+fn clips(dataset: &Dataset) -> Result<Vec<Clip>, Box<dyn Error>> {
+    let clips = dataset.entries().iter().map(|entry| {
+        let mut rows = Vec::new();
+        dataset.features(entry, 0..entry.frames, &mut rows);
+        let (rows, _) = rows.as_chunks();
+        let motion = Motion::from_pose_features(rows.to_vec())?;
+        let captions = entry.captions.iter().map(|caption| caption.text.clone());
+        Ok(Clip {
+            name: entry.name.clone(),
+            content: entry.content.clone().unwrap_or_default(),
+            styled: entry.style.is_some(),
+            captions: captions.collect(),
+            measured: Measurements::of(&motion),
+        })
+    });
+    clips.collect()
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), Box<dyn Error>> {
+    std::fs::create_dir_all(folder)?;
+    let path = folder.join(name);
+    write_atomically(&path, |file| file.write_all(text.as_bytes()))
+        .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
+}
