@@ -340,3 +340,45 @@ fn damaged_files_are_errors_that_name_the_tensor() {
     std::fs::write(&path, [&8u64.to_le_bytes()[..], b"no json!"].concat()).unwrap();
     assert!(error(folder).contains("no safetensors"));
 }
+
+#[test]
+fn several_data_sets_become_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other, out] = ["one", "other", "out"].map(|name| folder.path().join(name));
+    for source in [&one, &other] {
+        std::fs::create_dir(source).unwrap();
+        humanml3d(source);
+    }
+    let options = PackOptions::default();
+    let single = packed(&one, &folder.path().join("single"), &options);
+    let joined = lamogen_data::pack_all(&[&one, &other], &out, &options, &mut |_| {}).unwrap();
+    assert_eq!(joined.entries().len(), 2 * single.entries().len());
+    let read = open(&out);
+    let by_name = |name: &str| {
+        let mut entries = read.entries().iter();
+        entries.find(|entry| entry.name == name).unwrap()
+    };
+    for entry in single.entries() {
+        let renamed = match entry.name.strip_prefix('M').filter(|_| entry.mirror) {
+            Some(name) => format!("Mother_{name}"),
+            None => format!("other_{}", entry.name),
+        };
+        let second = by_name(&renamed);
+        assert_eq!(second.captions, entry.captions);
+        assert_ne!(second.clip(), by_name(&entry.name).clip());
+        for copy in [by_name(&entry.name), second] {
+            assert_eq!(features(&read, copy), features(&single, entry));
+        }
+    }
+    assert_eq!(read.mean(), single.mean());
+    let files = folder.path().join("files");
+    std::fs::create_dir(&files).unwrap();
+    std::fs::write(files.join("a.bvh"), "HIERARCHY").unwrap();
+    let refused = lamogen_data::pack_all(
+        &[&one, &files],
+        folder.path().join("no"),
+        &options,
+        &mut |_| {},
+    );
+    assert!(refused.unwrap_err().to_string().contains("files"));
+}

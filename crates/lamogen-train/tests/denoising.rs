@@ -374,3 +374,128 @@ fn longer_motions_are_seen_in_parts() {
     assert!(report.frames <= 50 * report.motions);
     assert!(task.validate(trainer.average()).unwrap().is_finite());
 }
+
+/// A config with every condition: captions in other words and left out, Laban features, sentences.
+fn with_conditions() -> TrainingConfig {
+    let mut config = config("sample");
+    config.denoising = lamogen_train::DenoisingConfig {
+        phrasings: 3,
+        text_dropout: 0.3,
+        laban_share: 0.5,
+        source_balance: 0.5,
+        sentences_per_batch: 4,
+        sentence_weight: 0.5,
+        ..config.denoising
+    };
+    config
+}
+
+fn sentences(folder: &Path, tokens: &lamogen_train::CaptionTokens) -> lamogen_train::Sentences {
+    let path = folder.join("sentences.npy");
+    let rows: Vec<f32> = (0..6 * 5).map(|i| (i as f32 * 1.3).sin()).collect();
+    npy::write(&path, &rows, &[6, 5]).unwrap();
+    let lines = "a slow one\na quick one\nit is slow\nit is quick\nvery quick\nslow\n";
+    fs::write(path.with_extension("txt"), lines).unwrap();
+    lamogen_train::Sentences::read(&path, tokens.tokenizer()).unwrap()
+}
+
+#[test]
+fn conditions_are_learned_and_a_run_with_them_goes_on_where_it_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let data = dataset(&folder.join("data"));
+    let tokens = tokens(&data, 12);
+    let (config, device) = (with_conditions(), Device::flex());
+    let sentences = sentences(folder, &tokens);
+    let task = Denoising::new(&data, &tokens, &config, &device).unwrap();
+    let task = task.with_sentences(&sentences);
+    let condition = task.model().laban_condition.expect("measured");
+    assert!(condition.std.iter().all(|std| *std > 0.0));
+    let plan = Plan {
+        length: Length::Steps(12),
+        validate_every: 5,
+        checkpoint_every: NEVER,
+    };
+    let identity = identity("denoiser", &config, &data, &tokens);
+    let go = |out: &str, stop| {
+        let out = folder.join(out);
+        run(&task, &out, &identity, &plan, &device, &mut StopAfter(stop)).unwrap()
+    };
+    go("whole", None);
+    go("parts", Some(7));
+    go("parts", None);
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.join(name));
+    same(&whole, &parts, "with conditions");
+    // The loss has a part of the sentences, and the folder what its user needs.
+    let losses = LogLine::read(whole.join("losses.jsonl")).unwrap();
+    let steps = losses.iter().filter_map(|line| match line {
+        LogLine::Step(report) => Some(report),
+        LogLine::Validation { .. } => None,
+    });
+    assert!(steps.clone().count() == 12 && steps.clone().all(|step| step.total_loss > step.loss));
+    let words = fs::read_to_string(whole.join("model/words.txt")).unwrap();
+    assert!(words.lines().any(|word| word == "quick"));
+    let json = fs::read(whole.join("model/config.json")).unwrap();
+    let model = lamogen_model::ModelConfig::from_json(&json, "config.json").unwrap();
+    assert_eq!(model.laban_condition, Some(condition));
+    let weights = Checkpoint::open(whole.join("model/model.safetensors")).unwrap();
+    weights.load(&model, &device).unwrap();
+}
+
+#[test]
+fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = dataset(folder.path());
+    let tokens = tokens(&data, 12);
+    let device = Device::flex();
+    let mut config = config("sample");
+    let first = MotionDiffuse::initial(&config.model, 5, &device);
+    let loss_at = |config: &TrainingConfig| {
+        let task = Denoising::new(&data, &tokens, config, &device).unwrap();
+        let task = task.with_start(first.clone()).unwrap();
+        Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
+    };
+    // A fresh network says the same to every sentence, so that nothing is added.
+    let plain = loss_at(&config);
+    config.denoising.text_scale = 3.0;
+    assert!((loss_at(&config) - plain).abs() < 1e-6 * plain);
+    // One that tells sentences apart gets another target.
+    let told = MotionDiffuse::new(&config.model, &device);
+    let loss_at = |config: &TrainingConfig| {
+        let task = Denoising::new(&data, &tokens, config, &device).unwrap();
+        let task = task.with_start(told.clone()).unwrap();
+        Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
+    };
+    let scaled = loss_at(&config);
+    config.denoising.text_scale = 1.0;
+    assert!((loss_at(&config) - scaled).abs() > 1e-6 * scaled);
+}
+
+#[test]
+fn files_of_sentences_that_do_not_fit_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = dataset(folder.path());
+    let tokens = tokens(&data, 12);
+    let path = folder.path().join("s.npy");
+    let refused = |rows: usize, text: &str, numbers: f32| {
+        npy::write(&path, &vec![numbers; rows * 3], &[rows, 3]).unwrap();
+        fs::write(path.with_extension("txt"), text).unwrap();
+        let refused = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+        refused.expect_err("they do not fit").to_string()
+    };
+    assert!(refused(3, "one\nquick\n", 1.0).contains("2 sentences"));
+    assert!(refused(1, "one\n", 1.0).contains("at least two"));
+    assert!(refused(2, "one\nquick\n", 0.0).contains("row 0"));
+    fs::remove_file(path.with_extension("txt")).unwrap();
+    let missing = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+    assert!(missing.unwrap_err().to_string().contains("s.txt"));
+}
+
+#[test]
+fn the_recipes_that_come_with_the_library_make_sense() {
+    for name in ["compact", "compact-finish", "open"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.json"));
+        let config = TrainingConfig::from_file(path).unwrap();
+        assert_eq!(config.model.input_feats, POSE_FEATURES);
+    }
+}

@@ -154,8 +154,8 @@ pub struct SourceArguments {
     /// small network keep step; or off. Usually 1 for the embedded model, off for others.
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
-    /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, more (2 or 3) twice. For
-    /// models trained with text dropout, as the embedded one.
+    /// How strongly motions follow the sentence, by classifier-free guidance: 1, the default, asks the network once a step, others, such as
+    /// 2.5, twice. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
     pub text_scale: Option<f64>,
     /// Where to compute; lamogen devices lists them.
