@@ -25,6 +25,9 @@ pub struct Options {
     /// Motions of every sentence, from as many seeds.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub seeds: u64,
+    /// Judge the motions that the network itself gives instead of those of the rigid body that users get.
+    #[arg(long)]
+    pub network: bool,
     /// Folder for truth.json and truth.md.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -64,7 +67,11 @@ pub fn run(
             .collect();
         let made = model.generate_all(&requests)?;
         for (seed, made) in made.iter().enumerate() {
-            report.add(place, seed as u64, &made.baseline);
+            let motion = match options.network {
+                true => &made.network.baseline,
+                false => &made.baseline,
+            };
+            report.add(place, seed as u64, motion);
         }
         let hold = report.trials_of(place).filter(|trial| trial.holds).count();
         tell(format!("{hold}/{} {}", options.seeds, sentence.text));
@@ -76,6 +83,7 @@ pub fn run(
             "steps": subject.steps,
             "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
             "seeds": options.seeds,
+            "motions_of": if options.network { "network" } else { "body" },
             "overall": report.overall(),
             "training": report.of_phrasing(Phrasing::Training),
             "novel": report.of_phrasing(Phrasing::Novel),
