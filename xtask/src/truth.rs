@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen::{Motion, Request};
+use lamogen::{Body, Guidance, Motion, Request};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_eval::truth::{
     Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, evidence, sentences,
@@ -57,10 +57,16 @@ pub fn run(
         |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
     let sentences: Vec<Sentence> = sentences().into_iter().filter(is_asked).collect();
     let mut report = Report::new(sentences.clone());
+    // On the body whatever the model's preset; nothing else of guidance matters without tags.
+    let guidance = Guidance {
+        body: Body::Rig,
+        ..model.preset().guidance()
+    };
     for (place, sentence) in sentences.iter().enumerate() {
         let requests: Vec<Request> = (0..options.seeds)
             .map(|seed| {
                 let request = Request::new(&sentence.text).seconds(sentence.seconds);
+                let request = request.guidance(guidance.clone());
                 let steps = options.subject.steps as usize;
                 request.steps(steps).seed(seed)
             })

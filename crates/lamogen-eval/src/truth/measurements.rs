@@ -388,7 +388,7 @@ fn mean(values: impl Iterator<Item = f32>) -> f32 {
 
 /// The share that is true; 0 of none.
 fn share(values: impl Iterator<Item = bool>) -> f32 {
-    mean(values.map(|value| f32::from(value)))
+    mean(values.map(f32::from))
 }
 
 /// The greatest value; the least number there is of none.
