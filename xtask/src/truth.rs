@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen::{Motion, Request};
+use lamogen::{Body, Guidance, Motion, Request};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_eval::truth::{
     Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, evidence, sentences,
@@ -25,6 +25,9 @@ pub struct Options {
     /// Motions of every sentence, from as many seeds.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub seeds: u64,
+    /// Judge the motions that the network itself gives instead of those of the rigid body that users get.
+    #[arg(long)]
+    pub network: bool,
     /// Folder for truth.json and truth.md.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -54,17 +57,27 @@ pub fn run(
         |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
     let sentences: Vec<Sentence> = sentences().into_iter().filter(is_asked).collect();
     let mut report = Report::new(sentences.clone());
+    // On the body whatever the model's preset; nothing else of guidance matters without tags.
+    let guidance = Guidance {
+        body: Body::Rig,
+        ..model.preset().guidance()
+    };
     for (place, sentence) in sentences.iter().enumerate() {
         let requests: Vec<Request> = (0..options.seeds)
             .map(|seed| {
                 let request = Request::new(&sentence.text).seconds(sentence.seconds);
+                let request = request.guidance(guidance.clone());
                 let steps = options.subject.steps as usize;
                 request.steps(steps).seed(seed)
             })
             .collect();
         let made = model.generate_all(&requests)?;
         for (seed, made) in made.iter().enumerate() {
-            report.add(place, seed as u64, &made.baseline);
+            let motion = match options.network {
+                true => &made.network.baseline,
+                false => &made.baseline,
+            };
+            report.add(place, seed as u64, motion);
         }
         let hold = report.trials_of(place).filter(|trial| trial.holds).count();
         tell(format!("{hold}/{} {}", options.seeds, sentence.text));
@@ -76,6 +89,7 @@ pub fn run(
             "steps": subject.steps,
             "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
             "seeds": options.seeds,
+            "motions_of": if options.network { "network" } else { "body" },
             "overall": report.overall(),
             "training": report.of_phrasing(Phrasing::Training),
             "novel": report.of_phrasing(Phrasing::Novel),

@@ -370,7 +370,10 @@ fn several_data_sets_become_one() {
             assert_eq!(features(&read, copy), features(&single, entry));
         }
     }
-    assert_eq!(read.mean(), single.mean());
+    // The same motions twice: sums round otherwise.
+    for (found, expected) in read.mean().iter().zip(single.mean()) {
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
     let files = folder.path().join("files");
     std::fs::create_dir(&files).unwrap();
     std::fs::write(files.join("a.bvh"), "HIERARCHY").unwrap();

@@ -438,7 +438,7 @@ fn evidence_of(check: Check) -> Evidence {
             let squats = |times: u8| {
                 let squats = clips(["squat"]);
                 let squats = match times {
-                    1 => squats.said([" once", "one time"]),
+                    1 => squats.said([" once", "one time", " a squat", " a deep squat"]),
                     2 => squats.said([" two ", "twice"]),
                     _ => squats.said(["three"]),
                 };

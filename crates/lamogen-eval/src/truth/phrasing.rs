@@ -27,11 +27,10 @@ impl Novelty {
     /// Whether the sentence may be called so: `training` if every two words that follow each other do so in a caption, `novel` if
     /// some do not, so that it is none.
     pub fn allows(&self, phrasing: Phrasing) -> bool {
-        let has_news = !self.words.is_empty() || !self.pairs.is_empty();
-        let is_novel = has_news && !self.is_caption;
+        let is_known = self.words.is_empty() && self.pairs.is_empty();
         match phrasing {
-            Phrasing::Training => self.words.is_empty() && self.pairs.is_empty(),
-            Phrasing::Novel => is_novel,
+            Phrasing::Training => is_known,
+            Phrasing::Novel => !is_known && !self.is_caption,
         }
     }
 }

@@ -64,21 +64,20 @@ fn shift(pose: &mut Pose, joints: &[Joint], axis: usize, by: f32) {
     }
 }
 
-/// All but the feet goes down.
+/// All but the feet goes down, and the knees bend forward.
 fn sink(pose: &mut Pose, by: f32) {
-    let feet = [
-        Joint::LeftAnkle,
-        Joint::RightAnkle,
-        Joint::LeftFoot,
-        Joint::RightFoot,
-    ];
     for joint in Joint::ALL {
-        let share = match joint {
-            joint if feet.contains(&joint) => 0.0,
-            Joint::LeftKnee | Joint::RightKnee => 0.3,
-            _ => 1.0,
-        };
-        shift(pose, &[joint], 1, -share * by);
+        match joint {
+            Joint::LeftAnkle | Joint::RightAnkle | Joint::LeftFoot | Joint::RightFoot => {}
+            joint => shift(pose, &[joint], 1, -by),
+        }
+    }
+    for knee in [Joint::LeftKnee, Joint::RightKnee] {
+        // Half way between hip and ankle, as far forward as the bones are long.
+        let height = (0.81 - by) / 2.0;
+        let place = &mut pose[knee.index()];
+        place[1] = 0.06 + height;
+        place[2] = (0.405_f32.powi(2) - height.powi(2)).max(0.0).sqrt();
     }
 }
 
@@ -279,8 +278,9 @@ fn squats_are_counted() {
                 "{words}"
             );
         }
-        assert!(does(&squats, "sits down and gets up") && does(&squats, "crouches"));
     }
+    let once = motion(|time, pose| sink(pose, 0.4 * wave(time, 1.0)));
+    assert!(does(&once, "sits down and gets up") && does(&once, "crouches"));
     let shallow = motion(|time, pose| sink(pose, 0.1 * wave(time, 2.0)));
     assert!(!does(&shallow, "squats twice"));
 }
