@@ -113,7 +113,10 @@ fn a_saved_network_is_told_the_same() {
         .load(&config, &device)
         .unwrap();
     let added = |network: &MotionDiffuse| numbers(network.embed_laban(&[[Some(0.2); 4]]).unwrap());
-    assert_eq!(added(&network), added(&loaded));
+    // Weights lie otherwise in memory, so that sums round otherwise.
+    for (found, expected) in added(&loaded).into_iter().zip(added(&network)) {
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
 }
 
 /// Length of the gradients of the parameters under a name.
