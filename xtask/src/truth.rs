@@ -46,12 +46,22 @@ pub struct Options {
 ///
 /// # Errors
 ///
-/// If the model cannot be read, a motion cannot be generated, or the report cannot be written.
+/// If there is no such group, the model cannot be read, a motion cannot be generated, or the report cannot be written.
 pub fn run(
     options: &Options,
     device: &Device,
     tell: &mut dyn FnMut(String),
 ) -> Result<String, Box<dyn Error>> {
+    let all = Report::new(sentences());
+    let groups = all.groups();
+    if let Some(unknown) = { options.group.iter() }.find(|group| !groups.contains(&group.as_str()))
+    {
+        return Err(format!(
+            "--group: expected one of {}, found {unknown}",
+            groups.join(", ")
+        )
+        .into());
+    }
     let model = options.subject.open(device)?;
     let is_asked =
         |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
@@ -88,6 +98,7 @@ pub fn run(
             "model": subject.model.as_deref().unwrap_or(Path::new("embedded")),
             "steps": subject.steps,
             "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
+            "text_scale": model.text_scale(),
             "seeds": options.seeds,
             "motions_of": if options.network { "network" } else { "body" },
             "overall": report.overall(),

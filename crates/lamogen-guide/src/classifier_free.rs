@@ -48,19 +48,29 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
         Ok(ClassifierFree { network, free })
     }
 
-    /// What the network says where nothing is said, and the scale.
-    fn free(
+    /// What the network is given where nothing is said, and the scale.
+    fn unsaid<'c>(
         &self,
         input: &DenoiserInput,
-        context: &ToldAndFree<D::Context>,
-    ) -> Option<(Tensor<3>, f64)> {
+        context: &'c ToldAndFree<D::Context>,
+    ) -> Option<(DenoiserInput, &'c D::Context, f64)> {
         let (free, prompt) = (self.free.as_ref()?, context.free.as_ref()?);
         let input = DenoiserInput {
             embedding: prompt.embedding.clone(),
             modulation: None,
             ..input.clone()
         };
-        Some((self.network.denoise(input, &prompt.context), free.scale))
+        Some((input, &prompt.context, free.scale))
+    }
+
+    /// What the network says where nothing is said, and the scale.
+    fn free(
+        &self,
+        input: &DenoiserInput,
+        context: &ToldAndFree<D::Context>,
+    ) -> Option<(Tensor<3>, f64)> {
+        let (input, context, scale) = self.unsaid(input, context)?;
+        Some((self.network.denoise(input, context), scale))
     }
 }
 
@@ -146,16 +156,11 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> Linearized<'a, 3> {
-        let (Some(free), Some(prompt)) = (&self.free, &context.free) else {
+        let unsaid = self.unsaid(&input, context);
+        let Some((unsaid, free, scale)) = unsaid else {
             return self.network.linearize_motion(input, &context.told);
         };
-        let unsaid = DenoiserInput {
-            embedding: prompt.embedding.clone(),
-            modulation: None,
-            ..input.clone()
-        };
-        let scale = free.scale;
-        let free = self.network.linearize_motion(unsaid, &prompt.context);
+        let free = self.network.linearize_motion(unsaid, free);
         let told = self.network.linearize_motion(input, &context.told);
         let output = scaled(told.output.clone(), free.output.clone(), scale);
         Linearized::new(output, move |gradient: Tensor<3>| {

@@ -70,6 +70,18 @@ impl LabanSeries {
         }
     }
 
+    /// The mean of each component over those of the frames at which it is known: Weight, Time and Flow need one, two and three frames before
+    /// theirs. 0 where there is none; the frames must be within the series.
+    pub fn known_means(&self, frames: Range<usize>) -> [f32; COMPONENTS] {
+        const FIRST_KNOWN: [usize; COMPONENTS] = [1, 2, 3, 0];
+        Component::ALL.map(|component| {
+            let first = FIRST_KNOWN[component.index()];
+            let start = frames.start.max(first).min(frames.end);
+            let rows = &self.frames[start..frames.end];
+            mean(rows.iter().map(|row| row[component.index()]))
+        })
+    }
+
     /// One number a component.
     pub fn summary(&self, summary: Summary) -> [f32; COMPONENTS] {
         Component::ALL.map(|component| {
@@ -103,6 +115,20 @@ mod tests {
         assert_eq!(series.summary(Summary::Mean), [2.0, 1.0, 2.0, 2.0]);
         let time: Vec<_> = series.component(Component::Time).collect();
         assert_eq!(time, [1.0, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn means_leave_out_the_frames_at_which_a_component_is_not_known() {
+        let rows = [
+            [0.0, 0.0, 0.0, 1.0],
+            [2.0, 0.0, 0.0, 1.0],
+            [4.0, 3.0, 0.0, 1.0],
+            [6.0, 5.0, 7.0, 5.0],
+        ];
+        let series = LabanSeries::from_tensor(Tensor::from(rows));
+        assert_eq!(series.known_means(0..4), [4.0, 4.0, 7.0, 2.0]);
+        assert_eq!(series.known_means(2..4), [5.0, 4.0, 7.0, 3.0]);
+        assert_eq!(series.known_means(0..2), [2.0, 0.0, 0.0, 1.0]);
     }
 
     #[test]

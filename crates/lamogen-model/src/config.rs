@@ -49,13 +49,31 @@ pub struct LabanCondition {
 pub const LABAN_FEATURES: usize = 4;
 
 impl LabanCondition {
+    /// The statistics of motions, by the means over time of their features. The deviation of a feature that is the same in all is 1.
+    pub fn of(means: impl IntoIterator<Item = [f32; LABAN_FEATURES]>) -> Self {
+        let rows = { means.into_iter() }.map(|means| means.map(|mean| f64::from(logarithm(mean))));
+        let rows: Vec<[f64; LABAN_FEATURES]> = rows.collect();
+        let count = rows.len().max(1) as f64;
+        let average =
+            |of: &dyn Fn(&[f64; LABAN_FEATURES]) -> f64| rows.iter().map(of).sum::<f64>() / count;
+        let mean: [f64; LABAN_FEATURES] =
+            std::array::from_fn(|feature| average(&|row| row[feature]));
+        let deviation =
+            |feature: usize| average(&|row| (row[feature] - mean[feature]).powi(2)).sqrt() as f32;
+        LabanCondition {
+            mean: mean.map(|mean| mean as f32),
+            std: std::array::from_fn(|feature| match deviation(feature) {
+                0.0 => 1.0,
+                deviation => deviation,
+            }),
+        }
+    }
+
     /// What the network reads of a motion: each feature's normalised logarithm, at most four standard deviations from the mean, and 0 where it
     /// is not told; then 1 or 0 for each, whether it is told.
     ///
     /// `means` are the features' means over time, as `lamogen_laban::LabanFeatures` measures them by default; below 0 counts as 0.
     pub fn encode(&self, means: &[Option<f32>; LABAN_FEATURES]) -> [f32; 2 * LABAN_FEATURES] {
-        /// Keeps the logarithm of a motion at rest finite.
-        const LEAST: f32 = 1e-12;
         const FARTHEST: f32 = 4.0;
         std::array::from_fn(|place| {
             match (
@@ -64,10 +82,8 @@ impl LabanCondition {
             ) {
                 (_, None) => 0.0,
                 (Some(_), Some(_)) => 1.0,
-                (None, Some(mean)) => {
-                    let logarithm = mean.max(LEAST).ln();
-                    ((logarithm - self.mean[place]) / self.std[place]).clamp(-FARTHEST, FARTHEST)
-                }
+                (None, Some(mean)) => ((logarithm(mean) - self.mean[place]) / self.std[place])
+                    .clamp(-FARTHEST, FARTHEST),
             }
         })
     }
@@ -89,6 +105,12 @@ impl LabanCondition {
         }
         None
     }
+}
+
+/// The natural logarithm of a feature's mean; finite for a motion at rest too.
+fn logarithm(mean: f32) -> f32 {
+    const LEAST: f32 = 1e-12;
+    mean.max(LEAST).ln()
 }
 
 /// Sizes of a denoiser with its text encoder. The names are those of MotionDiffuse's options.

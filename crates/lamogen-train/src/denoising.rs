@@ -80,7 +80,7 @@ impl<'a> Denoising<'a> {
         let mut config = config.clone();
         let laban_is_measured = config.model.laban_condition.is_none();
         if let (Some(laban), true) = (&laban, laban_is_measured) {
-            config.model.laban_condition = Some(laban.statistics());
+            config.model.laban_condition = Some(laban.condition());
         }
         Ok(Denoising {
             batches,

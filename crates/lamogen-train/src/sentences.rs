@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_data::Checksum;
 use lamogen_model::{SentenceSimilarity, Tokenizer};
-use lamogen_motion::npy;
+use lamogen_motion::npy::{self, NpyError};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -29,10 +29,14 @@ pub struct Sentences {
 
 /// What is wrong with a file of sentences or of their embeddings.
 #[derive(Debug, thiserror::Error)]
-#[error("{path}: {problem}")]
-pub struct SentencesError {
-    path: PathBuf,
-    problem: String,
+pub enum SentencesError {
+    /// The array of embeddings cannot be read.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
+    /// What the files hold does not fit, or the sentences cannot be read.
+    #[error("{path}: {problem}")]
+    #[allow(missing_docs)]
+    Content { path: PathBuf, problem: String },
 }
 
 /// How many nearest sentences are known of each.
@@ -45,11 +49,11 @@ impl Sentences {
     ///
     /// If a file cannot be read, there are fewer than two sentences, or not as many as rows of embeddings.
     pub fn read(path: &Path, tokenizer: &Tokenizer) -> Result<Self, SentencesError> {
-        let failed = |path: &Path, problem: String| SentencesError {
+        let failed = |path: &Path, problem: String| SentencesError::Content {
             path: path.to_owned(),
             problem,
         };
-        let array = npy::read(path).map_err(|error| failed(path, error.to_string()))?;
+        let array = npy::read(path)?;
         let text_path = path.with_extension("txt");
         let text = std::fs::read_to_string(&text_path)
             .map_err(|error| failed(&text_path, error.to_string()))?;

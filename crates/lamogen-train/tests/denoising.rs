@@ -489,6 +489,10 @@ fn files_of_sentences_that_do_not_fit_are_refused() {
     fs::remove_file(path.with_extension("txt")).unwrap();
     let missing = lamogen_train::Sentences::read(&path, tokens.tokenizer());
     assert!(missing.unwrap_err().to_string().contains("s.txt"));
+    fs::write(&path, "").unwrap();
+    let empty = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+    let message = empty.unwrap_err().to_string();
+    assert_eq!(message.matches("s.npy").count(), 1, "{message}");
 }
 
 #[test]

@@ -124,10 +124,9 @@ impl<D: Denoiser> Sampler<'_, D> {
                 0 => return Err(GuideError::NoModulation),
                 _ => condition(Told::Modulation),
             },
-            Moved::Prediction => {
+            Moved::Prediction | Moved::Nothing => {
                 Box::new(subjects::Prediction::new(self, objective, batch, guidance))
             }
-            Moved::Nothing => Box::new(subjects::Nothing::new(self, objective, batch)),
             Moved::Motion { iterations } => Box::new(subjects::Motion::new(
                 objective, motion, embedding, iterations, guidance,
             )),

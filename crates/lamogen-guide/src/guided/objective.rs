@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 use lamogen_laban::{
-    COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, Target,
+    COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, LabanSeries,
+    Target,
 };
 use lamogen_motion::{Normalization, joints};
 
@@ -42,9 +43,6 @@ pub struct Reached {
     /// Of the motions that guidance made.
     pub guided: Tensor<3>,
 }
-
-/// The first frame at which each component is known: velocity, acceleration and jerk need frames before theirs.
-const FIRST_KNOWN: [usize; COMPONENTS] = [1, 2, 3, 0];
 
 /// How what is moved becomes motions.
 pub(super) struct Way<'w, const D: usize> {
@@ -116,16 +114,12 @@ impl Targets {
     fn told(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
         let target = self.terms[0].target.features();
         let [_, frames, _] = target.dims();
-        let values: Vec<f32> = target.try_into_vec_as().expect("floats convert to f32");
-        let motions = values.chunks_exact(frames * COMPONENTS).zip(lengths);
-        let means = motions.map(|(values, &length)| {
-            std::array::from_fn(|component| {
-                let first = FIRST_KNOWN[component].min(length);
-                let rows = values.chunks_exact(COMPONENTS).take(length).skip(first);
-                let sum: f64 = rows.map(|row| f64::from(row[component])).sum();
-                Some((sum / (length - first).max(1) as f64) as f32)
-            })
-        });
+        let series = |motion: usize| {
+            let rows = target.clone().narrow(0, motion, 1);
+            LabanSeries::from_tensor(rows.reshape([frames, COMPONENTS]))
+        };
+        let means = { lengths.iter().enumerate() }
+            .map(|(motion, &length)| series(motion).known_means(0..length).map(Some));
         means.collect()
     }
 

@@ -2,7 +2,6 @@
 //!
 //! ```text
 //! Condition    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
-//! Nothing                 network at a step ──▶ clean motion     at every DDIM step, without a gradient
 //! Prediction              clean motion ──▶ loss                    at every DDIM step
 //! Motion                  finished motion ──▶ loss                 again and again
 //! Noise        z ──all steps of a pass──▶ finished motion ──▶ loss again and again
@@ -13,7 +12,7 @@ use lamogen_model::Denoiser;
 
 use super::objective::{Broken, Gradient, Objective, Way};
 use super::optimised::Optimised;
-use crate::guidance::{Guidance, Update};
+use crate::guidance::{Guidance, Moved, Update};
 use crate::sampler::{Batch, Latent, Sampler, mix};
 
 /// What a step made.
@@ -160,12 +159,13 @@ impl<D: Denoiser> Subject for Condition<'_, '_, D> {
     }
 }
 
-/// The clean motion that is predicted at each step (the paper's rival "classifier guidance").
+/// The clean motion that is predicted at each step (the paper's rival "classifier guidance"); or nothing, where that is not updated.
 pub(super) struct Prediction<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     latent: Latent<'s, D::Context>,
     guidance: &'s Guidance,
+    updates: usize,
 }
 
 impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
@@ -180,6 +180,10 @@ impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
             objective,
             latent: sampler.start(batch),
             guidance,
+            updates: match guidance.moved {
+                Moved::Nothing => 0,
+                _ => guidance.updates_per_step,
+            },
         }
     }
 }
@@ -200,9 +204,12 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
         let mut prediction = sampler.clean(latent, output.clone(), step);
         // The noise stays what the network saw.
         let noise = sampler.noise(latent, latent.x.clone(), &prediction, output, step);
-        let mut loss = Vec::new();
+        let mut loss = match self.updates {
+            0 => self.objective.loss_of(prediction.clone()),
+            _ => Vec::new(),
+        };
         let rate = self.guidance.rate(index, sampler.steps().len());
-        for _ in 0..self.guidance.updates_per_step {
+        for _ in 0..self.updates {
             let found = { self.objective }.gradient(|| itself(&prediction))?;
             prediction = prediction - found.gradient * rate;
             loss = found.loss;
@@ -210,58 +217,6 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
         latent.x = mix(&prediction, noise, step);
         Ok(Made {
             loss,
-            gradient: None,
-            prediction,
-        })
-    }
-
-    fn embedding(&self) -> &Tensor<2> {
-        &self.latent.embedding
-    }
-
-    fn finish(self: Box<Self>) -> Tensor<3> {
-        self.latent.x
-    }
-}
-
-/// Nothing: a pass as the network makes it of what it is told.
-pub(super) struct Nothing<'s, 'a, D: Denoiser> {
-    sampler: &'s Sampler<'a, D>,
-    objective: &'s Objective<'a>,
-    latent: Latent<'s, D::Context>,
-}
-
-impl<'s, 'a, D: Denoiser> Nothing<'s, 'a, D> {
-    pub(super) fn new(
-        sampler: &'s Sampler<'a, D>,
-        objective: &'s Objective<'a>,
-        batch: &'s Batch<D::Context>,
-    ) -> Self {
-        Nothing {
-            sampler,
-            objective,
-            latent: sampler.start(batch),
-        }
-    }
-}
-
-impl<D: Denoiser> Subject for Nothing<'_, '_, D> {
-    fn steps(&self) -> usize {
-        self.sampler.steps().len()
-    }
-
-    fn timestep(&self, index: usize) -> usize {
-        self.sampler.steps()[index].timestep
-    }
-
-    fn step(&mut self, index: usize) -> Result<Made, Broken> {
-        let (sampler, latent) = (self.sampler, &mut self.latent);
-        let step = &sampler.steps()[index];
-        let output = sampler.evaluate(latent, index);
-        let prediction = sampler.clean(latent, output.clone(), step);
-        latent.x = sampler.advance(latent, &prediction, output, step);
-        Ok(Made {
-            loss: self.objective.loss_of(prediction.clone()),
             gradient: None,
             prediction,
         })
