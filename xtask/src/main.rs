@@ -224,7 +224,11 @@ fn bench(options: &Options, device_name: DeviceName, device: &Device) -> ExitCod
 fn truth(options: &xtask::truth::Options, device: DeviceName) -> ExitCode {
     let data = options.data.as_deref().filter(|_| options.validate);
     if let Some(data) = data {
-        return match xtask::truth::validate(data, options.out.as_deref()) {
+        return match xtask::truth::validate(
+            data,
+            options.more_captions.as_deref(),
+            options.out.as_deref(),
+        ) {
             Ok((page, is_valid)) => {
                 print!("{page}");
                 match is_valid {

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen::{Body, Guidance, Motion, Request};
-use lamogen_data::{Dataset, LoadOptions, Split};
+use lamogen_data::{Dataset, Entry, LoadOptions, Split};
 use lamogen_eval::truth::{
-    Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, evidence, sentences,
+    Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, captioned, evidence,
+    read_sentences, sentences,
 };
 use lamogen_motion::write_atomically;
 use serde_json::json;
@@ -31,6 +32,14 @@ pub struct Options {
     /// Folder for truth.json and truth.md.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Judge these sentences instead, a file in the form of lamogen-eval/src/truth/sentences.txt: `group | phrasing | seconds | sentence |
+    /// checks` a line.
+    #[arg(long, value_name = "FILE", conflicts_with = "validate")]
+    pub sentences: Option<PathBuf>,
+    /// Judge captions of this split of the data set instead, at the length of their motions; what each has to do follows from what its motion
+    /// shows.
+    #[arg(long, value_name = "SPLIT", requires = "data", conflicts_with_all = ["validate", "sentences"], value_parser = |name: &str| name.parse::<Split>())]
+    pub captions: Option<Split>,
     /// Only sentences of this group, several times for several.
     #[arg(long)]
     pub group: Vec<String>,
@@ -38,8 +47,11 @@ pub struct Options {
     #[arg(long, requires = "data")]
     pub validate: bool,
     /// Folder of the data set with the real motions.
-    #[arg(long, requires = "validate")]
+    #[arg(long)]
     pub data: Option<PathBuf>,
+    /// Further captions that the model was trained on (see `lamogen pack --more-captions`): novel sentences have to be unlike these as well.
+    #[arg(long, value_name = "FILE", requires = "validate")]
+    pub more_captions: Option<PathBuf>,
 }
 
 /// Generates every sentence without tags, judges the motions and writes the report, which is returned to be printed.
@@ -52,7 +64,16 @@ pub fn run(
     device: &Device,
     tell: &mut dyn FnMut(String),
 ) -> Result<String, Box<dyn Error>> {
-    let all = Report::new(sentences());
+    let suite = match (&options.sentences, options.captions, &options.data) {
+        (None, Some(split), Some(data)) => captions(data, split)?,
+        (Some(path), ..) => {
+            let text = std::fs::read_to_string(path)
+                .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+            read_sentences(&text).map_err(|error| format!("{}: {error}", path.display()))?
+        }
+        _ => sentences(),
+    };
+    let all = Report::new(suite.clone());
     let groups = all.groups();
     if let Some(unknown) = { options.group.iter() }.find(|group| !groups.contains(&group.as_str()))
     {
@@ -65,7 +86,7 @@ pub fn run(
     let model = options.subject.open(device)?;
     let is_asked =
         |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
-    let sentences: Vec<Sentence> = sentences().into_iter().filter(is_asked).collect();
+    let sentences: Vec<Sentence> = suite.into_iter().filter(is_asked).collect();
     let mut report = Report::new(sentences.clone());
     // On the body whatever the model's preset; nothing else of guidance matters without tags.
     let guidance = Guidance {
@@ -119,9 +140,13 @@ pub fn run(
 /// # Errors
 ///
 /// If the data set cannot be read, or the report cannot be written.
-pub fn validate(data: &Path, out: Option<&Path>) -> Result<(String, bool), Box<dyn Error>> {
-    let dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
-    let clips = clips(&dataset)?;
+pub fn validate(
+    data: &Path,
+    more_captions: Option<&Path>,
+    out: Option<&Path>,
+) -> Result<(String, bool), Box<dyn Error>> {
+    let mut dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
+    let clips = clips(&dataset, dataset.entries())?;
     let mut found: Vec<Validation> = evidence()
         .iter()
         .map(|evidence| evidence.validate(&clips))
@@ -142,6 +167,10 @@ pub fn validate(data: &Path, out: Option<&Path>) -> Result<(String, bool), Box<d
             "| {}{mark} | {:.3} | {} | {:.3} | {} |",
             row.check, row.true_share, row.true_clips, row.false_share, row.false_clips
         )?;
+    }
+    // What is done in a motion is told by its own captions, whatever else is said of it.
+    if let Some(path) = more_captions {
+        dataset.add_captions(path)?;
     }
     let captions = dataset
         .split(Split::Train)
@@ -181,8 +210,27 @@ pub fn validate(data: &Path, out: Option<&Path>) -> Result<(String, bool), Box<d
     Ok((page, valid == found.len() && wrong == 0))
 }
 
-fn clips(dataset: &Dataset) -> Result<Vec<Clip>, Box<dyn Error>> {
-    let clips = dataset.entries().iter().map(|entry| {
+/// What is said of the motions of a split, and what these show.
+fn captions(data: &Path, split: Split) -> Result<Vec<Sentence>, Box<dyn Error>> {
+    /// Motions for every check.
+    const MOTIONS: usize = 4;
+    let dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
+    let sentences = captioned(&clips(&dataset, dataset.split(split))?, MOTIONS);
+    if sentences.is_empty() {
+        return Err(format!(
+            "{}: no motion of the split {split} shows what a check looks at",
+            data.display()
+        )
+        .into());
+    }
+    Ok(sentences)
+}
+
+fn clips<'a>(
+    dataset: &Dataset,
+    entries: impl IntoIterator<Item = &'a Entry>,
+) -> Result<Vec<Clip>, Box<dyn Error>> {
+    let clips = entries.into_iter().map(|entry| {
         let mut rows = Vec::new();
         dataset.features(entry, 0..entry.frames, &mut rows);
         let (rows, _) = rows.as_chunks();
@@ -191,6 +239,7 @@ fn clips(dataset: &Dataset) -> Result<Vec<Clip>, Box<dyn Error>> {
         Ok(Clip {
             name: entry.name.clone(),
             content: entry.content.clone().unwrap_or_default(),
+            seconds: motion.seconds(),
             styled: entry.style.is_some(),
             captions: captions.collect(),
             measured: Measurements::of(&motion),

@@ -92,6 +92,10 @@ pub enum DataError {
         line: usize,
         problem: String,
     },
+    /// Further captions of other motions.
+    #[error("{path}: expected captions of motions in {folder}, found none of these")]
+    #[allow(missing_docs)]
+    NoneNamed { path: PathBuf, folder: PathBuf },
     /// Motion files without any captions.
     #[error("{folder}: expected a data set, or a file of captions for motion files; found neither")]
     #[allow(missing_docs)]

@@ -17,6 +17,7 @@ mod error;
 mod form;
 mod humanml3d;
 mod mirror;
+mod more_captions;
 mod options;
 mod pack;
 mod packed;

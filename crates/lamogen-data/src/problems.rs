@@ -23,7 +23,7 @@ pub enum ProblemKind {
     TooShort,
     /// It has more frames than the options allow.
     TooLong,
-    /// It is listed, but its file is missing.
+    /// It is listed, but its file is missing; or there are captions of it and nothing else.
     Missing,
     /// Its file cannot be read as a motion.
     Unreadable,

@@ -385,3 +385,48 @@ fn several_data_sets_become_one() {
     );
     assert!(refused.unwrap_err().to_string().contains("files"));
 }
+
+#[test]
+fn further_captions_reach_motions_and_their_mirror_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, out] = ["source", "out"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&source).unwrap();
+    humanml3d(&source);
+    write(
+        folder.path(),
+        "more.jsonl",
+        "{\"name\": \"000001\", \"captions\": [\"go left\", \"a boy goes\"]}\n{\"name\": \"000003\", \"captions\": [\"x\"]}\n\
+         {\"name\": \"zorb\", \"captions\": [\"x\"]}\n",
+    );
+    let options = PackOptions {
+        more_captions: Some(folder.path().join("more.jsonl")),
+        ..PackOptions::default()
+    };
+    let data = packed(&source, &out, &options);
+    let said = |name: &str| -> Vec<String> {
+        let entry = data.entries().iter().find(|entry| entry.name == name);
+        let captions = entry.unwrap().captions.iter();
+        captions.map(|caption| caption.text.clone()).collect()
+    };
+    assert_eq!(said("000001"), ["he walks left.", "go left", "a boy goes"]);
+    assert_eq!(
+        said("M000001"),
+        ["he walks right.", "go right", "a boy goes"]
+    );
+    // Only what is not there at all is missing: the third motion is too short.
+    let missing = { data.problems().iter() }
+        .filter(|problem| problem.kind == ProblemKind::Missing)
+        .map(|problem| &*problem.name);
+    assert_eq!(missing.collect::<Vec<_>>(), ["zorb"]);
+    assert_eq!(open(&out).entries(), data.entries());
+
+    write(
+        folder.path(),
+        "more.jsonl",
+        "{\"name\": \"zorb\", \"captions\": [\"x\"]}\n",
+    );
+    let again = folder.path().join("again");
+    let failed = pack(&source, &again, &options, &mut |_| {}).unwrap_err();
+    assert!(failed.to_string().contains("none of these"), "{failed}");
+    assert!(!again.exists());
+}

@@ -14,6 +14,7 @@ use crate::error::DataError;
 use crate::form::Form;
 use crate::options::{LoadOptions, Progress};
 use crate::packed;
+use crate::problems::ProblemKind;
 use crate::sides::{swap, swap_tokens};
 use crate::split::Split;
 
@@ -23,6 +24,8 @@ pub struct PackOptions {
     /// What is said of motion files, one a line: JSON such as
     /// `{"file": "walk.bvh", "captions": ["a person walks"]}`, or file, tab, caption. Data sets have their own.
     pub captions: Option<PathBuf>,
+    /// Further captions of motions that have some, known by their names (see [`Dataset::add_captions`]).
+    pub more_captions: Option<PathBuf>,
     /// Whether training entries get mirror images, where they have none.
     pub mirror: bool,
     /// The shortest motion, in frames.
@@ -42,6 +45,7 @@ impl Default for PackOptions {
     fn default() -> Self {
         PackOptions {
             captions: None,
+            more_captions: None,
             mirror: true,
             min_frames: 40,
             max_frames: None,
@@ -83,6 +87,20 @@ pub fn pack(
         Some(_) => opened(source, options, observer)?,
         None => motions::read(source, options, observer)?,
     };
+    finish(dataset, out, options)
+}
+
+/// Adds what else is said of the motions, and writes them.
+fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dataset, DataError> {
+    if let Some(path) = &options.more_captions {
+        for name in dataset.add_captions(path)? {
+            // One that was left out is listed already.
+            if !dataset.problems.iter().any(|problem| problem.name == name) {
+                let reason = format!("{} has captions of it", path.display());
+                dataset.problems.add(name, ProblemKind::Missing, reason);
+            }
+        }
+    }
     dataset.save(out, options.force)?;
     Ok(dataset)
 }
@@ -112,9 +130,7 @@ pub fn pack_all(
         }
         datasets.push(opened(source, options, observer)?);
     }
-    let dataset = Dataset::join(datasets)?;
-    dataset.save(out, options.force)?;
-    Ok(dataset)
+    finish(Dataset::join(datasets)?, out, options)
 }
 
 /// A data set that is one already.

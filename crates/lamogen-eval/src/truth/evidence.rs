@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::checks::{Check, Side, Way};
 use super::measurements::Measurements;
+use super::sentences::{Phrasing, Sentence};
 use super::{limits, sentences};
 
 /// A real motion, with what is said of it.
@@ -13,6 +14,8 @@ pub struct Clip {
     pub name: String,
     /// What is done in it, in a word such as `walk-turn-left`.
     pub content: String,
+    /// Its length, s.
+    pub seconds: f32,
     /// Whether it is done in a style, such as that of a chicken.
     pub styled: bool,
     /// Sentences that describe it.
@@ -156,6 +159,32 @@ pub fn evidence() -> Vec<Evidence> {
     };
     let checks = Check::ALL.iter().map(|(_, check)| *check);
     checks.filter(is_needed).map(evidence_of).collect()
+}
+
+/// Sentences that are said of real motions, at the length of these: for every check so many of the motions that it has to hold for, and does,
+/// from all over the list. What a caption leaves out is asked for as well.
+pub fn captioned(clips: &[Clip], motions_per_check: usize) -> Vec<Sentence> {
+    let mut sentences: Vec<Sentence> = Vec::new();
+    for Evidence { check, holds, .. } in evidence() {
+        let is_meant = |clip: &&Clip| {
+            let is_meant = holds.iter().any(|some| some.include(clip));
+            is_meant && check.judge(&clip.measured).holds()
+        };
+        let meant: Vec<&Clip> = clips.iter().filter(is_meant).collect();
+        let count = motions_per_check.min(meant.len());
+        for place in 0..count {
+            let clip = meant[place * meant.len() / count];
+            let caption = &clip.captions[place % clip.captions.len()];
+            sentences.push(Sentence {
+                group: clip.content.clone(),
+                phrasing: Phrasing::Training,
+                seconds: clip.seconds,
+                text: caption.clone(),
+                checks: vec![check],
+            });
+        }
+    }
+    sentences
 }
 
 /// Motions on the spot, on both feet or one, with upright trunk.
@@ -701,6 +730,7 @@ mod tests {
         Clip {
             name: content.into(),
             content: content.into(),
+            seconds: 1.0,
             styled: false,
             captions: vec!["a person moves".into(), caption.into()],
             measured: Measurements::default(),

@@ -23,7 +23,7 @@ mod tests;
 mod trajectory;
 
 pub use checks::{Check, CheckError, Side, Term, Verdict, Way};
-pub use evidence::{Clip, Clips, Evidence, Validation, evidence};
+pub use evidence::{Clip, Clips, Evidence, Validation, captioned, evidence};
 pub use measurements::Measurements;
 pub use phrasing::{Captions, Novelty};
 pub use report::{Quality, Report, Share, Trial};

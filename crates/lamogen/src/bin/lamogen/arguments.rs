@@ -488,6 +488,9 @@ pub struct Pack {
     /// What is said of motion files, a line each.
     #[arg(long, value_name = "FILE")]
     pub captions: Option<PathBuf>,
+    /// Further captions of motions that have some, a line of JSON each: {"name": "run_3", "captions": ["a kid dashes off"]}.
+    #[arg(long, value_name = "FILE")]
+    pub more_captions: Option<PathBuf>,
     /// Give motions for training mirror images, where they have none (the default).
     #[arg(long, overrides_with = "no_mirror")]
     pub mirror: bool,

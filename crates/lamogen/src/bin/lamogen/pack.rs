@@ -18,6 +18,7 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
     let bar = console.bar("files");
     let packing = PackOptions {
         captions: options.captions.clone(),
+        more_captions: options.more_captions.clone(),
         mirror: !options.no_mirror,
         min_frames: options.min_frames,
         max_frames: options.max_frames,
