@@ -192,7 +192,10 @@ fn neighbours(embeddings: &[f32], width: usize) -> Vec<Vec<u32>> {
         others.select_nth_unstable_by(count - 1, order);
         others.truncate(count);
         others.sort_by(order);
-        others.into_iter().map(|(_, other)| other).collect()
+        // Into a list of its own: collected in place, each would keep the room of all sentences.
+        let mut nearest = Vec::with_capacity(count);
+        nearest.extend(others.into_iter().map(|(_, other)| other));
+        nearest
     };
     rows.par_iter().enumerate().map(nearest).collect()
 }
