@@ -9,6 +9,7 @@ use lamogen::{
     Component, Device, Error, Factor, Guidance, LaMoGen, Motion, Pass, Request, Scale, ScaleCurve,
     Tag,
 };
+use serde_json::json;
 use tempfile::TempDir;
 
 fn refusal(request: Request) -> String {
@@ -273,14 +274,53 @@ fn load(folder: &Path) -> Result<LaMoGen, String> {
 fn a_whole_folder_is_the_embedded_model() {
     let folder = folder();
     let embedded = LaMoGen::embedded(&Device::flex()).unwrap();
-    // How a model is best sampled from is not in its folder.
+    // Its config says how it is best sampled.
     let loaded = load(folder.path()).unwrap();
-    assert_eq!(loaded.coherence(), None);
-    let loaded = loaded.with_coherence(embedded.coherence()).unwrap();
+    assert!(loaded.coherence().is_some());
+    assert_eq!(loaded.coherence(), embedded.coherence());
+    assert_eq!(loaded.preset(), lamogen::Preset::Precise);
+    assert_eq!(loaded.preset(), embedded.preset());
     assert_eq!(loaded.licence(), embedded.licence());
     let request = jump().preset(lamogen::Preset::Fast).steps(5);
     let [loaded, embedded] = [loaded, embedded].map(|model| model.generate(&request).unwrap());
     assert_eq!(loaded.guided, embedded.guided);
+}
+
+#[test]
+fn how_a_model_is_sampled_has_to_make_sense() {
+    let folder = folder();
+    let path = folder.path().join("config.json");
+    let config: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let with = |sampling: serde_json::Value| {
+        let mut config = config.clone();
+        config["sampling"] = sampling;
+        std::fs::write(&path, config.to_string()).unwrap();
+        load(folder.path())
+    };
+    let model = with(json!({ "preset": "fast", "coherence": 0, "text_scale": 2.5 })).unwrap();
+    assert_eq!(model.preset(), lamogen::Preset::Fast);
+    assert_eq!((model.coherence(), model.text_scale()), (None, 2.5));
+    // Without any it is what it was for MotionDiffuse's own.
+    for nothing in [json!(null), json!({})] {
+        let model = with(nothing).unwrap();
+        assert_eq!(model.preset(), lamogen::Preset::Paper);
+        assert_eq!((model.coherence(), model.text_scale()), (None, 1.0));
+    }
+    for (sampling, part) in [
+        (
+            json!({ "preset": "exact" }),
+            "expected a preset (precise, fast, paper), found `exact`",
+        ),
+        (json!({ "coherence": -1 }), "sampling: "),
+        (json!({ "text_scale": -2 }), "sampling: "),
+        (json!({ "smoothing": 1 }), "unknown field `smoothing`"),
+    ] {
+        let error = with(sampling).err().unwrap();
+        assert!(
+            error.contains("config.json") && error.contains(part),
+            "{error}"
+        );
+    }
 }
 
 #[test]

@@ -149,6 +149,15 @@ impl Dataset {
         packed::write(self, folder.as_ref(), force)
     }
 
+    /// Whether [`save`](Self::save) may write a folder, to be asked before long work.
+    ///
+    /// # Errors
+    ///
+    /// If there is anything in it but, with `force`, a packed data set.
+    pub fn check_free(folder: impl AsRef<Path>, force: bool) -> Result<(), DataError> {
+        packed::check_free(folder.as_ref(), force)
+    }
+
     /// The folder that it was read from.
     pub fn folder(&self) -> &Path {
         &self.folder

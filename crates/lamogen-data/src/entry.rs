@@ -23,6 +23,9 @@ pub struct Entry {
     pub source: Option<String>,
     /// The recording that it was cut from; entries of one trial belong into one split.
     pub trial: Option<String>,
+    /// The entry that it is a variation of: a motion that nobody made, with which training may show what it is to move otherwise. See
+    /// [`Dataset::with_variations`](crate::Dataset::with_variations).
+    pub variation_of: Option<String>,
     /// What is good to know of it.
     pub note: Option<String>,
     /// What is said of it; at least one.

@@ -28,6 +28,7 @@ mod split;
 mod statistics;
 #[cfg(test)]
 mod testing;
+mod variations;
 
 pub use checksum::Checksum;
 pub use dataset::Dataset;
@@ -38,3 +39,4 @@ pub use options::{LoadOptions, Progress};
 pub use pack::{PackOptions, pack, pack_all};
 pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};
+pub use variations::Variation;

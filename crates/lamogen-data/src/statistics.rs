@@ -26,7 +26,7 @@ const UNCHANGING: f64 = 1e-5;
 const CHUNK: usize = 4096;
 
 impl Statistics {
-    /// Those of the training entries, every row once, and once mirrored where an entry is.
+    /// Those of the training entries but for variations, every row once, and once mirrored where an entry is.
     ///
     /// # Errors
     ///
@@ -84,7 +84,10 @@ impl Statistics {
 
 /// The rows of the training entries that are, or are not, mirrored: without overlaps, in order.
 fn covered(entries: &[Entry], mirrored: bool) -> Vec<Range<usize>> {
-    let wanted = |entry: &&Entry| entry.split == Split::Train && entry.mirror == mirrored;
+    let wanted = |entry: &&Entry| {
+        let is_original = entry.variation_of.is_none();
+        entry.split == Split::Train && entry.mirror == mirrored && is_original
+    };
     let mut ranges: Vec<Range<usize>> =
         { entries.iter() }.filter(wanted).map(Entry::rows).collect();
     ranges.sort_by_key(|range| range.start);

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{clip, error, open, rows, write};
-use lamogen_data::{Dataset, Entry, PackOptions, ProblemKind, Split, pack};
+use lamogen_data::{Dataset, Entry, PackOptions, ProblemKind, Split, Variation, pack};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
 use safetensors::tensor::{Dtype, TensorView};
 
@@ -429,4 +429,46 @@ fn further_captions_reach_motions_and_their_mirror_images() {
     let failed = pack(&source, &again, &options, &mut |_| {}).unwrap_err();
     assert!(failed.to_string().contains("none of these"), "{failed}");
     assert!(!again.exists());
+}
+
+#[test]
+fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, out, varied] = ["source", "out", "varied"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&source).unwrap();
+    humanml3d(&source);
+    let data = packed(&source, &out, &PackOptions::default());
+    let of = |value: f32| Variation {
+        entry: 0,
+        rows: vec![[value; POSE_FEATURES]; data.entries()[0].frames],
+        note: "Weight times 2".into(),
+    };
+    let with = data.clone().with_variations([of(2.0), of(1e30), of(3.0)]);
+    let names = with.entries()[data.entries().len()..].iter();
+    let names: Vec<&str> = names.map(|entry| &*entry.name).collect();
+    // The second is beyond 16 bits; the original is part of another entry, which stays alone.
+    assert_eq!(names, ["000001~1", "M000001~1", "000001~3", "M000001~3"]);
+    let left_out = with.problems().iter().last().unwrap();
+    assert_eq!(
+        (&*left_out.name, left_out.kind),
+        ("000001~2", ProblemKind::NotFinite)
+    );
+    with.save(&varied, false).unwrap();
+    let read = open(&varied);
+    assert_eq!(read.entries().len(), with.entries().len());
+    let found = { read.entries().iter() }
+        .find(|entry| entry.name == "M000001~3")
+        .unwrap();
+    assert_eq!(found.variation_of.as_deref(), Some("M000001"));
+    assert_eq!(found.note.as_deref(), Some("Weight times 2"));
+    assert!(found.mirror && found.split == Split::Train && found.captions.len() == 1);
+    let sign = read.mirror().sign();
+    assert_eq!(
+        features(&read, found)[..POSE_FEATURES],
+        sign.map(|sign| 3.0 * sign)
+    );
+    assert_eq!((read.mean(), read.std()), (data.mean(), data.std()));
+    // Computed anew they are those of the originals, too.
+    let [with, without] = [read, data].map(|data| Dataset::join(vec![data]).unwrap());
+    assert_eq!((with.mean(), with.std()), (without.mean(), without.std()));
 }

@@ -1,6 +1,7 @@
 //! Options of the guided pass.
 
 use std::f64::consts::PI;
+use std::str::FromStr;
 
 use lamogen_body::Fit;
 use lamogen_laban::{COMPONENTS, Divisor, LabanOptions};
@@ -157,6 +158,18 @@ pub enum Preset {
 }
 
 impl Preset {
+    /// All of them.
+    pub const ALL: [Preset; 3] = [Preset::Precise, Preset::Fast, Preset::Paper];
+
+    /// Its name, such as `precise`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Preset::Paper => "paper",
+            Preset::Fast => "fast",
+            Preset::Precise => "precise",
+        }
+    }
+
     /// DDIM steps of each pass.
     pub fn steps(self) -> usize {
         match self {
@@ -173,6 +186,21 @@ impl Preset {
             Preset::Fast => Guidance::fast(),
             Preset::Precise => Guidance::precise(),
         }
+    }
+}
+
+/// A word that is the name of no preset.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected a preset (precise, fast, paper), found `{0}`")]
+pub struct PresetError(pub String);
+
+impl FromStr for Preset {
+    type Err = PresetError;
+
+    fn from_str(name: &str) -> Result<Self, PresetError> {
+        { Preset::ALL.into_iter() }
+            .find(|preset| preset.name() == name)
+            .ok_or_else(|| PresetError(name.into()))
     }
 }
 
@@ -326,6 +354,20 @@ impl Default for Guidance {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn presets_go_by_their_names() {
+        for preset in Preset::ALL {
+            assert_eq!(preset.name().parse(), Ok(preset));
+        }
+        let error = "Precise".parse::<Preset>().unwrap_err().to_string();
+        assert!(
+            error.contains("`Precise`")
+                && Preset::ALL
+                    .iter()
+                    .all(|preset| error.contains(preset.name()))
+        );
+    }
 
     #[test]
     fn the_learning_rate_stays_or_goes_to_its_last_value() {

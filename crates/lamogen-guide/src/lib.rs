@@ -35,7 +35,7 @@ mod schedule;
 pub use classifier_free::{ClassifierFree, ToldAndFree};
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
-pub use guidance::{Body, Finish, Guidance, Moved, Preset, Update};
+pub use guidance::{Body, Finish, Guidance, Moved, Preset, PresetError, Update};
 pub use guided::{Guided, Reached};
 pub use lamogen_body::{Fit, FitError, FitProgress};
 pub use noise::noise;

@@ -157,6 +157,25 @@ pub struct ModelConfig {
     /// How Laban features are told to the network; left out, it cannot be told any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub laban_condition: Option<LabanCondition>,
+    /// How it is best sampled; left out, as MotionDiffuse's own networks are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<SamplingDefaults>,
+}
+
+/// How a network is best sampled, as those who trained it found. Nothing here changes what the network computes; whoever generates motions
+/// follows it where nothing else is said.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SamplingDefaults {
+    /// The name of a preset of guidance with its steps: `precise`, `fast` or `paper`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Frames by which predictions are smoothed along time; 0 is not at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coherence: Option<f32>,
+    /// The scale of classifier-free guidance; 1 asks the network once a step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub text_scale: Option<f64>,
 }
 
 /// Frames of HumanML3D's shortest clips.
@@ -209,6 +228,7 @@ impl ModelConfig {
             },
             prediction: Prediction::Epsilon,
             laban_condition: None,
+            sampling: None,
         }
     }
 

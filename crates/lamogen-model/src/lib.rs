@@ -18,6 +18,7 @@ mod network;
 pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precision};
 pub use config::{
     ClipTextConfig, ConfigError, LABAN_FEATURES, LabanCondition, ModelConfig, Prediction,
+    SamplingDefaults,
 };
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
 pub use lamogen_tokenizer::{KnownWords, Tokenizer, TokenizerError, Tokens, learn, words};

@@ -23,6 +23,7 @@ fn config(laban_condition: Option<LabanCondition>) -> ModelConfig {
     let config = ModelConfig::from_json(json.to_string().as_bytes(), "test").unwrap();
     ModelConfig {
         laban_condition,
+        sampling: None,
         ..config
     }
 }

@@ -28,6 +28,7 @@ fn config() -> ModelConfig {
         },
         prediction: Prediction::Sample,
         laban_condition: None,
+        sampling: None,
     }
 }
 

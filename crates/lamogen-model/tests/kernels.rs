@@ -37,6 +37,7 @@ fn config() -> ModelConfig {
         },
         prediction: Prediction::Epsilon,
         laban_condition: None,
+        sampling: None,
     }
 }
 

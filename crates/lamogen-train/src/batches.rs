@@ -1,5 +1,6 @@
 //! Which motions a step sees.
 
+use std::collections::HashMap;
 use std::ops::{Range, RangeInclusive};
 
 use lamogen_data::Dataset;
@@ -22,6 +23,8 @@ pub(crate) struct Batches {
     laban_share: f64,
     phrasings: bool,
     buckets: Vec<Bucket>,
+    /// All variations, those of an entry side by side.
+    variations: Vec<usize>,
     /// Sums of the buckets' weights, each with those before it.
     weights: Vec<f64>,
 }
@@ -40,6 +43,8 @@ struct Candidate {
     entry: usize,
     frames: usize,
     captions: usize,
+    /// Its variations: where they begin among all of them, and how many there are.
+    variations: (usize, usize),
 }
 
 /// A motion of a batch.
@@ -47,6 +52,8 @@ struct Candidate {
 pub(crate) struct Visit {
     /// Which entry of the data set.
     pub(crate) entry: usize,
+    /// Whose motion is shown: that entry's, or a variation's.
+    pub(crate) motion: usize,
     /// Which frames of it.
     pub(crate) frames: Range<usize>,
     /// Which of its captions; none where nothing is said.
@@ -73,11 +80,20 @@ impl Batches {
         let mut sorted = candidates(dataset, *lengths.start(), config.source_balance);
         sorted.sort_by_key(|&(entry, _)| (frames(entry), entry));
         let size = sorted.len().div_ceil(config.length_buckets);
-        let bucket = |candidates: &[(usize, f64)]| {
-            let entries = candidates.iter().map(|&(entry, _)| Candidate {
-                entry,
-                frames: dataset.entries()[entry].frames,
-                captions: dataset.entries()[entry].captions.len(),
+        let varied = variations(dataset);
+        let mut all_variations = Vec::new();
+        let mut bucket = |candidates: &[(usize, f64)]| {
+            let entries = candidates.iter().map(|&(place, _)| {
+                let entry = &dataset.entries()[place];
+                let own = varied.get(&*entry.name).map_or(&[][..], Vec::as_slice);
+                let variations = (all_variations.len(), own.len());
+                all_variations.extend_from_slice(own);
+                Candidate {
+                    entry: place,
+                    frames: entry.frames,
+                    captions: entry.captions.len(),
+                    variations,
+                }
             });
             let (longest, _) = candidates.last().expect("chunks are not empty");
             Bucket {
@@ -86,7 +102,7 @@ impl Batches {
                 longest: frames(*longest),
             }
         };
-        let buckets: Vec<Bucket> = sorted.chunks(size.max(1)).map(bucket).collect();
+        let buckets: Vec<Bucket> = sorted.chunks(size.max(1)).map(&mut bucket).collect();
         let weights = buckets.iter();
         let weights = weights.map(|bucket| bucket.weights.last().expect("not empty"));
         let weights = sums(weights.copied());
@@ -101,6 +117,7 @@ impl Batches {
             phrasings: config.phrasings > 0,
             weights,
             buckets,
+            variations: all_variations,
         })
     }
 
@@ -109,10 +126,12 @@ impl Batches {
         self.buckets.iter().map(|bucket| bucket.entries.len()).sum()
     }
 
-    /// Which entries are dealt out.
+    /// Which entries are dealt out, variations included.
     pub(crate) fn entries(&self) -> impl Iterator<Item = usize> {
         let buckets = self.buckets.iter();
-        buckets.flat_map(|bucket| bucket.entries.iter().map(|candidate| candidate.entry))
+        let originals =
+            buckets.flat_map(|bucket| bucket.entries.iter().map(|candidate| candidate.entry));
+        originals.chain(self.variations.iter().copied())
     }
 
     /// The batch of a step.
@@ -139,8 +158,19 @@ impl Batches {
                     true => told(self.laban_share, &mut generator),
                     false => [false; LABAN_FEATURES],
                 };
+                // A variation is only shown with all that sets it apart.
+                let (first, count) = candidate.variations;
+                let is_told = laban != [false; LABAN_FEATURES];
+                let (motion, laban) = match is_told && count > 0 && generator.random_bool(VARIED) {
+                    true => {
+                        let which = generator.random_range(0..count as u64) as usize;
+                        (self.variations[first + which], [true; LABAN_FEATURES])
+                    }
+                    false => (candidate.entry, laban),
+                };
                 visits.push(Visit {
                     entry: candidate.entry,
+                    motion,
                     frames: frames.clone(),
                     caption: (!unsaid).then_some(caption),
                     phrasing,
@@ -152,6 +182,20 @@ impl Batches {
         }
         visits
     }
+}
+
+/// How often a variation is shown in place of a motion that has some and whose Laban features are told.
+const VARIED: f64 = 0.75;
+
+/// The variations of every motion that has some, by its name.
+fn variations(dataset: &Dataset) -> HashMap<&str, Vec<usize>> {
+    let mut variations: HashMap<&str, Vec<usize>> = HashMap::new();
+    for (place, entry) in dataset.entries().iter().enumerate() {
+        if let Some(original) = &entry.variation_of {
+            variations.entry(original).or_default().push(place);
+        }
+    }
+    variations
 }
 
 /// Which Laban features are told of a motion: of a share of the motions, mostly all of them, at times only some.
@@ -180,4 +224,51 @@ fn pick(sums: &[f64], generator: &mut impl Rng) -> usize {
     let drawn = generator.random::<f64>() * all;
     sums.partition_point(|sum| *sum <= drawn)
         .min(sums.len() - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variations_are_shown_only_with_all_that_sets_them_apart() {
+        let candidate = |entry, variations| Candidate {
+            entry,
+            frames: 50,
+            captions: 2,
+            variations,
+        };
+        let batches = Batches {
+            seed: 3,
+            crop: 0.2,
+            lengths: 40..=196,
+            frames_per_batch: 4000,
+            noises: 2,
+            text_dropout: 0.1,
+            laban_share: 0.5,
+            phrasings: false,
+            buckets: vec![Bucket {
+                entries: vec![candidate(0, (0, 2)), candidate(1, (2, 0))],
+                weights: vec![1.0, 2.0],
+                longest: 50,
+            }],
+            variations: vec![5, 6],
+            weights: vec![1.0],
+        };
+        let (mut varied, mut told) = (0, 0);
+        for step in 0..50 {
+            for visit in batches.draw(step) {
+                let is_told = visit.laban != [false; LABAN_FEATURES];
+                told += usize::from(is_told && visit.entry == 0);
+                if visit.motion == visit.entry {
+                    continue;
+                }
+                assert!(visit.entry == 0 && [5, 6].contains(&visit.motion));
+                assert_eq!(visit.laban, [true; LABAN_FEATURES]);
+                varied += 1;
+            }
+        }
+        let share = varied as f64 / told as f64;
+        assert!((share - VARIED).abs() < 0.08, "{varied} of {told}");
+    }
 }

@@ -6,8 +6,10 @@ use std::path::Path;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::Schedule;
-use lamogen_model::{ModelConfig, MotionDiffuse, Precision, Prediction, Trained, TrainingBatch};
+use lamogen_guide::{Coherence, Preset, Schedule};
+use lamogen_model::{
+    ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, Trained, TrainingBatch,
+};
 use lamogen_motion::Normalization;
 
 use crate::batches::{Batches, Visit};
@@ -115,9 +117,15 @@ impl<'a> Denoising<'a> {
         if self.laban_is_measured {
             self.config.model.laban_condition = network.config().laban_condition;
         }
-        let (expected, found) = (&self.config.model, network.config());
-        if expected != found {
-            let [expected, found] = [expected, found]
+        // How it is sampled is no size.
+        let sampling = network.config().sampling.clone();
+        let sampling = self.config.model.sampling.take().or(sampling);
+        let found = ModelConfig {
+            sampling: None,
+            ..network.config().clone()
+        };
+        if self.config.model != found {
+            let [expected, found] = [&self.config.model, &found]
                 .map(|config| serde_json::to_value(config).expect("sizes are JSON"));
             let (size, expected, found) =
                 first_difference("", &expected, &found).expect("equal configs are equal JSON");
@@ -126,6 +134,7 @@ impl<'a> Denoising<'a> {
                 found: format!("{size} = {found}"),
             });
         }
+        self.config.model.sampling = sampling;
         Ok(Denoising {
             start: Some(network),
             ..self
@@ -175,6 +184,17 @@ impl<'a> Denoising<'a> {
     /// How many motions are trained on, mirrored ones included.
     pub fn motions(&self) -> usize {
         self.batches.motions()
+    }
+}
+
+/// How a network that is trained here is best sampled, where its config says nothing else. One that is narrower than a pose needs the help of
+/// neighbouring frames (docs/method.md, "Frames that agree").
+fn usual_sampling(config: &ModelConfig) -> SamplingDefaults {
+    let is_narrow = config.latent_dim < config.input_feats;
+    SamplingDefaults {
+        preset: Some(Preset::Precise.name().to_owned()),
+        coherence: is_narrow.then_some(Coherence::default().frames),
+        text_scale: None,
     }
 }
 
@@ -249,7 +269,10 @@ impl Task for Denoising<'_> {
     fn save(&self, network: &MotionDiffuse, folder: &Path) -> Result<(), TrainError> {
         let path = folder.join("model.safetensors");
         network.save(path, Precision::F32, self.metadata.clone())?;
-        let config = serde_json::to_vec_pretty(&self.config.model).expect("sizes are JSON");
+        let mut config = self.config.model.clone();
+        let usual = usual_sampling(&config);
+        config.sampling.get_or_insert(usual);
+        let config = serde_json::to_vec_pretty(&config).expect("sizes are JSON");
         write(&folder.join("config.json"), &config)?;
         write(
             &folder.join("words.txt"),

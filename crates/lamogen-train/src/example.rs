@@ -40,7 +40,7 @@ impl Example {
             .zip(noises.par_chunks_mut(size))
             .zip(visits)
             .for_each(|((clean, noises), visit)| {
-                let entry = &dataset.entries()[visit.entry];
+                let entry = &dataset.entries()[visit.motion];
                 let mut rows = Vec::new();
                 dataset.normalized(entry, visit.frames.clone(), &mut rows);
                 clean[..rows.len()].copy_from_slice(&rows);

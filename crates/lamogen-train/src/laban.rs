@@ -45,7 +45,7 @@ impl TrainingLaban {
         if visit.laban == [false; LABAN_FEATURES] {
             return [None; LABAN_FEATURES];
         }
-        let means = self.0[&visit.entry].known_means(visit.frames.clone());
+        let means = self.0[&visit.motion].known_means(visit.frames.clone());
         std::array::from_fn(|feature| visit.laban[feature].then_some(means[feature]))
     }
 }

@@ -32,6 +32,7 @@ mod task;
 mod tokens;
 mod trainer;
 mod validation;
+mod variations;
 
 pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
 pub use denoising::Denoising;
@@ -50,3 +51,4 @@ pub use task::{Lesson, Task};
 pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};
 pub use validation::Validation;
+pub use variations::{VariationError, VariationOptions, vary};

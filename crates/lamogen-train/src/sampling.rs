@@ -17,7 +17,7 @@ pub(crate) fn stream(seed: u64, step: u64) -> ChaCha12Rng {
     stream
 }
 
-/// The motions of the training split that have at least so many frames, each with how likely it is to be seen: by one over the root
+/// The motions of the training split, but for variations, that have at least so many frames, each with how likely it is to be seen: by one over the root
 /// of how many have its content, and one over a power of how many have its source. What is done often is seen less than its share, what is done rarely more.
 pub(crate) fn candidates(
     dataset: &Dataset,
@@ -26,8 +26,11 @@ pub(crate) fn candidates(
 ) -> Vec<(usize, f64)> {
     let content = |entry: usize| dataset.entries()[entry].content.as_deref();
     let source = |entry: usize| dataset.entries()[entry].source.as_deref();
-    let entries = dataset.indices(Split::Train);
-    let entries = entries.filter(|&entry| dataset.entries()[entry].frames >= shortest);
+    let is_wanted = |entry: &usize| {
+        let entry = &dataset.entries()[*entry];
+        entry.frames >= shortest && entry.variation_of.is_none()
+    };
+    let entries = dataset.indices(Split::Train).filter(is_wanted);
     let entries: Vec<usize> = entries.collect();
     let mut counts: HashMap<Option<&str>, f64> = HashMap::new();
     let mut sources: HashMap<Option<&str>, f64> = HashMap::new();

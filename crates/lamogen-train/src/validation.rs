@@ -44,6 +44,7 @@ impl<'a> Validation<'a> {
         let batches = (50..TRAINING_STEPS).step_by(100).flat_map(|timestep| {
             let visit = move |&(place, entry): &(usize, usize)| Visit {
                 entry,
+                motion: entry,
                 frames: 0..frames(entry),
                 caption: Some(0),
                 phrasing: 0,

@@ -56,6 +56,10 @@ pub enum LoadError {
     /// The config.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// How the config says that the network is sampled.
+    #[error("{path}: sampling: {problem}")]
+    #[allow(missing_docs)]
+    Sampling { path: PathBuf, problem: String },
     /// The weights.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

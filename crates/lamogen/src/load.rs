@@ -1,9 +1,10 @@
 //! Where models come from.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_guide::{Coherence, Preset};
+use lamogen_guide::{Coherence, Preset, PresetError};
 use lamogen_model::{Checkpoint, KnownWords, ModelConfig, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
@@ -14,7 +15,7 @@ use crate::licence::Licence;
 impl LaMoGen<MotionDiffuse> {
     /// The compact model that is part of the program. Its licence, CC BY-NC 4.0, excludes
     /// commercial use. Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
-    /// along time ([`Coherence`]).
+    /// along time ([`Coherence`]), as its `config.json` says.
     ///
     /// # Errors
     ///
@@ -34,11 +35,9 @@ impl LaMoGen<MotionDiffuse> {
         let normalization =
             Normalization::from_bytes(compact::MEAN, compact::STD, config.input_feats, device)?;
         let network = checkpoint.load(&config, device)?;
-        Ok(LaMoGen::new(network, tokenizer, normalization)
+        LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
-            .with_preset(Preset::Precise)
-            .with_coherence(Some(Coherence::default()))
-            .expect("the default makes sense"))
+            .sampled_by_default(Path::new(&name("config.json")))
     }
 
     /// A model from a folder: weights in `model.safetensors` or `latest.tar` (the first where both are
@@ -48,8 +47,10 @@ impl LaMoGen<MotionDiffuse> {
     /// A `config.json` states the sizes of the network; without one they are read off the weights (see
     /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
     /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the captions that it was
-    /// trained on, one a line. Requests that say
-    /// nothing else run with the paper's numbers ([`Preset::Paper`]), and predictions are not smoothed.
+    /// trained on, one a line.
+    ///
+    /// Requests that say nothing else run as the `sampling` of `config.json` says ([`SamplingDefaults`](lamogen_model::SamplingDefaults)); where it
+    /// says nothing, with the paper's numbers ([`Preset::Paper`]) and without smoothing.
     ///
     /// # Errors
     ///
@@ -79,10 +80,32 @@ impl LaMoGen<MotionDiffuse> {
         )?;
         let known_words = known_words(folder)?;
         let network = checkpoint.load(&config, device)?;
-        Ok(LaMoGen::new(network, tokenizer, normalization)
+        LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(known_words)
-            .with_preset(Preset::Paper))
+            .sampled_by_default(&sizes_from)
+    }
+
+    /// Samples as the network's config says; `path` is where it stands.
+    fn sampled_by_default(self, path: &Path) -> Result<Self, LoadError> {
+        let sampling = self.config().sampling.clone().unwrap_or_default();
+        let problem = |problem: &dyn fmt::Display| LoadError::Sampling {
+            path: path.to_owned(),
+            problem: problem.to_string(),
+        };
+        let preset = match &sampling.preset {
+            Some(name) => name.parse().map_err(|error: PresetError| problem(&error))?,
+            None => Preset::Paper,
+        };
+        let frames = sampling.coherence.filter(|frames| *frames != 0.0);
+        let coherence = frames.map(|frames| Coherence {
+            frames,
+            ..Coherence::default()
+        });
+        self.with_preset(preset)
+            .with_coherence(coherence)
+            .and_then(|model| model.with_text_scale(sampling.text_scale.unwrap_or(1.0)))
+            .map_err(|error| problem(&error))
     }
 
     /// Sizes of the network.

@@ -249,6 +249,7 @@ impl Clip {
             split,
             frames: part.len(),
             mirror: false,
+            variation_of: None,
             content: None,
             style: None,
             source: None,

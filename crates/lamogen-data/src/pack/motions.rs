@@ -246,6 +246,7 @@ impl Packed {
                 split,
                 frames: range.len(),
                 mirror: false,
+                variation_of: None,
                 content: take.said.content.clone(),
                 style: take.said.style.clone(),
                 source: take.said.source.clone(),

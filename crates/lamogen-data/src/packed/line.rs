@@ -24,6 +24,8 @@ pub(super) struct Line {
     frames: usize,
     #[serde(default)]
     mirror: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    variation_of: Option<String>,
     captions: Vec<String>,
     /// Parts of speech, one a caption.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -63,6 +65,7 @@ impl Line {
             split,
             frames: self.frames,
             mirror: self.mirror,
+            variation_of: self.variation_of,
             content: self.content,
             style: self.style,
             source: self.source,
@@ -93,6 +96,7 @@ impl From<&Entry> for Line {
             start: entry.start,
             frames: entry.frames,
             mirror: entry.mirror,
+            variation_of: entry.variation_of.clone(),
             captions: { captions.clone() }
                 .map(|caption| caption.text.clone())
                 .collect(),

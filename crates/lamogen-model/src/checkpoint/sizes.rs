@@ -50,6 +50,7 @@ impl Checkpoint {
             },
             prediction: Prediction::Epsilon,
             laban_condition: None,
+            sampling: None,
         };
         match config.problem() {
             None => Ok(config),

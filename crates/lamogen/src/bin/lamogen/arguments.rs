@@ -67,6 +67,8 @@ pub enum Task {
     /// Pack motion capture with captions for training: HumanML3D's folder, or motion files.
     #[command(after_help = PACK_HELP)]
     Pack(Pack),
+    /// Make variations of a data set's motions, with other Laban features, for training a network that is told them.
+    Vary(Vary),
     /// Check the paper's claims on a model: its tables and ablations, as a report; goes on where it was stopped.
     #[command(after_help = EVAL_HELP)]
     Eval(Eval),
@@ -512,6 +514,28 @@ pub struct Pack {
     pub force: bool,
     #[command(flatten)]
     pub reading: ReadingArguments,
+}
+
+#[derive(Args)]
+pub struct Vary {
+    /// The data set.
+    pub data: PathBuf,
+    /// Folder to write: the data set with its variations. Until all are made, they are kept beside it in a folder with .work behind its name,
+    /// and the same command goes on after a stop.
+    #[arg(long, short, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Variations of every motion for training.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
+    pub count: u16,
+    /// The smallest and the largest factor on a component.
+    #[arg(long, value_delimiter = ',', num_args = 2, default_values_t = [0.35, 2.2], value_name = "FACTOR")]
+    pub factors: Vec<f32>,
+    /// By what factors are drawn.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Replace a packed folder that is already there.
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Args)]

@@ -5,6 +5,7 @@ use std::path::Path;
 use lamogen::files::{MappingError, ReadError, WriteError};
 use lamogen::{DeviceError, Error, LoadError};
 use lamogen_data::DataError;
+use lamogen_train::VariationError;
 
 /// Exit codes, as `lamogen --help` documents them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,6 +106,18 @@ impl From<DataError> for Failure {
             Some(hint) => failure.hint(hint),
             None => failure,
         }
+    }
+}
+
+impl From<VariationError> for Failure {
+    fn from(error: VariationError) -> Self {
+        let code = match error {
+            VariationError::Options(_) | VariationError::OtherWork { .. } => Code::Usage,
+            VariationError::Guide { .. } => Code::Run,
+            VariationError::Motion { .. } | VariationError::Npy(_) => Code::Input,
+            VariationError::Io { .. } => Code::Output,
+        };
+        Failure::new(code, error)
     }
 }
 

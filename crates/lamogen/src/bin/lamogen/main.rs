@@ -33,6 +33,7 @@ mod scene;
 mod shell;
 mod source;
 mod train;
+mod vary;
 
 use std::process::ExitCode;
 
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         Task::Play(options) => play::run(options, &console),
         Task::Batch(options) => batch::run(options, &console),
         Task::Pack(options) => pack::run(options, &console),
+        Task::Vary(options) => vary::run(options, &console),
         Task::Train(options) => train::run(options, &console),
         Task::Eval(options) => eval::run(options, &console),
         Task::Devices => devices::run(&console),

@@ -84,15 +84,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let counted = (&task, task.motions());
     let result = work(counted, &identity, &device, look, options, console)?;
     let model = options.out.join("model");
-    // A network that is narrower than a pose needs its neighbours' help (docs/method.md).
-    let sampling = match config.model.latent_dim < config.model.input_feats {
-        true => " --preset precise --coherence 1",
-        false => "",
-    };
-    let hint = format!(
-        "lamogen generate \"…\" --model {}{sampling}",
-        super::quoted(&model)
-    );
+    let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
     ended(options, &result, &hint, &[], console)
 }
 
