@@ -101,7 +101,8 @@ fn report(arguments: &Arguments, result: &Generation) -> String {
         for component in Component::ALL {
             let [baseline, target, guided] =
                 [baseline, target, guided].map(|values| values[component.index()]);
-            let change = |value: f32| 100.0 * (value / baseline - 1.0);
+            // Without a sign where it rounds to nothing.
+            let change = |value: f32| (100.0 * (value / baseline - 1.0)).round() + 0.0;
             lines.push(format!(
                 "{component:18} {baseline:10.4} {target:10.4} {guided:10.4} {:+8.0}% {:+8.0}%",
                 change(target),

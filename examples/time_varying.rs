@@ -137,7 +137,8 @@ fn report(result: &Generation) -> String {
                 [&result.baseline_laban, &result.target, &result.guided_laban]
                     .map(|laban| laban.section(frames.clone()).summary(Summary::Mean))
                     .map(|means| means[component.index()]);
-            let change = |value: f32| 100.0 * (value / baseline - 1.0);
+            // Without a sign where it rounds to nothing.
+            let change = |value: f32| (100.0 * (value / baseline - 1.0)).round() + 0.0;
             let [start, end] = [frames.start, frames.end].map(|t| t as f32 / FRAMES_PER_SECOND);
             let name = format!("{component} {start:.1}–{end:.1} s");
             table += &format!(

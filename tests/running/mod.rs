@@ -12,11 +12,16 @@ pub fn lamogen(folder: &Path, arguments: &[&str]) -> Command {
 
 /// What is printed to stdout and to stderr by a command that succeeds.
 pub fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
+    ends(folder, arguments, 0)
+}
+
+/// What is printed to stdout and to stderr by a command that ends with a code.
+pub fn ends(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     let output = lamogen(folder, arguments).output();
     let output = output.expect("the command starts");
     let texts = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
     let [result, notices] = texts;
-    assert!(output.status.success(), "{arguments:?}: {notices}");
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {notices}");
     (result, notices)
 }
 

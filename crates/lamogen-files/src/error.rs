@@ -4,9 +4,10 @@ use std::io;
 use std::path::PathBuf;
 
 use lamogen_motion::npy::NpyError;
-use lamogen_motion::{MotionError, POSE_FEATURES};
+use lamogen_motion::{Joint, MotionError, POSE_FEATURES};
 
 use crate::bvh::BvhError;
+use crate::format::{MOST_DISTANT, MOST_FRAMES};
 use crate::glb::GlbError;
 use crate::mapping::MappingError;
 use crate::names::UnknownSkeleton;
@@ -80,10 +81,23 @@ pub enum WriteError {
         expected: &'static str,
         found: f32,
     },
-    /// A unit that has no length.
-    #[error("{path}: expected a unit of more than 0 metres, found {found}")]
+    /// A unit that is no length, or one in which numbers lose their digits.
+    #[error("{path}: expected a unit of 0.000001 to 1000000 metres, found {found}")]
     #[allow(missing_docs)]
     Unit { path: PathBuf, found: f64 },
+    /// A motion that is nowhere near the origin.
+    #[error("{path}: expected positions within {most} m of the origin, found {joint} at frame {frame} {found:e} m away", joint = .joint.name(), most = MOST_DISTANT)]
+    #[allow(missing_docs)]
+    Far {
+        path: PathBuf,
+        frame: usize,
+        joint: Joint,
+        found: f32,
+    },
+    /// More frames than a file is written for.
+    #[error("{path}: expected at most {most} frames, found {found}: take fewer frames a second", most = MOST_FRAMES)]
+    #[allow(missing_docs)]
+    Frames { path: PathBuf, found: usize },
     /// A GLB.
     #[error(transparent)]
     Glb(#[from] GlbError),

@@ -3,14 +3,14 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
 use crate::glb::{self, GlbOptions};
 use crate::import::{Imported, ReadOptions, import};
 use crate::npy;
-use crate::units::Up;
+use crate::units::{Unit, Up};
 
 /// Reads a motion of any known skeleton, at any frame rate.
 ///
@@ -103,10 +103,13 @@ pub fn write(
             found: rate,
         });
     }
+    if let Some("bvh" | "glb") = ending.as_deref() {
+        check(path, motion, rate)?;
+    }
     match ending.as_deref() {
         Some("bvh") => {
             let metres = options.bvh.unit.metres();
-            if !(metres.is_normal() && metres > 0.0) {
+            if !Unit::LENGTHS.contains(&metres) {
                 return Err(WriteError::Unit {
                     path: path.to_owned(),
                     found: metres,
@@ -136,6 +139,38 @@ pub fn write(
 /// What stands after the last dot, in lower case.
 fn ending(path: &Path) -> Option<String> {
     Some(path.extension()?.to_str()?.to_ascii_lowercase())
+}
+
+/// Frames of the longest motion that is written as a rig: more than four hours at 60 a second. All of them are in memory at once.
+pub(crate) const MOST_FRAMES: usize = 1_000_000;
+
+/// How far from the origin a rig may be, in metres: farther away, single millimetres are lost in 32 bits, and farther still all digits.
+pub(crate) const MOST_DISTANT: f32 = 1e6;
+
+/// Whether a motion can be written as a rig.
+fn check(path: &Path, motion: &Motion, rate: f32) -> Result<(), WriteError> {
+    let found = (f64::from(motion.seconds()) * f64::from(rate)).ceil() as usize;
+    if found > MOST_FRAMES {
+        return Err(WriteError::Frames {
+            path: path.to_owned(),
+            found,
+        });
+    }
+    for (frame, pose) in motion.joints().iter().enumerate() {
+        for joint in Joint::ALL {
+            let [x, y, z] = pose[joint.index()].map(f32::abs);
+            let found = x.max(y).max(z);
+            if found > MOST_DISTANT {
+                return Err(WriteError::Far {
+                    path: path.to_owned(),
+                    frame,
+                    joint,
+                    found,
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Whether a name ends in `.features.npy`.

@@ -1,6 +1,7 @@
 //! What a file's numbers mean: the length of its unit, and which axis points up.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use glam::DVec3;
@@ -31,6 +32,9 @@ impl Unit {
         Unit::Inch,
         Unit::Cmu,
     ];
+
+    /// Lengths that a unit may have, in metres: in others a file's numbers would lose their digits.
+    pub const LENGTHS: RangeInclusive<f64> = 1e-6..=1e6;
 
     /// Its length in metres.
     pub fn metres(self) -> f64 {
@@ -74,7 +78,9 @@ impl fmt::Display for Unit {
 
 /// A word that is no unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected a unit (m, cm, mm, in, cmu) or its length in metres, found {0:?}")]
+#[error(
+    "expected a unit (m, cm, mm, in, cmu) or its length, 0.000001 to 1000000 metres, found {0:?}"
+)]
 pub struct UnitError(pub String);
 
 impl FromStr for Unit {
@@ -85,7 +91,7 @@ impl FromStr for Unit {
             return Ok(*unit);
         }
         match text.parse::<f64>() {
-            Ok(metres) if metres.is_normal() && metres > 0.0 => Ok(Unit::Metres(metres)),
+            Ok(metres) if Unit::LENGTHS.contains(&metres) => Ok(Unit::Metres(metres)),
             _ => Err(UnitError(text.into())),
         }
     }

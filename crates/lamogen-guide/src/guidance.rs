@@ -204,6 +204,9 @@ impl FromStr for Preset {
     }
 }
 
+/// Updates of one kind, beyond what anybody waits for; keeps sums of them from overflowing.
+const MOST_UPDATES: usize = 1_000_000;
+
 impl Guidance {
     /// The paper's numbers (appendix, section "Hyperparameters"); meant for 1000 DDIM steps.
     pub fn paper() -> Self {
@@ -321,11 +324,15 @@ impl Guidance {
         if !self.epsilon.is_finite() || self.epsilon <= 0.0 {
             return problem("a finite epsilon above 0", &self.epsilon);
         }
-        if self.updates_per_step == 0 {
-            return problem("at least one update a step", &self.updates_per_step);
+        if !(1..=MOST_UPDATES).contains(&self.updates_per_step) {
+            let expected = format!("1 to {MOST_UPDATES} updates a step");
+            return problem(&expected, &self.updates_per_step);
         }
-        if let Moved::Motion { iterations: 0 } | Moved::Noise { iterations: 0 } = self.moved {
-            return problem("at least one iteration", &self.moved);
+        if let Moved::Motion { iterations } | Moved::Noise { iterations } = self.moved
+            && !(1..=MOST_UPDATES).contains(&iterations)
+        {
+            let expected = format!("1 to {MOST_UPDATES} iterations");
+            return problem(&expected, &self.moved);
         }
         let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
         if !self.emphasis.iter().all(makes_sense) {

@@ -278,7 +278,7 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
         };
         let result = scene.guided(&guidance, &mut ());
         let message = result.unwrap_err().to_string();
-        assert!(message.contains("at least one iteration"), "{message}");
+        assert!(message.contains("1 to 1000000 iterations"), "{message}");
     }
     let guidance = Guidance {
         finish: Some(Finish {

@@ -348,7 +348,44 @@ impl ModelConfig {
                 self.latent_dim
             ));
         }
+        /// Beyond any network of this kind: 16 GB in 32 bits.
+        const MOST_PARAMETERS: f64 = 4e9;
+        let parameters = self.approximate_parameters();
+        if parameters > MOST_PARAMETERS {
+            return Some(format!(
+                "the sizes together ask for {:.0} million parameters; expected at most {:.0} million",
+                parameters / 1e6,
+                MOST_PARAMETERS / 1e6
+            ));
+        }
         { self.laban_condition.as_ref() }.and_then(LabanCondition::problem)
+    }
+
+    /// How many parameters the matrices of the network have together.
+    fn approximate_parameters(&self) -> f64 {
+        let [latent, inner, text, text_inner] = [
+            self.latent_dim,
+            self.ff_size,
+            self.text_latent_dim,
+            self.text_ff_size,
+        ]
+        .map(|size| size as f64);
+        let clip = &self.clip;
+        let width = clip.width as f64;
+        let embedding = 4.0 * latent;
+        // Three stylizations, attention to frames and to words, the feed-forward layer.
+        let block = 3.0 * (2.0 * embedding * latent + latent * latent)
+            + 4.0 * latent * latent
+            + 2.0 * latent * text
+            + 2.0 * latent * inner;
+        let decoder = self.num_layers as f64 * block
+            + embedding * (latent + embedding + text)
+            + latent * (self.num_frames + 2 * self.input_feats) as f64;
+        let tower = width * (clip.vocab_size + clip.context_length) as f64
+            + clip.layers as f64 * 12.0 * width * width;
+        let encoder = width * text
+            + self.num_text_layers as f64 * (4.0 * text * text + 2.0 * text * text_inner);
+        decoder + tower + encoder
     }
 }
 
@@ -365,8 +402,23 @@ mod tests {
     }
 
     #[test]
+    fn parameters_are_about_as_many_as_there_are() {
+        // 87 million, with CLIP's text tower.
+        let million = ModelConfig::motion_diffuse().approximate_parameters() / 1e6;
+        assert!((84.0..90.0).contains(&million), "{million}");
+    }
+
+    #[test]
     fn sizes_that_make_no_network_are_named() {
         for (message, parts) in [
+            (
+                error(|c| c["latent_dim"] = 1_000_000.into()),
+                ["million parameters", "at most 4000 million"],
+            ),
+            (
+                error(|c| c["clip"]["vocab_size"] = 16_000_000.into()),
+                ["million parameters", "at most 4000 million"],
+            ),
             (error(|c| c["num_heads"] = 7.into()), ["num_heads", "512"]),
             (
                 error(|c| c["latent_dim"] = 0.into()),

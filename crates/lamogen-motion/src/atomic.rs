@@ -1,11 +1,139 @@
 //! Files that are written whole or not at all.
+//!
+//! ```text
+//! content ──▶ .lamogen-XXXXXX, locked, listed as under way ──rename──▶ the file
+//!                 │ a signal: remove_temporaries       │ a kill: remove_stale_temporaries of a later run
+//! ```
 
-use std::fs::File;
+use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+/// How names of temporary files and folders begin.
+pub const TEMPORARY_PREFIX: &str = ".lamogen-";
+
+/// A file in a temporary folder that is locked while the folder is in use.
+const LOCK: &str = ".lock";
+
+/// Temporary files and folders of this process.
+static UNDER_WAY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn under_way() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A temporary file or folder that [`remove_temporaries`] removes as long as this lives.
+#[derive(Debug)]
+pub struct Temporary {
+    path: PathBuf,
+    /// Held so that other processes know it is in use.
+    _lock: Option<File>,
+}
+
+impl Temporary {
+    /// Lists a temporary folder, and locks it for as long as this lives: see [`remove_stale_temporaries`].
+    ///
+    /// # Errors
+    ///
+    /// If no file can be made in the folder.
+    pub fn folder(path: &Path) -> io::Result<Temporary> {
+        let lock = File::create(path.join(LOCK))?;
+        hold(&lock);
+        Ok(Temporary::list(path, Some(lock)))
+    }
+
+    /// Removes the lock of a folder that is not temporary any more.
+    ///
+    /// # Errors
+    ///
+    /// If the lock cannot be removed.
+    pub fn keep_folder(self) -> io::Result<()> {
+        std::fs::remove_file(self.path.join(LOCK))
+    }
+
+    fn list(path: &Path, lock: Option<File>) -> Temporary {
+        under_way().insert(path.to_owned());
+        Temporary {
+            path: path.to_owned(),
+            _lock: lock,
+        }
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        under_way().remove(&self.path);
+    }
+}
+
+/// Removes all temporary files and folders that this process is writing, for a program that is about to end because of a signal. Until it has
+/// ended, other threads cannot begin to write files by the functions of this module.
+pub fn remove_temporaries() {
+    let paths = under_way();
+    for path in paths.iter() {
+        // Whatever cannot be removed is removed by a later run.
+        let _ = match path.is_dir() {
+            true => std::fs::remove_dir_all(path),
+            false => std::fs::remove_file(path),
+        };
+    }
+    // Nothing is listed any more, or written, before the process ends.
+    std::mem::forget(paths);
+}
+
+/// Locks a file, where a lock does not keep its other handles from writing. Not every file system has locks: there age alone tells what is stale.
+fn hold(file: &File) {
+    if cfg!(unix) {
+        let _ = file.try_lock();
+    }
+}
+
+/// How old a temporary file is at least before it may be taken for stale.
+const STALE: Duration = Duration::from_secs(if cfg!(unix) { 60 } else { 24 * 3600 });
+
+/// Removes temporary files and folders that processes which were killed left in a folder: those whose lock nobody holds, and that nobody has
+/// touched for a minute (on systems without such locks, for a day).
+pub fn remove_stale_temporaries(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_temporary = name
+            .to_str()
+            .is_some_and(|name| name.starts_with(TEMPORARY_PREFIX));
+        if !is_temporary {
+            continue;
+        }
+        let path = entry.path();
+        let is_folder = path.is_dir();
+        let lock = match is_folder {
+            true => path.join(LOCK),
+            false => path.clone(),
+        };
+        let touched = { std::fs::symlink_metadata(&lock) }
+            .or_else(|_| entry.metadata())
+            .and_then(|metadata| metadata.modified());
+        let is_old = touched.is_ok_and(|touched| {
+            { SystemTime::now().duration_since(touched) }.is_ok_and(|age| age > STALE)
+        });
+        let is_in_use = File::open(&lock)
+            .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
+        if is_old && !is_in_use {
+            let _ = match is_folder {
+                true => std::fs::remove_dir_all(&path),
+                false => std::fs::remove_file(&path),
+            };
+        }
+    }
+}
 
 /// Writes a file under a temporary name in its own folder, then renames it. A reader never sees
-/// half a file, and a failure leaves what was there before.
+/// half a file, and a failure leaves what was there before. A file that is replaced keeps its permissions; where the path is a link, the file
+/// behind it is written.
 ///
 /// # Errors
 ///
@@ -30,11 +158,14 @@ pub fn replace_atomically(
     path: &Path,
     content: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
+    let path = &behind_links(path)?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY_PREFIX);
+    let replaced = std::fs::metadata(path).ok().filter(|file| file.is_file());
     #[cfg(unix)]
     {
         // Temporary files are private; the finished one should be as readable as any other.
@@ -42,12 +173,36 @@ pub fn replace_atomically(
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
     let temporary = builder.tempfile_in(folder)?;
-    let permissions = temporary.as_file().metadata()?.permissions();
+    let lock = temporary.as_file().try_clone()?;
+    hold(&lock);
+    let _under_way = Temporary::list(temporary.path(), Some(lock));
+    let permissions = match replaced {
+        Some(replaced) => replaced.permissions(),
+        None => temporary.as_file().metadata()?.permissions(),
+    };
     content(temporary.path())?;
     // A library that replaces the file instead of filling it brings permissions of its own.
     std::fs::set_permissions(temporary.path(), permissions)?;
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// The file that is meant where a path is a link, or a link to a link, even if it is not there yet.
+fn behind_links(path: &Path) -> io::Result<PathBuf> {
+    const MOST: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..MOST {
+        if !path.is_symlink() {
+            return Ok(path);
+        }
+        let target = std::fs::read_link(&path)?;
+        path = match path.parent() {
+            Some(folder) => folder.join(target),
+            None => target,
+        };
+    }
+    let reason = format!("{}: more than {MOST} links in a row", path.display());
+    Err(io::Error::other(reason))
 }
 
 #[cfg(test)]
@@ -70,6 +225,70 @@ mod tests {
         })
         .unwrap();
         assert_eq!(mode(&path), mode(&plain) & 0o644);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_stays_one_and_a_replaced_file_keeps_its_mode() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        let target = elsewhere.path().join("target.txt");
+        std::fs::write(&target, "old").unwrap();
+        std::fs::set_permissions(&target, std::fs::Permissions::from_mode(0o600)).unwrap();
+        let link = folder.path().join("link.txt");
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        write_atomically(&link, |file| file.write_all(b"new")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read(&target).unwrap(), b"new");
+        assert_eq!(
+            target.metadata().unwrap().permissions().mode() & 0o777,
+            0o600
+        );
+        // What a link speaks of need not be there yet.
+        std::fs::remove_file(&target).unwrap();
+        write_atomically(&link, |file| file.write_all(b"newest")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read(&target).unwrap(), b"newest");
+        // One that leads nowhere is an error.
+        let circle = folder.path().join("circle.txt");
+        std::os::unix::fs::symlink(&circle, &circle).unwrap();
+        let failed = write_atomically(&circle, |file| file.write_all(b"x"));
+        assert!(failed.unwrap_err().to_string().contains("links in a row"));
+    }
+
+    #[test]
+    fn what_was_left_behind_is_removed_and_what_is_in_use_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let old = SystemTime::now() - 2 * STALE;
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            let file = File::create(&path).unwrap();
+            file.set_modified(old).unwrap();
+            (path, file)
+        };
+        let (left, _) = file(".lamogen-left");
+        let (in_use, lock) = file(".lamogen-used");
+        lock.try_lock().unwrap();
+        let (other, _) = file(".other");
+        let fresh = folder.path().join(".lamogen-fresh");
+        File::create(&fresh).unwrap();
+        let temporary = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir(&path).unwrap();
+            let held = Temporary::folder(&path).unwrap();
+            { File::options().write(true).open(path.join(LOCK)) }
+                .unwrap()
+                .set_modified(old)
+                .unwrap();
+            (path, held)
+        };
+        let (left_folder, held) = temporary(".lamogen-left-folder");
+        drop(held);
+        let (used_folder, _held) = temporary(".lamogen-used-folder");
+        remove_stale_temporaries(folder.path());
+        assert!(!left.exists() && !left_folder.exists());
+        assert!(in_use.exists() && other.exists() && fresh.exists() && used_folder.exists());
     }
 
     #[test]

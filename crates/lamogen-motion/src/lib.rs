@@ -24,7 +24,10 @@ mod rotations;
 mod skeleton;
 mod turning;
 
-pub use atomic::{replace_atomically, write_atomically};
+pub use atomic::{
+    TEMPORARY_PREFIX, Temporary, remove_stale_temporaries, remove_temporaries, replace_atomically,
+    write_atomically,
+};
 pub use encode::{canonical, encode, encode_canonical};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;

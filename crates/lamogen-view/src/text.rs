@@ -41,7 +41,7 @@ pub(crate) fn wrapped(text: &str, size: f32, room: f32, most: usize) -> Vec<Stri
     let mut rest = words.join(" ");
     let mut lines = Vec::new();
     while !rest.is_empty() {
-        if width(&rest, size) <= room {
+        if fits(&rest, size, room) {
             lines.push(rest);
             break;
         }
@@ -64,7 +64,7 @@ pub(crate) fn wrapped(text: &str, size: f32, room: f32, most: usize) -> Vec<Stri
 
 /// As much of a text as fits, with `…` if that is not all.
 pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
-    if width(text, size) <= room {
+    if fits(text, size, room) {
         return text.to_owned();
     }
     let mut end = fitting(text, size, room, "…");
@@ -76,9 +76,25 @@ pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
     format!("{}…", text[..end].trim_end_matches([' ', ',', ';']))
 }
 
+/// Whether a text fits on a line.
+fn fits(text: &str, size: f32, room: f32) -> bool {
+    beginning(text, size, room).len() == text.len() && width(text, size) <= room
+}
+
+/// As many characters of a text as a line can have at most, so that a long text is not set as a whole to find what fits.
+fn beginning(text: &str, size: f32, room: f32) -> &str {
+    /// The thinnest letters of the font are wider than one over this of its size.
+    const THINNEST: f32 = 8.0;
+    let most = (THINNEST * room.max(0.0) / size.max(f32::MIN_POSITIVE)) as usize;
+    match text.char_indices().nth(most.max(1)) {
+        Some((end, _)) => &text[..end],
+        None => text,
+    }
+}
+
 /// Where the longest beginning ends that fits together with `tail`; at least one character.
 fn fitting(text: &str, size: f32, room: f32, tail: &str) -> usize {
-    let ends: Vec<usize> = text
+    let ends: Vec<usize> = beginning(text, size, room)
         .char_indices()
         .map(|(at, c)| at + c.len_utf8())
         .collect();
@@ -129,6 +145,18 @@ mod tests {
         assert!((width("mmmm", 40.0) - 2.0 * m).abs() < 0.5);
         assert!((width("人人", 20.0) - 40.0).abs() < 4.0);
         assert!(width("a < b & c", 20.0) > width("a b c", 20.0));
+    }
+
+    #[test]
+    fn long_texts_are_set_no_further_than_a_line_can_hold() {
+        let text = "i l ".repeat(250_000);
+        assert!(beginning(&text, 17.0, 500.0).len() < 1000);
+        let lines = wrapped(&text, 17.0, 500.0, 3);
+        assert_eq!(lines.len(), 3);
+        assert!(lines[2].ends_with('…') && width(&lines[2], 17.0) <= 500.0);
+        // The bound is none that a line of the thinnest letters reaches.
+        let thin = "i".repeat(beginning(&"i".repeat(5000), 17.0, 500.0).len());
+        assert!(width(&thin, 17.0) > 500.0);
     }
 
     #[test]

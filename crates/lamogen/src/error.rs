@@ -109,14 +109,14 @@ impl Which {
 
 impl fmt::Display for Which {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const MOST: usize = 80;
+        let mut prompt: String = self.prompt.chars().take(MOST).collect();
+        if prompt.len() < self.prompt.len() {
+            prompt.push('…');
+        }
         match self.count {
-            1 => write!(f, "request {:?}", self.prompt),
-            count => write!(
-                f,
-                "request {} of {count}, {:?}",
-                self.index + 1,
-                self.prompt
-            ),
+            1 => write!(f, "request {prompt:?}"),
+            count => write!(f, "request {} of {count}, {prompt:?}", self.index + 1),
         }
     }
 }
@@ -127,6 +127,10 @@ pub enum RequestError {
     /// No words.
     #[error("the prompt is empty; expected a sentence such as \"a person jumps\"")]
     EmptyPrompt,
+    /// More than a model could read.
+    #[error("the prompt has {found} characters; expected at most {most}", most = Request::LONGEST_PROMPT)]
+    #[allow(missing_docs)]
+    LongPrompt { found: usize },
     /// A length that the model cannot do.
     #[error(
         "expected {shortest} to {longest} frames ({:.1} to {:.1} s), found {}",

@@ -304,13 +304,26 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
+        let wrong = |index| {
+            move |reason| Error::Request {
+                which: Which::new(requests, index),
+                reason,
+            }
+        };
+        let mut order: Vec<usize> = (0..requests.len()).collect();
+        if self.batch_size > 1 {
+            // Motions of nearly the same length together: what a batch pads is computed as well. The first wrong request is still the one
+            // that is named.
+            for (index, request) in requests.iter().enumerate() {
+                self.check(request).map_err(wrong(index))?;
+            }
+            let [shortest, longest] = [self.network.min_frames(), self.network.max_frames()];
+            order.sort_by_key(|&index| requests[index].length.frames(shortest, longest).ok());
+        }
         let mut groups = Vec::new();
-        for (index, request) in requests.iter().enumerate() {
-            self.join(&mut groups, index, request)
-                .map_err(|reason| Error::Request {
-                    which: Which::new(requests, index),
-                    reason,
-                })?;
+        for index in order {
+            self.join(&mut groups, index, &requests[index])
+                .map_err(wrong(index))?;
         }
         Ok(groups)
     }

@@ -61,6 +61,10 @@ pub(crate) fn assign(
     if request.prompt.trim().is_empty() {
         return Err(RequestError::EmptyPrompt);
     }
+    let found = request.prompt.chars().count();
+    if found > Request::LONGEST_PROMPT {
+        return Err(RequestError::LongPrompt { found });
+    }
     let goals = match (&request.tags[..], &request.goals) {
         ([], goals) => goals.clone(),
         (tags, None) => Some(Scale::from_tags(tags)?.into()),

@@ -40,6 +40,9 @@ pub struct Request {
 }
 
 impl Request {
+    /// The longest prompt, in characters: several times what the text encoders of text-to-motion networks read.
+    pub const LONGEST_PROMPT: usize = 2000;
+
     /// A motion of 3 seconds with seed 0 and no tags.
     pub fn new(prompt: impl Into<String>) -> Self {
         Request {

@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use lamogen_motion::{POSE_FEATURES, replace_atomically};
+use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, Temporary, replace_atomically};
 use safetensors::Dtype;
 use safetensors::tensor::View;
 
@@ -38,7 +38,7 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
     std::fs::create_dir_all(&parent).map_err(DataError::write(&parent))?;
     let temporary = || {
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".lamogen-");
+        builder.prefix(TEMPORARY_PREFIX);
         #[cfg(unix)]
         {
             // Temporary folders are private; the finished one should be as readable as any other.
@@ -50,11 +50,13 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
             .map_err(DataError::write(&parent))
     };
     let new = temporary()?;
+    let under_way = Temporary::folder(new.path()).map_err(DataError::write(&parent))?;
     let used = Used::of(dataset);
     let path = new.path().join(MOTIONS);
     motions(dataset, &used, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
     let path = new.path().join(CAPTIONS);
     captions(dataset, &used, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
+    under_way.keep_folder().map_err(DataError::write(&parent))?;
 
     // Not removed by itself: what was there before must outlive every failure.
     let old = temporary()?.keep();

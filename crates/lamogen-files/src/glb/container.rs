@@ -294,7 +294,8 @@ fn embedded(data: &str) -> Result<Vec<u8>, Flaw> {
 
 /// The file that a relative URI names.
 fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
-    let refused = || format!("expected a file beside this one, found the URI {uri:?}");
+    let refused =
+        || format!("expected a file beside this one or in a folder below, found the URI {uri:?}");
     let mut name = Vec::with_capacity(uri.len());
     let mut bytes = uri.bytes();
     while let Some(byte) = bytes.next() {
@@ -312,12 +313,9 @@ fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
     }
     let name = String::from_utf8(name).map_err(|_| refused())?;
     let path = std::path::PathBuf::from(&name);
-    let is_plain = path.components().all(|part| {
-        matches!(
-            part,
-            Component::Normal(_) | Component::CurDir | Component::ParentDir
-        )
-    });
+    // Never above it: whoever sends a file must not have others read with it.
+    let is_plain =
+        { path.components() }.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     match is_plain && !name.is_empty() && !name.contains([':', '\0']) {
         true => Ok(path),
         false => Err(refused()),

@@ -31,7 +31,7 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// If a tensor cannot be read, is not of floats, holds infinities or NaN, or holds numbers beyond the
+    /// If there is no tensor, one cannot be read, is not of floats, holds infinities or NaN, or holds numbers beyond the
     /// range of 16 bits where these are asked for; or if the file cannot be written.
     pub fn convert(
         &self,
@@ -43,6 +43,12 @@ impl Checkpoint {
         let to = to.as_ref();
         let mut keys = self.keys();
         keys.retain(|key| !is_clips_own(key));
+        if keys.is_empty() {
+            return Err(CheckpointError::Format {
+                path: self.path().to_owned(),
+                problem: "expected tensors of a network, found none".to_owned(),
+            });
+        }
         let conversion = RefCell::new(Conversion {
             progress,
             done: 0,

@@ -19,7 +19,8 @@ pub(super) fn table(curves: &[Curve<'_>]) -> String {
         let index = component.index();
         let cells = curves.iter().enumerate().map(|(place, curve)| {
             let value = curve.series.summary(Summary::Maximum)[index];
-            let change = 100.0 * (value / first[index] - 1.0);
+            // Without a sign where it rounds to nothing.
+            let change = (100.0 * (value / first[index] - 1.0)).round() + 0.0;
             match place > 0 && change.is_finite() {
                 true => format!("<td>{value:.4} <small>{change:+.0} %</small></td>"),
                 false => format!("<td>{value:.4}</td>"),

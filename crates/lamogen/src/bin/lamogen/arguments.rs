@@ -30,7 +30,7 @@ use crate::output::{Format, Output};
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done, 1 a motion could not be generated, 2 wrong arguments or requests, \
                   3 a file or model could not be read, 4 a file could not be written, 5 a batch is done \
-                  but for some motions."
+                  but for some motions, 6 a training stopped before its last step, 130 ended by a signal."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -109,9 +109,9 @@ Examples:
   lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
 
 const BATCH_HELP: &str = "\
-Every line of the file is a request as JSON, by the names of lamogen generate's options:
+Every line of the file is a request as JSON, with fields that mean what they mean to lamogen generate:
   {\"prompt\": \"a person jumps\", \"weight\": \"strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"id\": \"jump\"}
-Only the prompt must be there. A motion's files are named by its id (letters a to z, digits, - _ and .), or by its \
+Only the prompt must be there. A motion's files are named by its id (letters A to Z and a to z, digits, - _ and .), or by its \
 line's number.
 
 A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
@@ -365,7 +365,40 @@ pub struct WritingArguments {
     pub gif_width: Option<u32>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+impl WritingArguments {
+    /// The options that change nothing in files of these formats, each in a sentence.
+    pub fn unused(&self, formats: &[Format]) -> Vec<String> {
+        let given = [
+            ("--fps", self.fps != 20.0, &[Format::Bvh, Format::Glb][..]),
+            (
+                "--bvh-unit",
+                self.bvh_unit != Unit::Centimetre,
+                &[Format::Bvh],
+            ),
+            (
+                "--bvh-names",
+                self.bvh_names != BvhNamesName::HumanMl3d,
+                &[Format::Bvh],
+            ),
+            ("--gif-width", self.gif_width.is_some(), &[Format::Gif]),
+        ];
+        let unused = given
+            .into_iter()
+            .filter(|(_, is_given, of)| *is_given && !of.iter().any(|one| formats.contains(one)));
+        unused
+            .map(|(option, _, of)| {
+                let endings: Vec<String> =
+                    of.iter().map(|one| format!(".{}", one.ending())).collect();
+                format!(
+                    "{option} changes nothing here: it is for {}",
+                    endings.join(" and ")
+                )
+            })
+            .collect()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BvhNamesName {
     #[value(name = "humanml3d")]
     HumanMl3d,
@@ -404,6 +437,47 @@ pub struct ReadingArguments {
     /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
     #[arg(long, value_name = "MAPPING")]
     pub names: Option<PathBuf>,
+    /// Format of standard input, where the file is -; usually told by its first bytes.
+    #[arg(long, value_name = "FORMAT")]
+    pub from: Option<StreamFormat>,
+}
+
+/// A format of motion that may come in by standard input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StreamFormat {
+    Bvh,
+    Glb,
+    Gltf,
+    Npy,
+}
+
+impl StreamFormat {
+    /// How names of such files end.
+    pub fn ending(self) -> &'static str {
+        match self {
+            StreamFormat::Bvh => "bvh",
+            StreamFormat::Glb => "glb",
+            StreamFormat::Gltf => "gltf",
+            StreamFormat::Npy => "npy",
+        }
+    }
+
+    /// What the first bytes say.
+    pub fn told_by(bytes: &[u8]) -> Option<StreamFormat> {
+        let text = bytes.trim_ascii_start();
+        let starts = |beginning: &[u8]| text.starts_with(beginning);
+        if bytes.starts_with(b"glTF") {
+            Some(StreamFormat::Glb)
+        } else if bytes.starts_with(b"\x93NUMPY") {
+            Some(StreamFormat::Npy)
+        } else if starts(b"{") {
+            Some(StreamFormat::Gltf)
+        } else if text.len() >= 9 && text[..9].eq_ignore_ascii_case(b"HIERARCHY") {
+            Some(StreamFormat::Bvh)
+        } else {
+            None
+        }
+    }
 }
 
 #[derive(Args)]
@@ -438,7 +512,7 @@ pub struct Generate {
 
 #[derive(Args)]
 pub struct Laban {
-    /// Motion files: .bvh, .glb, .gltf or .npy.
+    /// Motion files: .bvh, .glb, .gltf or .npy; - is standard input.
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// A motion to compare each of them with.
@@ -450,8 +524,9 @@ pub struct Laban {
 
 #[derive(Args)]
 pub struct Convert {
-    /// The file to read: .bvh, .glb, .gltf or .npy.
-    pub from: PathBuf,
+    /// The file to read: .bvh, .glb, .gltf or .npy; - is standard input.
+    #[arg(value_name = "FROM")]
+    pub source: PathBuf,
     /// The file to write: .bvh, .glb, .npy, .features.npy, .csv (Laban series), .svg, .png, .gif, .html or .json.
     pub to: Output,
     /// Give the motion rigid bones and feet that stand where they stand: they neither slide nor sink into the ground, which is taken to be as
@@ -541,7 +616,7 @@ pub struct Vary {
 #[derive(Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Batch {
-    /// The requests, one JSON object a line.
+    /// The requests, one JSON object a line; - is standard input.
     pub requests: PathBuf,
     /// Folder for the files.
     #[arg(long, short, value_name = "FOLDER")]
@@ -721,6 +796,9 @@ pub enum Model {
         /// Whom to name when the weights or what they make is passed on.
         #[arg(long)]
         attribution: Option<String>,
+        /// Let --license and --attribution replace others that the file states: for whoever owns the weights.
+        #[arg(long)]
+        force: bool,
     },
 }
 

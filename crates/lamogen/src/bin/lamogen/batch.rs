@@ -8,9 +8,12 @@
 
 mod line;
 
+use std::collections::HashMap;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Instant;
 
+use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Generation, Request};
 use serde_json::{Value, json};
 
@@ -19,6 +22,7 @@ use crate::console::Console;
 use crate::each::generate_each;
 use crate::failure::{Code, Failure};
 use crate::generate::facts;
+use crate::opened::STANDARD_INPUT;
 use crate::output::{Format, Output};
 use crate::scene::Scene;
 use crate::source::Source;
@@ -28,22 +32,27 @@ use line::Item;
 const NAMED: usize = 10;
 
 pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
-    let items = items(options, console)?;
+    let mut items = items(options, console)?;
+    for unused in options.writing.unused(&options.format) {
+        console.notice(unused);
+    }
     std::fs::create_dir_all(&options.out)
         .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
         .map_err(|error| Failure::output(&options.out, error))?;
-    let source = Source::open(&options.source, console)?;
+    remove_stale_temporaries(&options.out);
+    let mut source = Source::open(&options.source, console)?;
     let batch_size = options.batch_size.map(|size| size as usize);
     let batch_size = batch_size.unwrap_or(source.model.batch_size());
-    let source = Source {
-        model: source.model.with_batch_size(batch_size),
-        ..source
-    };
+    source.model = source.model.with_batch_size(batch_size);
     let work = Work {
         options,
         source: &source,
         console,
     };
+    let mut known = HashMap::new();
+    for item in &mut items {
+        item.note_like(&mut known);
+    }
     let (finished, mut pending): (Vec<Item>, Vec<Item>) =
         items.into_iter().partition(|item| work.is_finished(item));
     work.prepare(&mut pending)?;
@@ -53,6 +62,7 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
     let bar = console.bar("motions");
     bar.set_length(pending.len() as u64);
     let mut failed: Vec<(String, String)> = Vec::new();
+    sort_within_windows(&mut pending, batch_size);
     for items in pending.chunks(batch_size) {
         work.generate(items, &bar, &mut failed)?;
     }
@@ -97,12 +107,42 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
     }
 }
 
+/// Puts motions that run together well beside each other: those with goals or without, of nearly the same length. Only within windows, so that
+/// a batch that is stopped has finished the first lines of its file and not some of all.
+fn sort_within_windows(items: &mut [Item], batch_size: usize) {
+    /// Batches in a window.
+    const WINDOW: usize = 16;
+    if batch_size > 1 {
+        for window in items.chunks_mut(WINDOW * batch_size) {
+            window.sort_by(|a, b| {
+                let guided = a.is_guided().cmp(&b.is_guided());
+                guided.then(a.seconds().total_cmp(&b.seconds()))
+            });
+        }
+    }
+}
+
+/// The file of requests, for messages.
+fn requests_name(options: &Batch) -> &Path {
+    match options.requests == Path::new(STANDARD_INPUT) {
+        true => Path::new("standard input"),
+        false => &options.requests,
+    }
+}
+
 /// The lines of the file that are this part's, in their order.
 fn items(options: &Batch, console: &Console) -> Result<Vec<Item>, Failure> {
-    let path = &options.requests;
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
-    let (items, wrong) = line::items(&text);
+    let path = requests_name(options);
+    let text = match options.requests == Path::new(STANDARD_INPUT) {
+        true => std::io::read_to_string(std::io::stdin()),
+        false => std::fs::read_to_string(&options.requests),
+    };
+    let text =
+        text.map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
+    let endings: Vec<&str> = { formats(options).chain([Format::Json]) }
+        .map(Format::ending)
+        .collect();
+    let (items, wrong) = line::items(&text, &endings);
     refuse(path, wrong)?;
     if items.is_empty() {
         console.notice(format!(
@@ -116,6 +156,12 @@ fn items(options: &Batch, console: &Console) -> Result<Vec<Item>, Failure> {
         .enumerate()
         .filter(|(place, _)| place % parts == part - 1);
     Ok(mine.map(|(_, item)| item).collect())
+}
+
+/// Formats beside the JSON, which is always written, and last.
+fn formats(options: &Batch) -> impl Iterator<Item = Format> + '_ {
+    let formats = options.format.iter().copied();
+    formats.filter(|format| *format != Format::Json)
 }
 
 /// Names the lines that are no requests or make no sense. Nothing has been run.
@@ -154,6 +200,8 @@ impl Work<'_> {
         json!({
             "request": item.line,
             "model": self.source.name,
+            "weights": self.source.checksum(),
+            "like": item.like_checksum(),
             "preset": pass.preset.map(|preset| preset.name()),
             "steps": pass.steps,
             "emphasis": pass.emphasis,
@@ -177,12 +225,6 @@ impl Work<'_> {
         }
     }
 
-    /// Formats beside the JSON, which is always written, and last.
-    fn formats(&self) -> impl Iterator<Item = Format> + '_ {
-        let formats = self.options.format.iter().copied();
-        formats.filter(|format| *format != Format::Json)
-    }
-
     fn is_finished(&self, item: &Item) -> bool {
         let record = self.output(item, Format::Json).path;
         // Through JSON numbers lose what they would lose in the file.
@@ -190,7 +232,7 @@ impl Work<'_> {
         let found = read_identity(&record);
         found.is_some()
             && found == identity.ok()
-            && self.formats().all(|format| {
+            && formats(self.options).all(|format| {
                 self.output(item, format)
                     .path
                     .metadata()
@@ -205,7 +247,7 @@ impl Work<'_> {
             let reason = item.prepare(&device).err()?;
             Some((item.number, reason))
         });
-        refuse(&self.options.requests, wrong.collect())
+        refuse(requests_name(self.options), wrong.collect())
     }
 
     /// Refuses requests that make no sense, before anything is run.
@@ -214,7 +256,7 @@ impl Work<'_> {
             let reason = self.source.model.check(&self.request(item)).err()?;
             Some((item.number, reason.to_string()))
         });
-        refuse(&self.options.requests, wrong.collect())
+        refuse(requests_name(self.options), wrong.collect())
     }
 
     /// Makes some motions together. One that fails is left out, and the others are made without it.
@@ -253,7 +295,15 @@ impl Work<'_> {
         let licence = self.source.model.licence();
         let scene = Scene::generated(&item.line.prompt, generation, facts, licence);
         // The JSON says that the motion is finished, so it comes last.
-        for format in self.formats().chain([Format::Json]) {
+        // An old one would say that of a motion of other options while files of this one are written beside it.
+        let record = self.output(item, Format::Json).path;
+        match std::fs::remove_file(&record) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(Failure::output(&record, error));
+            }
+            _ => {}
+        }
+        for format in formats(self.options).chain([Format::Json]) {
             let output = self.output(item, format);
             let quiet = self.console.hushed();
             output.write(&scene, &self.options.writing, &quiet)?;

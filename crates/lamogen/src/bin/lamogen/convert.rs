@@ -16,7 +16,10 @@ use crate::source::device;
 
 pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
     options.to.check()?;
-    let mut opened = open(&options.from, &options.reading, &device(None)?)?;
+    for unused in options.writing.unused(&[options.to.format]) {
+        console.notice(unused);
+    }
+    let mut opened = open(&options.source, &options.reading, &device(None)?)?;
     if !opened.assumed.is_empty() {
         console.notice(format!("Read with {}.", opened.assumed));
     }
@@ -30,7 +33,7 @@ pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
     let motion = &opened.scene.main().motion;
     if console.json {
         let (from, to) = (
-            options.from.to_string_lossy(),
+            options.source.to_string_lossy(),
             options.to.path.to_string_lossy(),
         );
         let result = json!({ "from": from, "to": to, "frames": motion.frames(), "seconds": motion.seconds() });

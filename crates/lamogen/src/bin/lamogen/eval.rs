@@ -23,6 +23,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use lamogen::motion::remove_stale_temporaries;
 use lamogen::motion::write_atomically;
 use lamogen::{Motion, Preset};
 use lamogen_data::{Checksum, Dataset, Entry, LoadOptions};
@@ -49,6 +50,7 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
         let reason = "expected a folder, found a file";
         return Err(Failure::output(&options.out, reason));
     }
+    remove_stale_temporaries(&options.out);
     let device = device(options.source.device)?;
     let source = Source::open(&options.source, console)?;
     let judge = Judge::load(&options.evaluator, &device).map_err(|error| {

@@ -21,6 +21,8 @@ pub enum Code {
     Output = 4,
     /// A batch is done but for some motions.
     Partly = 5,
+    /// A training was stopped, or its time was over, before its last step.
+    Stopped = 6,
 }
 
 /// What went wrong, and what might help.
@@ -38,6 +40,11 @@ impl Failure {
             message: message.to_string(),
             hint: None,
         }
+    }
+
+    /// An end of which everything is said already.
+    pub fn said(code: Code) -> Self {
+        Failure::new(code, "")
     }
 
     pub fn hint(self, hint: impl Into<String>) -> Self {

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use crate::arguments::{BodyName, Generate, PassArguments, PresetName};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
-use crate::output::Output;
+use crate::output::{Format, Output};
 use crate::report;
 use crate::scene::Scene;
 use crate::source::Source;
@@ -16,8 +16,15 @@ use crate::source::Source;
 pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     let seeds = seeds(options)?;
     let outputs = outputs(options, &seeds)?;
+    let formats: Vec<Format> = options.out.iter().map(|output| output.format).collect();
+    for unused in options.writing.unused(&formats) {
+        console.notice(unused);
+    }
     let source = Source::open(&options.source, console)?;
     let goals = options.goals.asked().goals(&source.device())?;
+    if options.pass.emphasis.is_some() && goals.is_none() {
+        console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
+    }
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {

@@ -10,7 +10,7 @@
 //!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
 //!
-//! Everything that can go wrong ends in a [`failure::Failure`] with one of the documented exit codes.
+//! Signals end the command after what it was writing is removed (signals.rs). Everything that can go wrong ends in a [`failure::Failure`] with one of the documented exit codes.
 
 mod arguments;
 mod batch;
@@ -31,6 +31,7 @@ mod play;
 mod report;
 mod scene;
 mod shell;
+mod signals;
 mod source;
 mod train;
 mod vary;
@@ -40,11 +41,15 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use arguments::{Arguments, Task};
-use console::Console;
+use console::{Console, tell};
 
 fn main() -> ExitCode {
     let Arguments { task, console } = Arguments::parse();
     let console = Console::new(&console);
+    // A training stops by itself after the step under way.
+    if !matches!(task, Task::Train(_)) {
+        signals::clean_up_on_signals();
+    }
     let result = match &task {
         Task::Generate(options) => generate::run(options, &console),
         Task::Laban(options) => laban::run(options, &console),
@@ -63,9 +68,11 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {}", failure.message);
+            if !failure.message.is_empty() {
+                tell(format!("error: {}", failure.message));
+            }
             if let Some(hint) = &failure.hint {
-                eprintln!("hint: {hint}");
+                tell(format!("hint: {hint}"));
             }
             ExitCode::from(failure.code as u8)
         }

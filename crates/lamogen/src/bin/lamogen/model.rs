@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use lamogen::model::{Checkpoint, Denoiser, Precision};
+use lamogen::model::{Checkpoint, CheckpointError, Denoiser, Precision};
 use serde_json::json;
 
 use crate::arguments::{Model, SourceArguments};
@@ -20,6 +20,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
             half,
             license,
             attribution,
+            force,
         } => {
             let precision = match half {
                 true => Precision::F16,
@@ -30,7 +31,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
                 .into_iter()
                 .filter_map(|(name, text)| Some((name.to_owned(), text.clone()?)))
                 .collect();
-            convert((from, to), precision, metadata, console)
+            convert((from, to), precision, metadata, *force, console)
         }
     }
 }
@@ -81,6 +82,7 @@ fn convert(
     (from, to): (&Path, &Path),
     precision: Precision,
     metadata: HashMap<String, String>,
+    force: bool,
     console: &Console,
 ) -> Result<(), Failure> {
     // Any other name would be taken for a PyTorch file when it is read.
@@ -100,14 +102,29 @@ fn convert(
         return Err(Failure::new(Code::Usage, message));
     }
     let checkpoint = Checkpoint::open(from).map_err(|error| Failure::new(Code::Input, error))?;
+    // Terms travel with weights, whatever is done to these.
+    for (name, text) in &metadata {
+        let stated = checkpoint.metadata(name).filter(|stated| stated != text);
+        if let (Some(stated), false) = (stated, force) {
+            let message = format!("--{name}: {} states {stated:?} already", from.display());
+            let hint = "--force replaces it, for whoever owns the weights";
+            return Err(Failure::new(Code::Usage, message).hint(hint));
+        }
+    }
     let bar = console.bar("tensors");
-    checkpoint
-        .convert(to, precision, metadata, &mut |converted| {
-            bar.set_length(converted.all as u64);
-            bar.set_position(converted.done as u64);
-        })
-        .map_err(|error| Failure::new(Code::Output, error))?;
+    let converted = checkpoint.convert(to, precision, metadata, &mut |converted| {
+        bar.set_length(converted.all as u64);
+        bar.set_position(converted.done as u64);
+    });
     bar.finish_and_clear();
+    // Damage of the input is often found only when the tensor's turn comes.
+    converted.map_err(|error| {
+        let code = match &error {
+            CheckpointError::Io { path, .. } if path == to => Code::Output,
+            _ => Code::Input,
+        };
+        Failure::new(code, error)
+    })?;
     let bytes = std::fs::metadata(to)
         .map_err(|error| Failure::output(to, error))?
         .len();

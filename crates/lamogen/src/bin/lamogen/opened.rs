@@ -1,12 +1,13 @@
 //! A motion file as the command opens it.
 
+use std::io::Read;
 use std::path::Path;
 
 use lamogen::Device;
 use lamogen::files::{Imported, Mapping, ReadOptions, read};
 
-use crate::arguments::ReadingArguments;
-use crate::failure::Failure;
+use crate::arguments::{ReadingArguments, StreamFormat};
+use crate::failure::{Code, Failure};
 use crate::scene::Scene;
 
 /// A file, and what was assumed of it.
@@ -15,13 +16,85 @@ pub struct Opened {
     pub assumed: String,
 }
 
-/// Reads a motion file.
+/// The name of a file that stands for standard input.
+pub const STANDARD_INPUT: &str = "-";
+
+/// Reads a motion file, or standard input where the path is `-`.
 pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<Opened, Failure> {
-    let imported = read(path, &read_options(reading)?)?;
-    Ok(Opened {
-        assumed: assumed(&imported),
-        scene: Scene::file(path, imported, device),
+    if path == Path::new(STANDARD_INPUT) {
+        return open_standard_input(reading, device);
+    }
+    if let Some(format) = reading.from {
+        let message = format!(
+            "--from {}: expected standard input (-), found {}",
+            format.ending(),
+            path.display()
+        );
+        let hint = "the ending of a file's name says its format";
+        return Err(Failure::new(Code::Usage, message).hint(hint));
+    }
+    open_file(path, path, reading, device)
+}
+
+/// Reads what comes in, under the name of a file of its format: as --from says, or as its first bytes tell.
+fn open_standard_input(reading: &ReadingArguments, device: &Device) -> Result<Opened, Failure> {
+    let failed = |reason: &dyn std::fmt::Display| {
+        Failure::new(Code::Input, format!("standard input: {reason}"))
+    };
+    let mut bytes = Vec::new();
+    { std::io::stdin().lock() }
+        .read_to_end(&mut bytes)
+        .map_err(|error| failed(&error))?;
+    let format = reading.from.or_else(|| StreamFormat::told_by(&bytes));
+    let format = format.ok_or_else(|| {
+        let expected = "expected a motion in BVH, GLB, glTF or NumPy's format, found none of these";
+        failed(&expected).hint("--from bvh, glb, gltf or npy says which")
+    })?;
+    let folder = tempfile::tempdir().map_err(|error| failed(&error))?;
+    let path = folder.path().join(format!("stdin.{}", format.ending()));
+    std::fs::write(&path, bytes).map_err(|error| failed(&error))?;
+    open_file(&path, Path::new("standard input"), reading, device).map_err(|failure| Failure {
+        message: { failure.message }.replace(&*path.to_string_lossy(), "standard input"),
+        ..failure
     })
+}
+
+/// Reads a motion file, which is called `name`.
+fn open_file(
+    path: &Path,
+    name: &Path,
+    reading: &ReadingArguments,
+    device: &Device,
+) -> Result<Opened, Failure> {
+    let imported = read(path, &read_options(reading)?)?;
+    let unused = unused(path, reading);
+    Ok(Opened {
+        assumed: [assumed(&imported), unused]
+            .join("; ")
+            .trim_matches([';', ' '])
+            .to_owned(),
+        scene: Scene::file(name, imported, device),
+    })
+}
+
+/// What was asked of reading and changes nothing in a file of this format.
+fn unused(path: &Path, reading: &ReadingArguments) -> String {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let is = |endings: &[&str]| {
+        endings
+            .iter()
+            .any(|known| ending.eq_ignore_ascii_case(known))
+    };
+    let given = [
+        (
+            "--animation",
+            reading.animation.is_some() && !is(&["glb", "gltf"]),
+        ),
+        ("--names", reading.names.is_some() && is(&["npy"])),
+    ];
+    let unused = given.into_iter().filter(|(_, is_unused)| *is_unused);
+    let unused = unused.map(|(option, _)| format!("{option} changes nothing in .{ending}"));
+    unused.collect::<Vec<_>>().join("; ")
 }
 
 /// What is known of motion files beforehand.

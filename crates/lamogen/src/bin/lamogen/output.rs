@@ -39,6 +39,9 @@ pub struct Output {
     pub format: Format,
 }
 
+/// Frames of a GIF of which it is said that they are many: a minute and more.
+const MANY_FRAMES: usize = 1200;
+
 /// Poses on a strip, and pixels for each unit of its picture.
 const POSES: usize = 10;
 const PIXELS: f32 = 1.5;
@@ -166,6 +169,12 @@ impl Output {
             Format::Svg => sheet()?.into_bytes(),
             Format::Png => png(&sheet()?, PIXELS).map_err(|error| drawn(&error))?,
             Format::Gif => {
+                let frames = scene.main().motion.frames();
+                if frames > MANY_FRAMES {
+                    console.notice(format!(
+                        "{self}: a GIF of {frames} frames takes long to draw and has tens of megabytes; .html plays a motion of any length"
+                    ));
+                }
                 let bar = console.bar("frames");
                 let options = GifOptions {
                     width: writing.gif_width,

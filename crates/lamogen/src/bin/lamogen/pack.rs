@@ -3,18 +3,35 @@
 use std::collections::HashSet;
 
 use lamogen::FRAMES_PER_SECOND;
+use lamogen::motion::remove_stale_temporaries;
 use lamogen_data::{Dataset, PackOptions, Problems, Split, pack_all};
 use serde_json::{Map, json};
 
 use crate::arguments::Pack;
-use crate::console::Console;
-use crate::failure::Failure;
+use crate::console::{Console, counted};
+use crate::failure::{Code, Failure};
 use crate::opened::read_options;
 
 /// Broken motions that are named; `--json` names all.
 const NAMED: usize = 20;
 
 pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
+    if let Some(format) = options.reading.from {
+        let message = format!(
+            "--from {}: expected none, since nothing is packed from standard input",
+            format.ending()
+        );
+        return Err(Failure::new(Code::Usage, message));
+    }
+    // A data set is made beside its folder.
+    if let Some(parent) = options.out.parent() {
+        let here = std::path::Path::new(".");
+        remove_stale_temporaries(if parent.as_os_str().is_empty() {
+            here
+        } else {
+            parent
+        });
+    }
     let bar = console.bar("files");
     let packing = PackOptions {
         captions: options.captions.clone(),
@@ -102,8 +119,12 @@ fn summary(data: &Dataset) -> String {
             0 => String::new(),
             _ => format!(", {mirrored} of them mirror images"),
         };
+        let [clips, entries] = [
+            counted(clips, "clip", "clips"),
+            counted(entries, "entry", "entries"),
+        ];
         lines.push(format!(
-            "{split:9} {clips} clips, {entries} entries{images}, {minutes:.1} min"
+            "{split:9} {clips}, {entries}{images}, {minutes:.1} min"
         ));
     }
     for (kind, count) in data.problems().counts() {

@@ -53,15 +53,11 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A page's place among the temporary files: always the same for a motion file, so that they do not pile up.
+/// A page's place in a new private folder among the temporary files, which nobody else can foresee or write to. It stays for the browser; the
+/// system clears its temporary files.
 fn temporary(file: &std::path::Path) -> Result<PathBuf, Failure> {
-    // Everybody has a folder of their own: one that somebody else made cannot be written to.
-    let user = ["USER", "USERNAME"]
-        .map(std::env::var)
-        .into_iter()
-        .find_map(Result::ok);
-    let folder = std::env::temp_dir().join(format!("lamogen-{}", user.unwrap_or_default()));
-    std::fs::create_dir_all(&folder).map_err(|error| Failure::output(&folder, error))?;
+    let folder = tempfile::Builder::new().prefix("lamogen-").tempdir();
+    let folder = folder.map_err(|error| Failure::output(&std::env::temp_dir(), error))?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    Ok(folder.join(format!("{stem}.html")))
+    Ok(folder.keep().join(format!("{stem}.html")))
 }

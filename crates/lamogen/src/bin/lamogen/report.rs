@@ -348,7 +348,8 @@ fn compared(
 
 fn change(before: f32, after: f32) -> String {
     match before > 0.0 {
-        true => format!("{:+.0}%", 100.0 * (after / before - 1.0)),
+        // A change that rounds to nothing has no sign of its own.
+        true => format!("{:+.0}%", (100.0 * (after / before - 1.0)).round() + 0.0),
         false => "–".into(),
     }
 }

@@ -1,7 +1,10 @@
 //! The model that a command works with.
 
+use std::cell::OnceCell;
+
 use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
+use lamogen_data::Checksum;
 
 use crate::arguments::{CoherenceChoice, SourceArguments};
 use crate::console::Console;
@@ -12,6 +15,9 @@ pub struct Source {
     pub model: LaMoGen,
     /// `embedded`, or its folder.
     pub name: String,
+    /// The `tokenizer.json`; empty for CLIP's own.
+    tokenizer: Vec<u8>,
+    checksum: OnceCell<String>,
 }
 
 /// The name of the embedded model.
@@ -27,11 +33,15 @@ impl Source {
                 Source {
                     model: LaMoGen::load(folder, &device)?,
                     name: folder.display().to_string(),
+                    tokenizer: std::fs::read(folder.join("tokenizer.json")).unwrap_or_default(),
+                    checksum: OnceCell::new(),
                 }
             }
             None => Source {
                 model: embedded(&device)?,
                 name: EMBEDDED.into(),
+                tokenizer: Vec::new(),
+                checksum: OnceCell::new(),
             },
         };
         if let Some(CoherenceChoice(coherence)) = arguments.coherence {
@@ -44,6 +54,19 @@ impl Source {
         }
         console.licence(source.model.licence());
         Ok(source)
+    }
+
+    /// A number that stands for what the model is: its weights, statistics and tokenizer, wherever its folder lies.
+    pub fn checksum(&self) -> &str {
+        self.checksum.get_or_init(|| {
+            let mut sum = Checksum::new(0);
+            sum.add(lamogen_train::fingerprint(self.model.network()).as_bytes());
+            for number in self.model.normalization().values().concat() {
+                sum.add(&number.to_le_bytes());
+            }
+            sum.add(&self.tokenizer);
+            format!("{:016x}", sum.value())
+        })
     }
 
     /// Where the model computes.

@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use lamogen::model::{Tokenizer, learn};
+use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Device, Licence};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_train::{
@@ -53,6 +54,7 @@ fn work<T: Task>(
     console: &Console,
 ) -> Result<Ended, Failure> {
     let out = &options.out;
+    remove_stale_temporaries(&options.out);
     console.notice(format!(
         "Training on {motions} motions. {} gets all that is needed to go on after a stop.",
         out.display()
@@ -186,8 +188,13 @@ fn ended(
     console: &Console,
 ) -> Result<(), Failure> {
     let folder = options.out.join("model");
+    // Whoever goes on with the model after the command must not do so with half of one.
+    let end = match ended.finished {
+        true => Ok(()),
+        false => Err(Failure::said(Code::Stopped)),
+    };
     if console.json {
-        return console.say(
+        console.say(
             json!({
                 "run": options.out.to_string_lossy(),
                 "finished": ended.finished,
@@ -199,16 +206,18 @@ fn ended(
                 "model": ended.finished.then(|| folder.to_string_lossy()),
             })
             .to_string(),
-        );
+        )?;
+        return end;
     }
     let step = ended.progress.step;
     let best = ended.best.map_or(String::new(), |best| {
         format!(", lowest validation loss {best:.4}")
     });
     if !ended.finished {
-        return console.say(format!(
+        console.say(format!(
             "stopped after step {step}{best}; the same command goes on from there"
-        ));
+        ))?;
+        return end;
     }
     let run = options.out.display();
     console.say(format!("{run}: after {step} steps{best}\n{hint}"))

@@ -7,7 +7,9 @@ use lamogen::laban::GoalError;
 use lamogen::{
     COMPONENTS, Component, Device, Factor, Goal, Goals, PartScale, Preset, Request, Scale,
 };
+use lamogen_data::Checksum;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
 use crate::goals::Asked;
@@ -67,15 +69,20 @@ pub struct Item {
     asked: Asked,
     /// Once it is prepared.
     goals: Option<Goals>,
+    /// That of the file which the motion shall be like.
+    like_checksum: Option<String>,
 }
 
 /// Longest id, in letters.
 const LONGEST: usize = 100;
 
-/// The requests of a file; and the numbers of the lines that are none, with the reasons.
-pub fn items(text: &str) -> (Vec<Item>, Vec<(usize, String)>) {
+/// The requests of a file; and the numbers of the lines that are none, with the reasons. `endings` are those of the files that each request
+/// gets.
+pub fn items(text: &str, endings: &[&str]) -> (Vec<Item>, Vec<(usize, String)>) {
     let (mut items, mut wrong) = (Vec::new(), Vec::new());
     let mut ids: HashMap<String, usize> = HashMap::new();
+    // Two ids may name one file: x with features.npy, and x.features with npy.
+    let mut files: HashMap<String, usize> = HashMap::new();
     for (index, text) in text.lines().enumerate() {
         // A mark that some editors put before the first line.
         let text = text.trim_start_matches('\u{feff}').trim();
@@ -84,19 +91,42 @@ pub fn items(text: &str) -> (Vec<Item>, Vec<(usize, String)>) {
         }
         let number = index + 1;
         match item(number, text) {
-            Ok(item) => match ids.insert(item.id.to_lowercase(), number) {
-                None => items.push(item),
-                Some(first) => {
-                    wrong.push((
-                        number,
-                        format!("the id {:?} is that of line {first}", item.id),
-                    ));
+            Ok(item) => {
+                let id = item.id.to_lowercase();
+                if let Some(first) = ids.insert(id.clone(), number) {
+                    let reason = format!("the id {:?} is that of line {first}", item.id);
+                    wrong.push((number, reason));
+                    continue;
                 }
-            },
+                let names = endings.iter().map(|ending| format!("{id}.{ending}"));
+                let taken = names.fold(None, |taken, name| {
+                    let first = files.insert(name.clone(), number);
+                    taken.or(first.map(|first| (name, first)))
+                });
+                match taken {
+                    None => items.push(item),
+                    Some((name, first)) => wrong.push((
+                        number,
+                        format!("the file {name} is one of line {first}, too: take another id"),
+                    )),
+                }
+            }
             Err(reason) => wrong.push((number, reason)),
         }
     }
     (items, wrong)
+}
+
+/// The first field that cannot be read, which serde does not say.
+fn wrong_field(text: &str) -> Option<String> {
+    let fields: Map<String, Value> = serde_json::from_str(text).ok()?;
+    let is_wrong = |(name, value): &(String, Value)| {
+        let mut alone = Map::from_iter([("prompt".to_owned(), "a".into())]);
+        alone.insert(name.clone(), value.clone());
+        serde_json::from_value::<Line>(alone.into()).is_err()
+    };
+    let (name, _) = fields.into_iter().find(is_wrong)?;
+    Some(name)
 }
 
 fn item(number: usize, text: &str) -> Result<Item, String> {
@@ -108,14 +138,18 @@ fn item(number: usize, text: &str) -> Result<Item, String> {
     }
     let line: Line = serde_json::from_str(text).map_err(|error| {
         // The line is known; serde counts it as the first.
-        error.to_string().replace("at line 1 column", "at column")
+        let reason = error.to_string().replace("at line 1 column", "at column");
+        match wrong_field(text) {
+            Some(field) if !reason.contains(&format!("`{field}`")) => format!("{field}: {reason}"),
+            _ => reason,
+        }
     })?;
     let id = match &line.id {
         Some(id) => {
             let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
             if id.is_empty() || id.len() > LONGEST || id.starts_with('.') || !id.chars().all(fits) {
                 return Err(format!(
-                    "expected an id of up to {LONGEST} letters a to z, digits, - _ and . (not first), found {id:?}"
+                    "expected an id of up to {LONGEST} letters A to Z and a to z, digits, - _ and . (not first), found {id:?}"
                 ));
             }
             id.clone()
@@ -129,6 +163,7 @@ fn item(number: usize, text: &str) -> Result<Item, String> {
         line,
         asked,
         goals: None,
+        like_checksum: None,
     })
 }
 
@@ -171,6 +206,36 @@ impl Item {
         Ok(())
     }
 
+    /// Notes what is in the file that the motion shall be like, if there is one that can be read: the motion is only finished while it stays
+    /// the same. `known` are checksums of files that were read before.
+    pub fn note_like(&mut self, known: &mut HashMap<PathBuf, Option<String>>) {
+        let Some(path) = &self.line.like else {
+            return;
+        };
+        let checksum = known.entry(path.clone()).or_insert_with(|| {
+            let mut sum = Checksum::new(0);
+            sum.add(&std::fs::read(path).ok()?);
+            Some(format!("{:016x}", sum.value()))
+        });
+        self.like_checksum = checksum.clone();
+    }
+
+    /// What is in the file that the motion shall be like, as a number; none if there is no such file.
+    pub fn like_checksum(&self) -> Option<&str> {
+        self.like_checksum.as_deref()
+    }
+
+    /// Whether anything is asked of the motion beside the sentence, once the item is prepared.
+    pub fn is_guided(&self) -> bool {
+        self.goals.is_some()
+    }
+
+    /// Length of the motion in seconds.
+    pub fn seconds(&self) -> f32 {
+        // As Request::new has it.
+        self.line.seconds.unwrap_or(3.0)
+    }
+
     pub fn seed(&self) -> u64 {
         self.line.seed.unwrap_or(0)
     }
@@ -206,7 +271,7 @@ mod tests {
         let text = "\u{feff}{\"prompt\": \"a person jumps\"}\n\n{\"prompt\": \"walk\", \"id\": \"w.1\", \"weight\": \
                     \"0:1 1:strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"shape\": \"peak=2\", \"part\": [\"arms:bound\"], \"steps\": 20, \"preset\": \"paper\", \
                     \"emphasis\": 3}\r\n";
-        let (mut items, wrong) = items(text);
+        let (mut items, wrong) = items(text, &["glb", "json"]);
         assert_eq!(wrong, []);
         items[1].prepare(&Device::flex()).unwrap();
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
@@ -220,7 +285,15 @@ mod tests {
     #[test]
     fn wrong_lines_are_told_with_their_numbers() {
         for (line, part) in [
-            ("{\"prompt\": 3}", "invalid type"),
+            ("{\"prompt\": 3}", "prompt: invalid type"),
+            (
+                "{\"prompt\": \"a\", \"seconds\": \"long\"}",
+                "seconds: invalid type: string \"long\", expected f32 at column",
+            ),
+            (
+                "{\"prompt\": \"a\", \"scale\": [1, 2]}",
+                "scale: invalid length 2, expected an array of length 4 at column",
+            ),
             ("{\"weight\": 1}", "missing field `prompt`"),
             (
                 "{\"prompt\": \"a\", \"wieght\": 1}",
@@ -250,11 +323,16 @@ mod tests {
             ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \"A\"}", "that of line 1"),
+            (
+                "{\"prompt\": \"a\", \"id\": \"A.Features\"}",
+                "the file a.features.npy is one of line 1",
+            ),
             ("not json", "expected a JSON object"),
             ("[\"a\"]", "expected a JSON object"),
             ("{\"prompt\"", "at column"),
         ] {
-            let (good, wrong) = items(&format!("{{\"prompt\": \"a\", \"id\": \"a\"}}\n{line}"));
+            let text = format!("{{\"prompt\": \"a\", \"id\": \"a\"}}\n{line}");
+            let (good, wrong) = items(&text, &["npy", "features.npy", "json"]);
             assert_eq!(good.len(), 1);
             assert_eq!(wrong[0].0, 2);
             assert!(wrong[0].1.contains(part), "{line}: {}", wrong[0].1);

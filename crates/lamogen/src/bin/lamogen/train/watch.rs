@@ -11,8 +11,9 @@ use lamogen_train::{LogLine, RunObserver, RunProgress, StepReport, Task};
 use lamogen_view::{LossCurve, losses, save};
 
 use crate::arguments::Train;
-use crate::console::Console;
+use crate::console::{Console, tell};
 use crate::failure::{Code, Failure};
+use crate::signals;
 
 /// Steps whose losses make one point of the plot.
 const POINTS: usize = 300;
@@ -44,9 +45,9 @@ impl<'a, T: Task> Watch<'a, T> {
         let handler = move || {
             if flag.swap(true, Ordering::Relaxed) {
                 // Asked twice. The last checkpoint stays.
-                std::process::exit(130);
+                signals::end();
             }
-            eprintln!("Stopping after this step; once more stops at once.");
+            tell("Stopping after this step; once more stops at once.");
         };
         ctrlc::set_handler(handler).map_err(|error| Failure::new(Code::Run, error))?;
         Ok(Watch {
