@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use lamogen_motion::placeholder;
 use serde::{Deserialize, Serialize};
 
 use crate::EvaluatorError;
@@ -120,6 +121,12 @@ impl EvaluatorConfig {
     /// If the content is not such a config, or its sizes make no network.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, EvaluatorError> {
         let path = name.as_ref();
+        if let Some(problem) = placeholder(json) {
+            return Err(EvaluatorError::Sizes {
+                path: path.to_owned(),
+                problem: problem.to_owned(),
+            });
+        }
         let config: Self =
             serde_json::from_slice(json).map_err(|reason| EvaluatorError::Config {
                 path: path.to_owned(),

@@ -19,6 +19,17 @@ pub enum ReadError {
     #[error("{path}: expected a name that ends in .bvh, .glb, .gltf or .npy, found {found}")]
     #[allow(missing_docs)]
     Ending { path: PathBuf, found: String },
+    /// A frame rate that cannot be.
+    #[error("{path}: expected 0.001 to 10000 frames a second, found {found}")]
+    #[allow(missing_docs)]
+    FrameRate { path: PathBuf, found: f32 },
+    /// Something else in the place of the file: a pointer of Git LFS, a web page.
+    #[error("{path}: {problem}")]
+    #[allow(missing_docs)]
+    Placeholder {
+        path: PathBuf,
+        problem: &'static str,
+    },
     /// A BVH.
     #[error(transparent)]
     Bvh(#[from] BvhError),
@@ -30,11 +41,25 @@ pub enum ReadError {
     Npy(#[from] NpyError),
     /// An array of another shape.
     #[error(
-        "{path}: expected joints (frames, 22, 3) or (frames, 66), or pose features (frames, {POSE_FEATURES}), \
-         found the shape {found:?}"
+        "{path}: expected joints (frames, 22, 3), (frames, 66) or (22, 3, frames), those of SMPL and SMPL-H with 24 and 52, \
+         several such motions, or pose features (frames, {POSE_FEATURES}); found the shape {found:?}"
     )]
     #[allow(missing_docs)]
     Shape { path: PathBuf, found: Vec<usize> },
+    /// An array of whole numbers, of which nobody says what they count.
+    #[error(
+        "{path}: expected floats, or whole numbers with their unit, found whole numbers: say what unit they count, such as mm"
+    )]
+    #[allow(missing_docs)]
+    Integers { path: PathBuf },
+    /// A motion that an array does not have.
+    #[error("{path}: expected the number of a motion, from 0 to {last}, found {found:?}", last = .motions.saturating_sub(1))]
+    #[allow(missing_docs)]
+    Index {
+        path: PathBuf,
+        motions: usize,
+        found: String,
+    },
     /// The skeleton is not known.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, placeholder_at};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
@@ -28,12 +28,27 @@ use crate::units::{Unit, Up};
 /// human size; or there is more than an hour of motion.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, ReadError> {
     let path = path.as_ref();
+    if let Some(rate) = options.frames_per_second
+        && !(1e-3..=1e4).contains(&rate)
+    {
+        return Err(ReadError::FrameRate {
+            path: path.to_owned(),
+            found: rate,
+        });
+    }
+    if let Some(problem) = placeholder_at(path) {
+        return Err(ReadError::Placeholder {
+            path: path.to_owned(),
+            problem,
+        });
+    }
     match ending(path).as_deref() {
         Some("bvh") => bvh::read(path, options),
         Some("glb" | "gltf") => {
             let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
                 up: options.up.or(Some(Up::Y)),
+                frames_per_second: None,
                 ..options.clone()
             };
             let imported = import(&clip, &options, path)?;

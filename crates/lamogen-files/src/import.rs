@@ -10,6 +10,7 @@ use crate::clip::Clip;
 use crate::error::ReadError;
 use crate::mapping::Mapping;
 use crate::names::recognise;
+use crate::plausibility::{Notice, notices};
 use crate::units::{Unit, Up};
 
 /// What is known of a file beforehand. What is not said is guessed from the body, and
@@ -22,8 +23,11 @@ pub struct ReadOptions {
     pub up: Option<Up>,
     /// Which joint has which name, if the skeleton is none that is known.
     pub mapping: Option<Mapping>,
-    /// Which animation of a glTF to read, by its name; the first if not said.
+    /// Which animation of a glTF to read, by its name, or which motion of an array of several, by its number from 0; the first if not said.
     pub animation: Option<String>,
+    /// How many frames of the file are a second, where that is known better than the file says it: of a BVH, or of an array, which says nothing
+    /// and is otherwise taken for one of 20. A glTF has times instead of frames.
+    pub frames_per_second: Option<f32>,
 }
 
 /// A motion from a file, and what was taken for granted.
@@ -62,6 +66,8 @@ pub struct Imported {
     /// - feet from the ankle towards the end of the foot, at most as far as the ball of the foot is; without an
     ///   end forward.
     pub placed: Vec<Joint>,
+    /// What is strange about the motion, though it may be meant.
+    pub notices: Vec<Notice>,
 }
 
 /// The longest motion that is read, in seconds: an hour.
@@ -87,7 +93,9 @@ pub(crate) fn import(
         })?,
     };
     let body = Body::new(clip, nodes);
-    let rate = whole(clip);
+    let rate = options
+        .frames_per_second
+        .map_or_else(|| whole(clip), f64::from);
     let seconds = (clip.frames - 1) as f64 / rate;
     if seconds > MAX_SECONDS {
         return Err(ReadError::Long {
@@ -120,11 +128,13 @@ pub(crate) fn import(
         .iter()
         .map(|pose| pose.map(|place| (up.to_y_up(place) * unit.metres()).as_vec3().to_array()))
         .collect();
+    let motion = Motion::from_joints(joints).map_err(|reason| ReadError::Motion {
+        path: path.to_owned(),
+        reason,
+    })?;
     Ok(Imported {
-        motion: Motion::from_joints(joints).map_err(|reason| ReadError::Motion {
-            path: path.to_owned(),
-            reason,
-        })?,
+        notices: notices(&motion),
+        motion,
         turning: Some(JointTurning::of_local(&turns)),
         scheme: Some(scheme),
         unit,

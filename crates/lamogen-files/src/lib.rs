@@ -24,6 +24,7 @@ mod mapping;
 mod names;
 mod near;
 mod npy;
+mod plausibility;
 mod schemes;
 mod units;
 
@@ -32,4 +33,5 @@ pub use format::{WriteOptions, read, write};
 pub use import::{Imported, ReadOptions};
 pub use mapping::{Mapping, MappingError};
 pub use names::UnknownSkeleton;
+pub use plausibility::Notice;
 pub use units::{Unit, UnitError, Up, UpError};

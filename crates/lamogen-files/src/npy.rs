@@ -2,80 +2,184 @@
 
 use std::path::Path;
 
-use lamogen_motion::npy::{self, Array};
+use lamogen_motion::npy;
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
 
 use crate::error::ReadError;
 use crate::import::{Imported, ReadOptions};
+use crate::plausibility::notices;
 use crate::units::{Unit, Up};
 
 /// The motion of an array of joints or pose features. An array tells neither unit nor axes: they are
 /// HumanML3D's, metres and Y up at 20 frames a second, unless the options say otherwise.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadError> {
     let array = npy::read(path)?;
+    if array.is_integer && options.unit.is_none() {
+        return Err(ReadError::Integers {
+            path: path.to_owned(),
+        });
+    }
     let (unit, up) = (
         options.unit.unwrap_or(Unit::Metre),
         options.up.unwrap_or(Up::Y),
     );
-    let motion = match kind(&array) {
-        Some(Kind::Joints) => joints(&array, unit, up),
-        Some(Kind::Features) => from_features(&array),
-        None => {
-            return Err(ReadError::Shape {
+    let layout = Layout::of(&array.shape).ok_or_else(|| ReadError::Shape {
+        path: path.to_owned(),
+        found: array.shape.clone(),
+    })?;
+    let index = match &options.animation {
+        None => 0,
+        Some(text) => { text.parse().ok() }
+            .filter(|index| *index < layout.motions)
+            .ok_or_else(|| ReadError::Index {
                 path: path.to_owned(),
-                found: array.shape,
-            });
-        }
-    }
-    .map_err(|reason| ReadError::Motion {
+                motions: layout.motions,
+                found: text.clone(),
+            })?,
+    };
+    let rate = options.frames_per_second.unwrap_or(FRAMES_PER_SECOND);
+    let rows = layout.rows(&array.values, index);
+    let motion = match layout.content {
+        Content::Joints(joints) => from_joints(&rows, joints, unit, up),
+        Content::Features => from_features(&rows),
+    };
+    let motion = motion.and_then(|motion| match rate == FRAMES_PER_SECOND {
+        true => Ok(motion),
+        false => resampled(&motion, rate),
+    });
+    let motion = motion.map_err(|reason| ReadError::Motion {
         path: path.to_owned(),
         reason,
     })?;
+    let other_animations = match layout.motions {
+        1 => Vec::new(),
+        motions => vec![format!(
+            "of the motions 0 to {} all but {index}",
+            motions - 1
+        )],
+    };
     Ok(Imported {
-        source_frames: motion.frames(),
+        source_frames: layout.frames,
+        notices: notices(&motion),
         motion,
         turning: None,
         scheme: None,
         unit,
         up,
-        source_frames_per_second: f64::from(FRAMES_PER_SECOND),
+        source_frames_per_second: f64::from(rate),
         announced_frames: None,
-        other_animations: Vec::new(),
+        other_animations,
         placed: Vec::new(),
     })
 }
 
-enum Kind {
-    Joints,
+/// What an array holds, by its shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Layout {
+    motions: usize,
+    frames: usize,
+    content: Content,
+    /// Whether frames are the last axis, as MDM writes them, and not the first of a motion's.
+    time_is_last: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Content {
+    /// Positions of so many joints, of which the first are HumanML3D's.
+    Joints(usize),
     Features,
 }
 
-/// What an array holds, by its shape; an axis of length 1 may stand first.
-fn kind(array: &Array) -> Option<Kind> {
-    let of = |shape: &[usize]| match shape {
-        [_, JOINTS, 3] => Some(Kind::Joints),
-        [_, width] if *width == 3 * JOINTS => Some(Kind::Joints),
-        [_, POSE_FEATURES] => Some(Kind::Features),
-        _ => None,
-    };
-    of(&array.shape).or_else(|| match array.shape.as_slice() {
-        [1, rest @ ..] => of(rest),
-        _ => None,
-    })
+impl Content {
+    /// Numbers a frame.
+    fn width(self) -> usize {
+        match self {
+            Content::Joints(joints) => 3 * joints,
+            Content::Features => POSE_FEATURES,
+        }
+    }
 }
 
-fn joints(array: &Array, unit: Unit, up: Up) -> Result<Motion, MotionError> {
+/// Bodies whose first joints are HumanML3D's: that itself, SMPL with its hands, SMPL-H with its fingers.
+const BODIES: [usize; 3] = [JOINTS, 24, 52];
+
+impl Layout {
+    fn of(shape: &[usize]) -> Option<Layout> {
+        Layout::of_motion(shape).or_else(|| match shape {
+            [motions, rest @ ..] if *motions > 0 && rest.len() > 1 => Some(Layout {
+                motions: *motions,
+                ..Layout::of_motion(rest)?
+            }),
+            _ => None,
+        })
+    }
+
+    fn of_motion(shape: &[usize]) -> Option<Layout> {
+        let joints = |count: &usize| BODIES.contains(count);
+        let layout = |frames, content, time_is_last| Layout {
+            motions: 1,
+            frames,
+            content,
+            time_is_last,
+        };
+        match shape {
+            [frames, count, 3] if joints(count) => {
+                Some(layout(*frames, Content::Joints(*count), false))
+            }
+            [count, 3, frames] if joints(count) => {
+                Some(layout(*frames, Content::Joints(*count), true))
+            }
+            [frames, POSE_FEATURES] => Some(layout(*frames, Content::Features, false)),
+            [frames, width] if width.is_multiple_of(3) && joints(&(width / 3)) => {
+                Some(layout(*frames, Content::Joints(width / 3), false))
+            }
+            _ => None,
+        }
+    }
+
+    /// The numbers of a motion, frame by frame.
+    fn rows(&self, values: &[f32], index: usize) -> Vec<f32> {
+        let (width, frames) = (self.content.width(), self.frames);
+        let own = &values[index * frames * width..][..frames * width];
+        match self.time_is_last {
+            false => own.to_vec(),
+            true => (0..frames)
+                .flat_map(|frame| (0..width).map(move |place| own[place * frames + frame]))
+                .collect(),
+        }
+    }
+}
+
+fn from_joints(rows: &[f32], joints: usize, unit: Unit, up: Up) -> Result<Motion, MotionError> {
     let pose = |row: &[f32]| {
         std::array::from_fn(|joint| {
             let place = glam::Vec3::from_slice(&row[3 * joint..]).as_dvec3();
             (up.to_y_up(place) * unit.metres()).as_vec3().to_array()
         })
     };
-    Motion::from_joints(array.values.chunks_exact(3 * JOINTS).map(pose).collect())
+    Motion::from_joints(rows.chunks_exact(3 * joints).map(pose).collect())
 }
 
-fn from_features(array: &Array) -> Result<Motion, MotionError> {
-    Motion::from_pose_features(array.values.as_chunks().0.to_vec())
+/// A motion of another frame rate at [`FRAMES_PER_SECOND`]; joints go straight from frame to frame.
+fn resampled(motion: &Motion, rate: f32) -> Result<Motion, MotionError> {
+    let poses = motion.joints();
+    let seconds = (poses.len() - 1) as f64 / f64::from(rate);
+    let frames = (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1;
+    let pose = |frame: usize| {
+        let place = frame as f64 / f64::from(FRAMES_PER_SECOND) * f64::from(rate);
+        let first = (place as usize).min(poses.len() - 1);
+        let next = (first + 1).min(poses.len() - 1);
+        let part = (place - first as f64) as f32;
+        std::array::from_fn(|joint| {
+            let [from, to] = [first, next].map(|frame| glam::Vec3::from(poses[frame][joint]));
+            from.lerp(to, part).to_array()
+        })
+    };
+    Motion::from_joints((0..frames).map(pose).collect())
+}
+
+fn from_features(rows: &[f32]) -> Result<Motion, MotionError> {
+    Motion::from_pose_features(rows.as_chunks().0.to_vec())
 }
 
 #[cfg(test)]
@@ -106,6 +210,90 @@ mod tests {
     }
 
     #[test]
+    fn other_programs_arrays_are_read() {
+        // Of two motions of five frames and 24 joints, the number of joint j's axis a at frame t of motion m.
+        let number = |m: usize, t: usize, j: usize, a: usize| {
+            (1000 * m + 100 * t) as f32 * 0.01 + (3 * j + a) as f32 * 0.001
+        };
+        let motion = |m: usize, joints: usize| -> Vec<f32> {
+            let places = (0..5).flat_map(|t| (0..joints).map(move |j| (t, j)));
+            places
+                .flat_map(|(t, j)| (0..3).map(move |a| number(m, t, j, a)))
+                .collect()
+        };
+        let last = |m: usize, joints: usize| -> Vec<f32> {
+            let places = (0..joints).flat_map(|j| (0..3).map(move |a| (j, a)));
+            places
+                .flat_map(|(j, a)| (0..5).map(move |t| number(m, t, j, a)))
+                .collect()
+        };
+        let expected = written(&motion(0, 22), &[5, 22, 3]).unwrap().motion;
+        for (values, shape) in [
+            (motion(0, 24), &[5, 24, 3][..]),
+            (motion(0, 52), &[5, 52, 3]),
+            (motion(0, 52), &[5, 156]),
+            (last(0, 22), &[22, 3, 5]),
+            (last(0, 24), &[1, 24, 3, 5]),
+        ] {
+            let found = written(&values, shape).unwrap();
+            assert_eq!(found.motion, expected, "{shape:?}");
+            assert!(found.other_animations.is_empty());
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        for (values, shape) in [
+            ([motion(0, 22), motion(1, 22)].concat(), [2, 5, 22, 3]),
+            ([last(0, 22), last(1, 22)].concat(), [2, 22, 3, 5]),
+        ] {
+            npy::write(&path, &values, &shape).unwrap();
+            let of = |animation: Option<&str>| {
+                let options = ReadOptions {
+                    animation: animation.map(str::to_owned),
+                    ..ReadOptions::default()
+                };
+                read(&path, &options)
+            };
+            let first = of(None).unwrap();
+            assert_eq!(first.motion, expected);
+            assert_eq!(first.other_animations, ["of the motions 0 to 1 all but 0"]);
+            let second = written(&motion(1, 22), &[5, 22, 3]).unwrap().motion;
+            assert_eq!(of(Some("1")).unwrap().motion, second);
+            for wrong in ["2", "-1", "walk"] {
+                let message = of(Some(wrong)).unwrap_err().to_string();
+                assert!(
+                    message.contains("from 0 to 1") && message.contains(wrong),
+                    "{message}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn whole_numbers_need_their_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let header = "{'descr': '<i4', 'fortran_order': False, 'shape': (1, 22, 3), }\n";
+        let mut file = b"\x93NUMPY\x01\x00".to_vec();
+        file.extend((header.len() as u16).to_le_bytes());
+        file.extend(header.as_bytes());
+        file.extend((0..66i32).flat_map(|number| (1000 * number).to_le_bytes()));
+        std::fs::write(&path, file).unwrap();
+        let message = read(&path, &ReadOptions::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("whole numbers") && message.contains("unit"),
+            "{message}"
+        );
+        let options = ReadOptions {
+            unit: Some(Unit::Millimetre),
+            ..ReadOptions::default()
+        };
+        let motion = read(&path, &options).unwrap().motion;
+        assert_eq!(motion.joints()[0][21], [63.0, 64.0, 65.0]);
+    }
+
+    #[test]
     fn features_give_the_joints_that_tensors_give() {
         let values: Vec<f32> = (0..40 * 263)
             .map(|i| (i as f32 * 0.37).sin() * 0.3)
@@ -120,7 +308,13 @@ mod tests {
 
     #[test]
     fn other_shapes_and_empty_arrays_are_errors() {
-        for shape in [&[66][..], &[3, 21, 3], &[2, 3, 22, 3], &[3, 251], &[22, 3]] {
+        for shape in [
+            &[66][..],
+            &[3, 21, 3],
+            &[2, 2, 3, 22, 3],
+            &[3, 251],
+            &[22, 3],
+        ] {
             let values = vec![0.0; shape.iter().product()];
             let message = written(&values, shape).unwrap_err();
             assert!(

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use lamogen_io::placeholder;
 use serde::{Deserialize, Serialize};
 
 /// What the network's output is.
@@ -253,6 +254,12 @@ impl ModelConfig {
     /// If it is not a config or its sizes make no network.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = || name.as_ref().to_owned();
+        if let Some(problem) = placeholder(json) {
+            return Err(ConfigError::Size {
+                path: path(),
+                problem: problem.to_owned(),
+            });
+        }
         let config: ModelConfig =
             serde_json::from_slice(json).map_err(|reason| ConfigError::Json {
                 path: path(),

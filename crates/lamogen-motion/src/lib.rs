@@ -8,7 +8,6 @@
 //! Units are metres and frames at [`FRAMES_PER_SECOND`]; Y points up. Tensor functions are
 //! differentiable and work on whole batches; [`Motion`] holds one motion on the host.
 
-mod atomic;
 mod decode;
 mod encode;
 mod features;
@@ -24,14 +23,14 @@ mod rotations;
 mod skeleton;
 mod turning;
 
-pub use atomic::{
-    TEMPORARY_PREFIX, Temporary, remove_stale_temporaries, remove_temporaries, replace_atomically,
-    write_atomically,
-};
 pub use encode::{canonical, encode, encode_canonical};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;
 pub use joints::joints;
+pub use lamogen_io::{
+    TEMPORARY_PREFIX, Temporary, placeholder, placeholder_at, remove_stale_temporaries,
+    remove_temporaries, replace_atomically, write_atomically,
+};
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;

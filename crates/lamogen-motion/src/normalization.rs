@@ -96,6 +96,7 @@ impl Normalization {
         let array = |values: &[f32]| Array {
             values: values.to_vec(),
             shape: vec![values.len()],
+            is_integer: false,
         };
         Self::checked(
             (array(mean), Path::new("mean")),

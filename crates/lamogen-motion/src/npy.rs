@@ -1,12 +1,13 @@
 //! NumPy's `.npy` files: read as `f32`, written whole or not at all.
 
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-use npyz::{NpyFile, Order, WriterBuilder};
+use half::f16;
+use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
-use crate::atomic::write_atomically;
+use lamogen_io::{placeholder, write_atomically};
 
 /// What can go wrong with a `.npy` file.
 #[derive(Debug, thiserror::Error)]
@@ -20,9 +21,24 @@ pub enum NpyError {
     #[allow(missing_docs)]
     Format { path: PathBuf, reason: io::Error },
     /// The numbers are of a type that lamogen does not read.
-    #[error("{path}: expected 32- or 64-bit floats in C order, found {found}")]
+    #[error("{path}: expected floats of 16, 32 or 64 bits, found {found}")]
     #[allow(missing_docs)]
     Type { path: PathBuf, found: String },
+    /// The array is one of Python objects, which only Python can read.
+    #[error(
+        "{path}: expected an array of numbers, found Python objects, which are never executed here; in Python: \
+         a = numpy.load(\"{path}\", allow_pickle=True) of a file that you trust, then numpy.save(\"motion.npy\", \
+         a.item()[\"motion\"]), or whatever key the array has"
+    )]
+    #[allow(missing_docs)]
+    Objects { path: PathBuf },
+    /// Something else in the place of the file.
+    #[error("{path}: {problem}")]
+    #[allow(missing_docs)]
+    Placeholder {
+        path: PathBuf,
+        problem: &'static str,
+    },
 }
 
 /// An array read from a file: its numbers in C order and its shape.
@@ -32,13 +48,15 @@ pub struct Array {
     pub values: Vec<f32>,
     /// Length of each axis.
     pub shape: Vec<usize>,
+    /// Whether they were whole numbers in the file.
+    pub is_integer: bool,
 }
 
-/// Reads an array of 32- or 64-bit floats.
+/// Reads an array of floats of 16, 32 or 64 bits, or of integers, in C or Fortran order.
 ///
 /// # Errors
 ///
-/// If the file is missing, not `.npy`, cut short, or holds another type or Fortran order.
+/// If the file is missing, not `.npy`, cut short, or holds another type.
 pub fn read(path: impl AsRef<Path>) -> Result<Array, NpyError> {
     let path = path.as_ref();
     let file = File::open(path).map_err(|reason| io_error(path, reason))?;
@@ -54,43 +72,119 @@ pub fn read_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Array, NpyErro
     read_from(bytes, name.as_ref())
 }
 
-fn read_from(reader: impl io::Read, path: &Path) -> Result<Array, NpyError> {
+fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
     let malformed = |reason| NpyError::Format {
         path: path.to_owned(),
         reason,
     };
-    let npy = NpyFile::new(reader).map_err(malformed)?;
-    let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
-    let several_axes = shape.iter().filter(|&&n| n > 1).count() > 1;
-    if npy.order() == Order::Fortran && several_axes {
-        return Err(NpyError::Type {
+    let start = reader.fill_buf().map_err(|reason| io_error(path, reason))?;
+    if let Some(problem) = placeholder(start) {
+        return Err(NpyError::Placeholder {
             path: path.to_owned(),
-            found: "Fortran order".into(),
+            problem,
         });
     }
-    let values: io::Result<Vec<f32>> = match npy.try_data::<f32>() {
-        Ok(data) => data.collect(),
-        Err(npy) => match npy.try_data::<f64>() {
-            Ok(data) => data.map(|value| Ok(value? as f32)).collect(),
-            Err(npy) => {
-                return Err(NpyError::Type {
-                    path: path.to_owned(),
-                    found: npy.dtype().descr(),
-                });
-            }
+    let npy = NpyFile::new(reader).map_err(malformed)?;
+    let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
+    let order = npy.order();
+    let (values, is_integer) = numbers(npy).map_err(|found| match found {
+        Unread::Objects => NpyError::Objects {
+            path: path.to_owned(),
         },
-    };
-    let values = values.map_err(malformed)?;
+        Unread::Type(found) => NpyError::Type {
+            path: path.to_owned(),
+            found,
+        },
+        Unread::Io(reason) => malformed(reason),
+    })?;
     let count = shape
         .iter()
         .try_fold(1usize, |n, &axis| n.checked_mul(axis));
-    match count == Some(values.len()) {
-        true => Ok(Array { values, shape }),
-        false => Err(malformed(io::Error::new(
+    if count != Some(values.len()) {
+        return Err(malformed(io::Error::new(
             io::ErrorKind::InvalidData,
             format!("the shape {shape:?} is too large"),
-        ))),
+        )));
     }
+    let values = match order {
+        Order::C => values,
+        Order::Fortran => in_c_order(&values, &shape),
+    };
+    Ok(Array {
+        values,
+        shape,
+        is_integer,
+    })
+}
+
+/// Why numbers are not read.
+enum Unread {
+    Objects,
+    Type(String),
+    Io(io::Error),
+}
+
+/// The numbers of a file in its own order, and whether they are whole ones.
+fn numbers<R: io::Read>(npy: NpyFile<R>) -> Result<(Vec<f32>, bool), Unread> {
+    fn tried<R: io::Read, T: Deserialize>(
+        npy: NpyFile<R>,
+        convert: impl Fn(T) -> f32,
+    ) -> Result<io::Result<Vec<f32>>, NpyFile<R>> {
+        let data = npy.try_data::<T>()?;
+        Ok(data.map(|value| value.map(&convert)).collect())
+    }
+    macro_rules! try_types {
+        ($npy:expr, $($type:ty => $convert:expr, $whole:expr;)*) => {{
+            let npy = $npy;
+            $(
+                let npy = match tried::<R, $type>(npy, $convert) {
+                    Ok(values) => return values.map(|values| (values, $whole)).map_err(Unread::Io),
+                    Err(npy) => npy,
+                };
+            )*
+            npy
+        }};
+    }
+    let npy = try_types!(npy,
+        f32 => |value| value, false;
+        f64 => |value| value as f32, false;
+        f16 => f16::to_f32, false;
+        i8 => f32::from, true;
+        u8 => f32::from, true;
+        i16 => f32::from, true;
+        u16 => f32::from, true;
+        i32 => |value| value as f32, true;
+        u32 => |value| value as f32, true;
+        i64 => |value| value as f32, true;
+        u64 => |value| value as f32, true;
+    );
+    let found = npy.dtype().descr();
+    Err(match found.contains('O') {
+        true => Unread::Objects,
+        false => Unread::Type(found),
+    })
+}
+
+/// Numbers whose first axis is fastest, with the last one fastest.
+fn in_c_order(values: &[f32], shape: &[usize]) -> Vec<f32> {
+    let mut steps = vec![1; shape.len()];
+    for axis in 1..shape.len() {
+        steps[axis] = steps[axis - 1] * shape[axis - 1];
+    }
+    let mut place = vec![0; shape.len()];
+    let mut ordered = Vec::with_capacity(values.len());
+    for _ in 0..values.len() {
+        let index: usize = place.iter().zip(&steps).map(|(at, step)| at * step).sum();
+        ordered.push(values[index]);
+        for axis in (0..shape.len()).rev() {
+            place[axis] += 1;
+            if place[axis] < shape[axis] {
+                break;
+            }
+            place[axis] = 0;
+        }
+    }
+    ordered
 }
 
 /// Writes an array in C order under a temporary name, then renames it: a reader never sees half.
@@ -145,14 +239,79 @@ mod tests {
     }
 
     #[test]
-    fn sixty_four_bit_floats_are_read_and_integers_refused() {
-        let array = read_bytes(&bytes(&[1.5f64, -2.0]), "doubles").unwrap();
-        assert_eq!(array.values, [1.5, -2.0]);
-
-        let error = read_bytes(&bytes(&[1i32, 2]), "numbers.npy").unwrap_err();
+    fn every_kind_of_number_is_read() {
+        let doubles = read_bytes(&bytes(&[1.5f64, -2.0]), "doubles").unwrap();
+        assert_eq!(
+            (&doubles.values[..], doubles.is_integer),
+            (&[1.5, -2.0][..], false)
+        );
+        let halves = [1.5, -2.0].map(f16::from_f64);
+        assert_eq!(read_bytes(&bytes(&halves), "halves").unwrap(), doubles);
+        for integers in [
+            bytes(&[1i32, -2]),
+            bytes(&[1i64, -2]),
+            bytes(&[1i8, -2]),
+            bytes(&[1i16, -2]),
+        ] {
+            let array = read_bytes(&integers, "integers").unwrap();
+            assert_eq!(
+                (&array.values[..], array.is_integer),
+                (&[1.0, -2.0][..], true)
+            );
+        }
+        let error = read_bytes(&bytes(&[true, false]), "flags.npy").unwrap_err();
         let message = error.to_string();
         assert!(
-            message.contains("numbers.npy") && message.contains("i4"),
+            message.contains("flags.npy") && message.contains("b1"),
+            "{message}"
+        );
+    }
+
+    /// A file with a header of one's own.
+    fn with_header(descr: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header =
+            format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': ({shape}), }}\n");
+        let mut file = b"\x93NUMPY\x01\x00".to_vec();
+        file.extend((header.len() as u16).to_le_bytes());
+        file.extend(header.as_bytes());
+        file.extend(data);
+        file
+    }
+
+    #[test]
+    fn the_first_axis_may_be_the_fastest() {
+        // Of the shape [2, 3, 2], the number at [i, j, k] is 100 i + 10 j + k.
+        let mut data = Vec::new();
+        for k in 0..2 {
+            for j in 0..3 {
+                for i in 0..2 {
+                    data.extend((100.0 * i as f32 + 10.0 * j as f32 + k as f32).to_le_bytes());
+                }
+            }
+        }
+        let array = read_bytes(&with_header("'<f4'", "True", "2, 3, 2", &data), "f").unwrap();
+        assert_eq!(array.shape, [2, 3, 2]);
+        let expected = [
+            0.0, 1.0, 10.0, 11.0, 20.0, 21.0, 100.0, 101.0, 110.0, 111.0, 120.0, 121.0,
+        ];
+        assert_eq!(array.values, expected);
+    }
+
+    #[test]
+    fn what_is_no_array_is_called_by_its_name() {
+        let objects = read_bytes(
+            &with_header("'|O'", "False", "", b"\x80\x04."),
+            "results.npy",
+        );
+        let message = objects.unwrap_err().to_string();
+        assert!(
+            message.contains("Python objects") && message.contains("allow_pickle=True"),
+            "{message}"
+        );
+        let page = read_bytes(b"<!DOCTYPE html><html>", "mean.npy");
+        let message = page.unwrap_err().to_string();
+        assert!(
+            message.contains("mean.npy: expected the file itself, found a web page"),
             "{message}"
         );
     }

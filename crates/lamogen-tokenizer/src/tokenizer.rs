@@ -1,5 +1,6 @@
 //! Prompts as padded rows of ids.
 
+use lamogen_io::placeholder;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -86,6 +87,12 @@ impl Tokenizer {
         vocab_size: usize,
         context_length: usize,
     ) -> Result<Self, TokenizerError> {
+        if let Some(problem) = placeholder(json) {
+            return Err(TokenizerError::Format {
+                path: name.as_ref().to_owned(),
+                problem: problem.to_owned(),
+            });
+        }
         let file = FileTokenizer::from_json(json, name.as_ref().to_owned(), vocab_size)?;
         Ok(Tokenizer {
             source: Source::File(Arc::new(file)),

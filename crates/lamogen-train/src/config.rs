@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::ModelConfig;
-use lamogen_motion::POSE_FEATURES;
+use lamogen_motion::{POSE_FEATURES, placeholder};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -174,6 +174,10 @@ pub(crate) fn read_json<C: DeserializeOwned>(
     problem: fn(&C) -> Option<String>,
 ) -> Result<C, TrainingConfigError> {
     let path = name.to_owned();
+    if let Some(problem) = placeholder(json) {
+        let problem = problem.to_owned();
+        return Err(TrainingConfigError::Value { path, problem });
+    }
     let config: C = match serde_json::from_slice(json) {
         Ok(config) => config,
         Err(reason) => return Err(TrainingConfigError::Json { path, reason }),

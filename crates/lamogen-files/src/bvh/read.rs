@@ -76,7 +76,7 @@ pub(crate) fn parse(text: &str, path: &Path) -> Result<Bvh, BvhError> {
     }
     Ok(Bvh {
         clip: Clip {
-            nodes: nodes.into_iter().map(finished).collect(),
+            nodes: finished(nodes),
             frames,
             seconds_per_frame,
         },
@@ -136,18 +136,45 @@ impl Node {
     }
 }
 
-/// The node with an entry for whatever does not move. A joint whose positions are 0 throughout stays at
-/// its offset: some programs give every joint six channels and fill in only the root's.
-fn finished(mut node: Node) -> Node {
-    let unused =
-        node.parent.is_some() && node.translations.iter().all(|place| *place == DVec3::ZERO);
-    if unused || node.translations.is_empty() {
-        node.translations = vec![node.rest];
+/// The nodes with an entry for whatever does not move. Some programs give every joint six channels, and fill in only the root's, or how far the
+/// joint is from its offset, which is nothing but noise: what lies nearer to nothing than to the offsets is counted from these.
+fn finished(mut nodes: Vec<Node>) -> Vec<Node> {
+    let below = |node: &&mut Node| node.parent.is_some() && !node.translations.is_empty();
+    // Of every joint the middle distance, so that a single wild frame has no say.
+    let middle = |node: &Node, from: DVec3| {
+        let mut distances: Vec<f64> = { node.translations.iter() }
+            .map(|place| place.distance(from))
+            .collect();
+        distances.sort_by(f64::total_cmp);
+        distances[distances.len() / 2]
+    };
+    let (mut from_nothing, mut from_offset) = (0.0, 0.0);
+    for node in nodes.iter_mut().filter(below) {
+        from_nothing += middle(node, DVec3::ZERO);
+        from_offset += middle(node, node.rest);
     }
-    if node.rotations.is_empty() {
-        node.rotations = vec![DQuat::IDENTITY];
+    // A joint alone may move where it will; bones as a whole do not shrink to nothing.
+    const MUCH_NEARER: f64 = 0.25;
+    let is_relative = from_nothing < MUCH_NEARER * from_offset;
+    for node in nodes.iter_mut().filter(below) {
+        let is_nothing = node.translations.iter().all(|place| *place == DVec3::ZERO);
+        if is_nothing {
+            node.translations = vec![node.rest];
+        } else if is_relative {
+            for place in &mut node.translations {
+                *place += node.rest;
+            }
+        }
     }
-    node
+    for node in &mut nodes {
+        if node.translations.is_empty() {
+            node.translations = vec![node.rest];
+        }
+        if node.rotations.is_empty() {
+            node.rotations = vec![DQuat::IDENTITY];
+        }
+    }
+    nodes
 }
 
 /// The joints from the ROOT's name to its closing brace, and the channels of each.
@@ -369,6 +396,36 @@ Frame Time: .0333333
             .replace("0 0 90\n", "0 0 0 0 0\n");
         let places = parsed(&zero).unwrap().clip.positions(0.0);
         assert_eq!(places[1], DVec3::new(1.0, 90.0, 0.0));
+    }
+
+    #[test]
+    fn positions_around_nothing_are_counted_from_the_offsets() {
+        let text = SMALL.replace(
+            "CHANNELS 1 Zrotation",
+            "CHANNELS 4 Xposition Yposition Zposition Zrotation",
+        );
+        let of = |[x, y, z]: [f64; 3]| {
+            let text = text
+                .replace("0 90 0 0 0 0 0", &format!("0 90 0 0 0 0 {x} {y} {z} 0"))
+                .replace("0 0 90\n", &format!("0 0 {x} {y} {z} 90\n"));
+            parsed(&text).unwrap().clip.positions(0.0)[1]
+        };
+        // The offset is 1 0 0. Noise around nothing, noise around the offset, and a way of its own.
+        let noise = of([1e-5, -2e-5, 0.0]);
+        assert!(
+            noise.abs_diff_eq(DVec3::new(1.0 + 1e-5, 90.0 - 2e-5, 0.0), 1e-9),
+            "{noise}"
+        );
+        let absolute = of([1.00001, 0.0, 0.0]);
+        assert!(
+            absolute.abs_diff_eq(DVec3::new(1.00001, 90.0, 0.0), 1e-9),
+            "{absolute}"
+        );
+        let moved = of([0.6, 0.3, 0.0]);
+        assert!(
+            moved.abs_diff_eq(DVec3::new(0.6, 90.3, 0.0), 1e-9),
+            "{moved}"
+        );
     }
 
     #[test]

@@ -7,11 +7,14 @@ use std::path::{Component, Path};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gltf_json::accessor::{Accessor, ComponentType};
+use gltf_json::buffer::View;
 use gltf_json::validation::{Checked, Validate};
 use gltf_json::{Index, Root};
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::GlbError;
+use super::relevant::relevant;
 
 /// The parts of a file that say how nodes move.
 pub(super) struct Container {
@@ -39,16 +42,21 @@ const LOOKS: [&str; 9] = [
 ];
 
 impl Container {
-    /// Takes the bytes of a `.glb` or `.gltf` file apart; which of the two they say themselves.
+    /// Takes the bytes of a `.glb` or `.gltf` file apart, as far as an animation (by its name, else the first) needs them; which of the two
+    /// kinds of files they are they say themselves.
     ///
     /// Buffers may lie in the file itself or beside it, not in a network.
-    pub(super) fn of(bytes: &[u8], path: &Path) -> Result<Container, GlbError> {
+    pub(super) fn of(
+        bytes: &[u8],
+        path: &Path,
+        animation: Option<&str>,
+    ) -> Result<Container, GlbError> {
         let flawed = |reason| GlbError::Format {
             path: path.to_owned(),
             reason,
         };
         let (json, chunk) = split(bytes).map_err(flawed)?;
-        let root = parse(json).map_err(flawed)?;
+        let root = parse(json, animation).map_err(flawed)?;
         let mut container = Container {
             root,
             buffers: Vec::new(),
@@ -116,9 +124,6 @@ impl Container {
             .root
             .get(accessor)
             .ok_or("expected an accessor, found none")?;
-        if accessor.sparse.is_some() {
-            return Err("expected keyframes in full, found a sparse accessor".into());
-        }
         let (Checked::Valid(component), Checked::Valid(kind)) =
             (accessor.component_type, accessor.type_)
         else {
@@ -128,43 +133,45 @@ impl Container {
             let found = kind.multiplicity();
             return Err(format!("expected {N} numbers a row, found {found}"));
         }
-        let view = accessor.buffer_view.and_then(|view| self.root.get(view));
-        let view = view.ok_or("expected a buffer view, found none")?;
         let component = component.0;
-        let row = component.size() * N;
-        let stride = view.byte_stride.map_or(row, |stride| stride.0.max(row));
-        let places = slice(
-            &self.buffers[view.buffer.value()],
-            view.byte_offset.map_or(0, |offset| offset.0),
-            Some(view.byte_length.0),
-        )
-        .and_then(|view| {
-            slice(
-                view,
-                accessor.byte_offset.map_or(0, |offset| offset.0),
-                None,
-            )
-        })
-        .ok_or("expected its buffer to be longer, found it to end before")?;
         let count = usize::try_from(accessor.count.0).map_err(|_| "its count is too large")?;
-        let end = count
-            .checked_sub(1)
-            .ok_or("expected at least one row, found none")?
-            .checked_mul(stride)
-            .and_then(|start| start.checked_add(row));
-        if end.is_none_or(|end| end > places.len()) {
-            let found = places.len();
-            return Err(format!(
-                "expected {count} rows of {row} bytes, found {found} bytes"
-            ));
+        if count == 0 {
+            return Err("expected at least one row, found none".into());
         }
         let read = |bytes: &[u8]| number(bytes, component, accessor.normalized);
-        let rows = (0..count).map(|index| {
-            let bytes = &places[index * stride..][..row];
+        let row = |bytes: &[u8]| -> [f64; N] {
             let mut numbers = bytes.chunks_exact(component.size()).map(read);
             std::array::from_fn(|_| numbers.next().expect("a row of N numbers"))
-        });
-        let rows: Vec<[f64; N]> = rows.collect();
+        };
+        let size = component.size() * N;
+        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+        let mut rows: Vec<[f64; N]> = match (accessor.buffer_view, &accessor.sparse) {
+            (Some(view), _) => self.strided(view, offset, size, count)?.map(row).collect(),
+            // What is not said is zero (glTF 2.0, section 3.6.2.3).
+            (None, Some(_)) => vec![[0.0; N]; count],
+            (None, None) => return Err("expected a buffer view, found none".into()),
+        };
+        if let Some(sparse) = &accessor.sparse {
+            let flaw = |flaw: Flaw| format!("sparse: {flaw}");
+            let few = usize::try_from(sparse.count.0).map_err(|_| "its count is too large")?;
+            let Checked::Valid(kind) = sparse.indices.component_type else {
+                return Err("sparse: expected indices of a known type, found another".into());
+            };
+            let kind = kind.0;
+            let (indices, values) = (&sparse.indices, &sparse.values);
+            let places = self
+                .strided(indices.buffer_view, indices.byte_offset.0, kind.size(), few)
+                .map_err(flaw)?;
+            let numbers = self
+                .strided(values.buffer_view, values.byte_offset.0, size, few)
+                .map_err(flaw)?;
+            for (place, bytes) in places.zip(numbers) {
+                let place = number(place, kind, false) as usize;
+                *rows.get_mut(place).ok_or_else(|| {
+                    format!("sparse: expected an index below {count}, found {place}")
+                })? = row(bytes);
+            }
+        }
         match rows.as_flattened().iter().position(|x| !x.is_finite()) {
             Some(place) => Err(format!(
                 "row {}: found a number that is not finite",
@@ -172,6 +179,37 @@ impl Container {
             )),
             None => Ok(rows),
         }
+    }
+
+    /// Rows of so many bytes in a buffer view.
+    fn strided(
+        &self,
+        view: Index<View>,
+        offset: u64,
+        row: usize,
+        count: usize,
+    ) -> Result<impl Iterator<Item = &[u8]>, Flaw> {
+        let view = self.root.get(view);
+        let view = view.ok_or("expected a buffer view, found none")?;
+        let stride = view.byte_stride.map_or(row, |stride| stride.0.max(row));
+        let places = slice(
+            &self.buffers[view.buffer.value()],
+            view.byte_offset.map_or(0, |offset| offset.0),
+            Some(view.byte_length.0),
+        )
+        .and_then(|view| slice(view, offset, None))
+        .ok_or("expected its buffer to be longer, found it to end before")?;
+        let end = match count.checked_sub(1) {
+            None => Some(0),
+            Some(last) => { last.checked_mul(stride) }.and_then(|start| start.checked_add(row)),
+        };
+        if end.is_none_or(|end| end > places.len()) {
+            let found = places.len();
+            return Err(format!(
+                "expected {count} rows of {row} bytes, found {found} bytes"
+            ));
+        }
+        Ok((0..count).map(move |index| &places[index * stride..][..row]))
     }
 }
 
@@ -243,7 +281,7 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Flaw> {
 }
 
 /// Reads and checks what moves, leaving out what only looks.
-fn parse(json: &[u8]) -> Result<Root, Flaw> {
+fn parse(json: &[u8], animation: Option<&str>) -> Result<Root, Flaw> {
     #[derive(Deserialize)]
     struct Versioned {
         asset: Asset,
@@ -253,25 +291,16 @@ fn parse(json: &[u8]) -> Result<Root, Flaw> {
         version: String,
     }
     let unreadable = |error: serde_json::Error| format!("its JSON is not glTF's: {error}");
-    let Versioned { asset } = serde_json::from_slice(json).map_err(unreadable)?;
+    // Some programs write names in the encoding of their country.
+    let document: Value =
+        serde_json::from_str(&String::from_utf8_lossy(json)).map_err(unreadable)?;
+    let Versioned { asset } = Versioned::deserialize(&document).map_err(unreadable)?;
     if asset.version.split('.').next() != Some("2") {
         return Err(format!("expected glTF 2, found version {}", asset.version));
     }
-    let mut root = Root::from_slice(json).map_err(unreadable)?;
-    root.extensions = None;
+    let mut root = Root::deserialize(relevant(&document, animation)).map_err(unreadable)?;
     root.extensions_required
         .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
-    root.cameras.clear();
-    root.images.clear();
-    root.materials.clear();
-    root.meshes.clear();
-    root.samplers.clear();
-    root.skins.clear();
-    root.textures.clear();
-    for node in &mut root.nodes {
-        (node.camera, node.mesh, node.skin) = (None, None, None);
-        (node.extensions, node.weights) = (None, None);
-    }
     let mut flaws = Vec::new();
     root.validate(&root, gltf_json::Path::new, &mut |path, error| {
         flaws.push(format!("{}: {error}", path()));

@@ -22,6 +22,7 @@ mod curve;
 mod grid;
 mod pack;
 mod read;
+mod relevant;
 mod write;
 
 use std::io;

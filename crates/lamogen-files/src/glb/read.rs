@@ -43,7 +43,7 @@ fn read_bytes(
     path: &Path,
     animation: Option<&str>,
 ) -> Result<(Clip, Vec<String>), GlbError> {
-    let container = Container::of(bytes, path)?;
+    let container = Container::of(bytes, path, animation)?;
     let flawed = |reason| GlbError::Format {
         path: path.to_owned(),
         reason,
@@ -509,11 +509,137 @@ mod tests {
         std::fs::write(folder.path().join("the numbers.bin"), &bytes[28 + length..]).unwrap();
         let (clip, _) = read(&path, None).unwrap();
         assert!(largest_gap(&clip, &example::rotations().joints()) < 1e-4);
-        // A folder, like a device or a pipe, is no file to read from.
-        json["buffers"][0]["uri"] = json!("..");
-        std::fs::write(&path, json.to_string()).unwrap();
-        let error = read(&path, None).err().unwrap().to_string();
-        assert!(error.contains("not a regular file"), "{error}");
+        // A folder, like a device or a pipe, is no file to read from; and nothing above the file is read at all.
+        for (uri, part) in [
+            (".", "not a regular file"),
+            ("..", "beside this one or in a folder below"),
+            ("a/../../secret.bin", "beside this one or in a folder below"),
+            ("%2e%2e/secret.bin", "beside this one or in a folder below"),
+            ("/etc/passwd", "beside this one or in a folder below"),
+        ] {
+            json["buffers"][0]["uri"] = json!(uri);
+            std::fs::write(&path, json.to_string()).unwrap();
+            let error = read(&path, None).err().unwrap().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_moves_no_node_cannot_be_wrong() {
+        let way = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+        let curves: [(usize, &str, &str, &[f32]); 1] = [(1, "translation", "LINEAR", &way)];
+        let whole = foreign(two_nodes(), &[0.0, 2.0], &curves);
+        let expected = read_json(&whole).unwrap().positions(1.0);
+        let with = |change: &dyn Fn(&mut Json)| {
+            let mut changed = whole.clone();
+            change(&mut changed);
+            let clip = read_json(&changed).map_err(|error| error.to_string());
+            clip.map(|clip| clip.positions(1.0))
+        };
+        let push = |json: &mut Json, list: &str, value: Json| {
+            if !json[list].is_array() {
+                json[list] = json!([]);
+            }
+            json[list].as_array_mut().unwrap().push(value);
+        };
+        let changes: [(&str, &dyn Fn(&mut Json)); 7] = [
+            ("a channel without a node", &|json| {
+                let channel = json!({ "sampler": 0, "target": { "path": "translation" } });
+                push(&mut json["animations"][0], "channels", channel);
+            }),
+            ("weights of shapes", &|json| {
+                let channel = json!({ "sampler": 99, "target": { "node": 0, "path": "weights" } });
+                push(&mut json["animations"][0], "channels", channel);
+            }),
+            ("extras of any type", &|json| {
+                json["nodes"][0]["extras"] = json!([1, "x", null]);
+                json["animations"][0]["extras"] = json!(3);
+                json["extras"] = json!("text");
+            }),
+            ("a broken animation beside", &|json| {
+                push(
+                    json,
+                    "animations",
+                    json!({ "name": "broken", "channels": 7 }),
+                );
+            }),
+            ("compressed meshes", &|json| {
+                json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+                json["meshes"] = json!([{ "primitives": [{ "extensions": { "KHR_draco_mesh_compression": 1 } }] }]);
+                push(
+                    json,
+                    "accessors",
+                    json!({ "componentType": 1, "count": 0, "type": "BENT" }),
+                );
+                push(json, "bufferViews", json!({ "buffer": 77 }));
+            }),
+            ("pictures and skins", &|json| {
+                json["images"] = json!([{ "uri": 5 }]);
+                json["skins"] = json!([{ "joints": "all" }]);
+                json["nodes"][0]["skin"] = json!(12);
+            }),
+            ("other buffers", &|json| {
+                push(
+                    json,
+                    "buffers",
+                    json!({ "byteLength": 10, "uri": "https://example.org/a.bin" }),
+                );
+            }),
+        ];
+        for (name, change) in changes {
+            assert_eq!(with(change).as_ref(), Ok(&expected), "{name}");
+        }
+    }
+
+    #[test]
+    fn sparse_keyframes_are_read() {
+        use base64::Engine;
+        // Four keyframes of a way; two of them stand apart from the rest, with indices of one byte.
+        let times = [0.0, 1.0, 2.0, 3.0];
+        let way = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0];
+        let curves: [(usize, &str, &str, &[f32]); 1] = [(1, "translation", "LINEAR", &way)];
+        let mut json = foreign(two_nodes(), &times, &curves);
+        let output = json["animations"][0]["samplers"][0]["output"]
+            .as_u64()
+            .unwrap() as usize;
+        let mut bytes = vec![1u8, 3, 0, 0];
+        for number in [7.0f32, 0.0, 0.0, 9.0, 0.0, 0.0] {
+            bytes.extend(number.to_le_bytes());
+        }
+        let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+        let uri = format!("data:application/octet-stream;base64,{data}");
+        let buffer = json["buffers"].as_array().unwrap().len();
+        json["buffers"]
+            .as_array_mut()
+            .unwrap()
+            .push(json!({ "byteLength": bytes.len(), "uri": uri }));
+        let views = json["bufferViews"].as_array_mut().unwrap();
+        let first = views.len();
+        views.push(json!({ "buffer": buffer, "byteLength": 2 }));
+        views.push(json!({ "buffer": buffer, "byteOffset": 4, "byteLength": 24 }));
+        let sparse = json!({
+            "count": 2,
+            "indices": { "bufferView": first, "componentType": 5121 },
+            "values": { "bufferView": first + 1 },
+        });
+        json["accessors"][output]["sparse"] = sparse;
+        let at = |json: &Json, second: f64| {
+            let clip = read_json(json).map_err(|error| error.to_string());
+            clip.map(|clip| clip.positions(second)[0].x)
+        };
+        for (second, expected) in [(0.0, 0.0), (1.0, 7.0), (2.0, 2.0), (3.0, 9.0)] {
+            assert_eq!(at(&json, second), Ok(expected));
+        }
+        // What is not said at all is zero.
+        json["accessors"][output]
+            .as_object_mut()
+            .unwrap()
+            .remove("bufferView");
+        for (second, expected) in [(0.0, 0.0), (1.0, 7.0), (2.0, 0.0), (3.0, 9.0)] {
+            assert_eq!(at(&json, second), Ok(expected));
+        }
+        json["accessors"][output]["sparse"]["count"] = json!(40);
+        assert!(at(&json, 0.0).unwrap_err().contains("sparse"));
     }
 
     #[test]

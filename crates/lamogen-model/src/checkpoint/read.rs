@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use burn::tensor::{DType, Device, TensorData};
+use lamogen_io::placeholder_at;
 use pytorch_reader::{PytorchError, PytorchReader};
 use safetensors::tensor::{Dtype, Metadata};
 
@@ -59,6 +60,7 @@ impl Checkpoint {
     /// If the file cannot be read, is cut short, or is no such checkpoint.
     pub fn open(path: impl AsRef<Path>) -> Result<Checkpoint, CheckpointError> {
         let path = path.as_ref();
+        refuse_placeholder(path)?;
         match path.extension() {
             Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
                 Self::open_safetensors(path)
@@ -79,6 +81,7 @@ impl Checkpoint {
         parts: &[&str],
     ) -> Result<Checkpoint, CheckpointError> {
         let path = path.as_ref();
+        refuse_placeholder(path)?;
         let within = |key: &str, part: &str| {
             key.strip_prefix(part)
                 .is_some_and(|rest| rest.starts_with('.'))
@@ -418,6 +421,14 @@ impl Exchange for Reader<'_> {
                 None
             }
         }
+    }
+}
+
+/// Refuses a file that takes the place of a checkpoint.
+fn refuse_placeholder(path: &Path) -> Result<(), CheckpointError> {
+    match placeholder_at(path) {
+        Some(problem) => Err(format_error(path, problem.to_owned())),
+        None => Ok(()),
     }
 }
 

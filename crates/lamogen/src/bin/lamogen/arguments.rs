@@ -354,7 +354,7 @@ pub struct WritingArguments {
     /// Frames a second of .bvh and .glb.
     #[arg(long, default_value_t = 20.0, value_parser = fps)]
     pub fps: f32,
-    /// Unit of .bvh: cm, m, mm, in, cmu, or a number of metres.
+    /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
     #[arg(long, default_value = "cm")]
     pub bvh_unit: Unit,
     /// Names of the joints in .bvh.
@@ -425,12 +425,15 @@ fn fps(text: &str) -> Result<f32, String> {
 /// How motion files are read.
 #[derive(Args, Clone)]
 pub struct ReadingArguments {
-    /// Unit of the file: m, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
+    /// Unit of the file: m, dm, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
     #[arg(long)]
     pub unit: Option<Unit>,
-    /// Axis of the file that points up, y or z; usually told by the body.
-    #[arg(long)]
+    /// Axis of the file that points up, y, z, -y or -z; usually told by the body.
+    #[arg(long, allow_hyphen_values = true)]
     pub up: Option<Up>,
+    /// Frames a second of a .bvh, in place of what it says, or of a .npy, which says nothing and is taken for one of 20.
+    #[arg(long, value_name = "FPS", value_parser = fps)]
+    pub input_fps: Option<f32>,
     /// Animation of a .glb or .gltf, by its name; usually the first.
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,

@@ -19,7 +19,7 @@ pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
     for unused in options.writing.unused(&[options.to.format]) {
         console.notice(unused);
     }
-    let mut opened = open(&options.source, &options.reading, &device(None)?)?;
+    let mut opened = open(&options.source, &options.reading, &device(None)?, console)?;
     if !opened.assumed.is_empty() {
         console.notice(format!("Read with {}.", opened.assumed));
     }

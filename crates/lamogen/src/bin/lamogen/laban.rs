@@ -13,7 +13,7 @@ use crate::source::device;
 
 pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
     let device = device(None)?;
-    let open = |path: &Path| open(path, &options.reading, &device);
+    let open = |path: &Path| open(path, &options.reading, &device, console);
     let other = options.compare.as_deref().map(open).transpose()?;
     let mut failures: Vec<Failure> = Vec::new();
     for (place, path) in options.files.iter().enumerate() {

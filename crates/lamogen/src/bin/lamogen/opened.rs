@@ -5,8 +5,10 @@ use std::path::Path;
 
 use lamogen::Device;
 use lamogen::files::{Imported, Mapping, ReadOptions, read};
+use lamogen::motion::placeholder;
 
 use crate::arguments::{ReadingArguments, StreamFormat};
+use crate::console::Console;
 use crate::failure::{Code, Failure};
 use crate::scene::Scene;
 
@@ -19,11 +21,29 @@ pub struct Opened {
 /// The name of a file that stands for standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// Reads a motion file, or standard input where the path is `-`.
-pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<Opened, Failure> {
-    if path == Path::new(STANDARD_INPUT) {
-        return open_standard_input(reading, device);
+/// Reads a motion file, or standard input where the path is `-`, and says what is strange about it.
+pub fn open(
+    path: &Path,
+    reading: &ReadingArguments,
+    device: &Device,
+    console: &Console,
+) -> Result<Opened, Failure> {
+    let (name, imported) = match path == Path::new(STANDARD_INPUT) {
+        true => (Path::new("standard input"), read_standard_input(reading)?),
+        false => (path, read_file(path, reading)?),
+    };
+    let unused = unused(path, reading);
+    let notices = imported.notices.iter().map(ToString::to_string);
+    for notice in notices.chain(unused) {
+        console.notice(format!("{}: {notice}", name.display()));
     }
+    Ok(Opened {
+        assumed: assumed(&imported),
+        scene: Scene::file(name, imported, device),
+    })
+}
+
+fn read_file(path: &Path, reading: &ReadingArguments) -> Result<Imported, Failure> {
     if let Some(format) = reading.from {
         let message = format!(
             "--from {}: expected standard input (-), found {}",
@@ -33,11 +53,11 @@ pub fn open(path: &Path, reading: &ReadingArguments, device: &Device) -> Result<
         let hint = "the ending of a file's name says its format";
         return Err(Failure::new(Code::Usage, message).hint(hint));
     }
-    open_file(path, path, reading, device)
+    Ok(read(path, &read_options(reading)?)?)
 }
 
 /// Reads what comes in, under the name of a file of its format: as --from says, or as its first bytes tell.
-fn open_standard_input(reading: &ReadingArguments, device: &Device) -> Result<Opened, Failure> {
+fn read_standard_input(reading: &ReadingArguments) -> Result<Imported, Failure> {
     let failed = |reason: &dyn std::fmt::Display| {
         Failure::new(Code::Input, format!("standard input: {reason}"))
     };
@@ -45,6 +65,9 @@ fn open_standard_input(reading: &ReadingArguments, device: &Device) -> Result<Op
     { std::io::stdin().lock() }
         .read_to_end(&mut bytes)
         .map_err(|error| failed(&error))?;
+    if let Some(problem) = placeholder(&bytes) {
+        return Err(failed(&problem));
+    }
     let format = reading.from.or_else(|| StreamFormat::told_by(&bytes));
     let format = format.ok_or_else(|| {
         let expected = "expected a motion in BVH, GLB, glTF or NumPy's format, found none of these";
@@ -53,48 +76,35 @@ fn open_standard_input(reading: &ReadingArguments, device: &Device) -> Result<Op
     let folder = tempfile::tempdir().map_err(|error| failed(&error))?;
     let path = folder.path().join(format!("stdin.{}", format.ending()));
     std::fs::write(&path, bytes).map_err(|error| failed(&error))?;
-    open_file(&path, Path::new("standard input"), reading, device).map_err(|failure| Failure {
-        message: { failure.message }.replace(&*path.to_string_lossy(), "standard input"),
-        ..failure
-    })
-}
-
-/// Reads a motion file, which is called `name`.
-fn open_file(
-    path: &Path,
-    name: &Path,
-    reading: &ReadingArguments,
-    device: &Device,
-) -> Result<Opened, Failure> {
-    let imported = read(path, &read_options(reading)?)?;
-    let unused = unused(path, reading);
-    Ok(Opened {
-        assumed: [assumed(&imported), unused]
-            .join("; ")
-            .trim_matches([';', ' '])
-            .to_owned(),
-        scene: Scene::file(name, imported, device),
+    let imported = read(&path, &read_options(reading)?);
+    imported.map_err(|error| {
+        let failure = Failure::from(error);
+        Failure {
+            message: { failure.message }.replace(&*path.to_string_lossy(), "standard input"),
+            ..failure
+        }
     })
 }
 
 /// What was asked of reading and changes nothing in a file of this format.
-fn unused(path: &Path, reading: &ReadingArguments) -> String {
+fn unused(path: &Path, reading: &ReadingArguments) -> Vec<String> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let is = |endings: &[&str]| {
-        endings
-            .iter()
-            .any(|known| ending.eq_ignore_ascii_case(known))
+        let mut endings = endings.iter();
+        endings.any(|known| ending.eq_ignore_ascii_case(known))
     };
     let given = [
+        ("--animation", reading.animation.is_some() && is(&["bvh"])),
         (
-            "--animation",
-            reading.animation.is_some() && !is(&["glb", "gltf"]),
+            "--input-fps",
+            reading.input_fps.is_some() && is(&["glb", "gltf"]),
         ),
         ("--names", reading.names.is_some() && is(&["npy"])),
     ];
     let unused = given.into_iter().filter(|(_, is_unused)| *is_unused);
-    let unused = unused.map(|(option, _)| format!("{option} changes nothing in .{ending}"));
-    unused.collect::<Vec<_>>().join("; ")
+    unused
+        .map(|(option, _)| format!("{option} changes nothing in .{ending}"))
+        .collect()
 }
 
 /// What is known of motion files beforehand.
@@ -104,6 +114,7 @@ pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> 
         up: reading.up,
         mapping: reading.names.as_ref().map(Mapping::read).transpose()?,
         animation: reading.animation.clone(),
+        frames_per_second: reading.input_fps,
     })
 }
 

@@ -16,7 +16,11 @@ pub fn run(options: &Play, console: &Console) -> Result<(), Failure> {
     let device = device(None)?;
     let mut motions = Vec::new();
     for path in &options.files {
-        motions.extend(open(path, &options.reading, &device)?.scene.motions);
+        motions.extend(
+            open(path, &options.reading, &device, console)?
+                .scene
+                .motions,
+        );
     }
     let names: Vec<&str> = motions.iter().map(|shown| shown.label.as_str()).collect();
     let scene = Scene {
