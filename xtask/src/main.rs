@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use lamogen::DeviceName;
 use xtask::bench::Options;
 use xtask::parity::Row;
+use xtask::test::Backends;
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", about = "Development tasks of lamogen")]
@@ -19,11 +20,15 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Run everything that must pass: format, lints, tests, docs, the example, and the other backends.
+    /// Run everything that must pass: format, lints, tests, docs, the example, and the other backends, of which those of graphics processors are
+    /// left out where there is no Vulkan driver.
     Test {
-        /// Leave the graphics processor out, where there is no Vulkan driver.
-        #[arg(long)]
+        /// Leave the graphics processor out in any case.
+        #[arg(long, conflicts_with = "all")]
         cpu_only: bool,
+        /// Leave nothing out: fail where there is no Vulkan driver.
+        #[arg(long)]
+        all: bool,
     },
     /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, a browser.
     Judges,
@@ -109,7 +114,11 @@ enum Task {
 
 fn main() -> ExitCode {
     match Arguments::parse().task {
-        Task::Test { cpu_only } => xtask::test::run(cpu_only),
+        Task::Test { cpu_only, all } => xtask::test::run(match (cpu_only, all) {
+            (true, _) => Backends::Cpu,
+            (_, true) => Backends::All,
+            _ => Backends::Possible,
+        }),
         Task::Judges => xtask::judges::run(),
         Task::Parity {
             folder,
