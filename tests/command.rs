@@ -242,7 +242,7 @@ fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
         folder,
         &with(&["--model", "nowhere", "--out", "a.npy"]),
         3,
-        "hint: docs/checkpoints.md",
+        "hint: `lamogen help model-folder`",
     );
     fails(
         folder,
@@ -312,6 +312,26 @@ fn the_model_and_the_devices_say_what_they_are() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         assert!(succeeds(folder.path(), &["completions", shell]).contains("baseline-only"));
     }
+    for (topic, part) in [
+        (&["model-folder"][..], "mean.npy"),
+        (&["data"], "captions.jsonl"),
+        (&["recipe"], "\"text_dropout\""),
+        (&["sentences"], "sentences.npy"),
+        (&["model", "convert"], "--half"),
+        (&[], "generate"),
+    ] {
+        let arguments = [&["help"], topic].concat();
+        assert!(
+            succeeds(folder.path(), &arguments).contains(part),
+            "{topic:?}"
+        );
+    }
+    fails(
+        folder.path(),
+        &["help", "cooking"],
+        2,
+        "one of the topics model-folder, data",
+    );
     assert!(succeeds(folder.path(), &["man"]).contains(".TH lamogen"));
     succeeds(folder.path(), &["man", "--out", "man"]);
     assert!(files(&folder.path().join("man")).contains(&"lamogen-generate.1".to_owned()));

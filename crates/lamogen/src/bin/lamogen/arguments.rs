@@ -27,6 +27,7 @@ use crate::output::{Format, Output};
     name = "lamogen",
     version,
     subcommand_required = true,
+    disable_help_subcommand = true,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done, 1 a motion could not be generated, 2 wrong arguments or requests, \
                   3 a file or model could not be read, 4 a file could not be written, 5 a batch is done \
@@ -80,6 +81,11 @@ pub enum Task {
     /// Look at a model's files, or convert them.
     #[command(subcommand)]
     Model(Model),
+    /// Print the help of a command, or a topic: model-folder, data, recipe, sentences.
+    Help {
+        /// The command and its parts, or the topic.
+        words: Vec<String>,
+    },
     /// Print a shell's completions of this command.
     Completions {
         /// The shell.
@@ -490,7 +496,7 @@ pub struct Generate {
     pub prompt: String,
     #[command(flatten)]
     pub goals: GoalArguments,
-    /// Length in seconds.
+    /// Length in seconds: 2 to 9.8 with the embedded model and most others.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f32,
     /// Seed of the start noise: the same seed gives the same motion.

@@ -73,7 +73,7 @@ impl From<Error> for Failure {
 
 impl From<LoadError> for Failure {
     fn from(error: LoadError) -> Self {
-        Failure::new(Code::Input, error).hint("docs/checkpoints.md says what a model folder has")
+        Failure::new(Code::Input, error).hint("`lamogen help model-folder` says what one has")
     }
 }
 
@@ -106,7 +106,10 @@ impl From<DataError> for Failure {
                     "\"split\": \"train\" in the captions, or another --seed, gives motions to train on",
                 ),
             ),
-            _ => (Code::Input, Some("docs/data.md says what a data set has")),
+            _ => (
+                Code::Input,
+                Some("`lamogen help data` says what a data set has"),
+            ),
         };
         let failure = Failure::new(code, error);
         match hint {

@@ -22,6 +22,7 @@ mod eval;
 mod failure;
 mod generate;
 mod goals;
+mod help;
 mod laban;
 mod model;
 mod opened;
@@ -62,6 +63,7 @@ fn main() -> ExitCode {
         Task::Eval(options) => eval::run(options, &console),
         Task::Devices => devices::run(&console),
         Task::Model(options) => model::run(options, &console),
+        Task::Help { words } => help::run(words, &console),
         Task::Completions { shell } => shell::completions(*shell, &console),
         Task::Man { out } => shell::man(out.as_deref(), &console),
     };

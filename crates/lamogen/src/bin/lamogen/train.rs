@@ -256,6 +256,6 @@ impl From<TrainingConfigError> for Failure {
             TrainingConfigError::Io { .. } => Code::Input,
             _ => Code::Usage,
         };
-        Failure::new(code, error).hint("docs/training.md says what a config may have")
+        Failure::new(code, error).hint("`lamogen help recipe` says what a config may have")
     }
 }

@@ -105,7 +105,7 @@ fn sentences(
             Code::Usage,
             format!("the recipe learns from {count} sentences a step (denoising.sentences_per_batch): expected --sentences FILE.npy"),
         )
-        .hint("docs/training.md says how such a file is made; 0 in a recipe of your own learns from captions alone")),
+        .hint("`lamogen help sentences` says how such a file is made; 0 in a recipe of your own learns from captions alone")),
         (Some(_), _) => Err(Failure::new(
             Code::Usage,
             "--sentences is given, but the recipe learns from none: expected denoising.sentences_per_batch of 2 or above",

@@ -1,0 +1,40 @@
+//! `lamogen help`: a command's help, or a topic that error messages point to.
+
+use clap::CommandFactory;
+
+use crate::arguments::Arguments;
+use crate::console::Console;
+use crate::failure::{Code, Failure};
+
+/// What there is to read beside the commands.
+const TOPICS: [(&str, &str); 4] = [
+    ("model-folder", include_str!("topics/model-folder.txt")),
+    ("data", include_str!("topics/data.txt")),
+    ("recipe", include_str!("topics/recipe.txt")),
+    ("sentences", include_str!("topics/sentences.txt")),
+];
+
+/// Prints the help of a command, of a part of one, or a topic.
+pub fn run(words: &[String], console: &Console) -> Result<(), Failure> {
+    if let [word] = words
+        && let Some((_, text)) = TOPICS.iter().find(|(topic, _)| topic == word)
+    {
+        return console.say(text);
+    }
+    let mut command = Arguments::command();
+    command.build();
+    let mut found = &mut command;
+    for word in words {
+        found = found.find_subcommand_mut(word).ok_or_else(|| {
+            let topics: Vec<&str> = TOPICS.iter().map(|(topic, _)| *topic).collect();
+            Failure::new(
+                Code::Usage,
+                format!(
+                    "expected a command, or one of the topics {}; found {word}",
+                    topics.join(", ")
+                ),
+            )
+        })?;
+    }
+    console.say(found.render_long_help().to_string())
+}
