@@ -23,7 +23,7 @@ pub fn placeholder(bytes: &[u8]) -> Option<&'static str> {
     let begins = |page: &&[u8]| {
         { text.get(..page.len()) }.is_some_and(|start| start.eq_ignore_ascii_case(page))
     };
-    { PAGES.iter().any(|page| begins(page)) }
+    { PAGES.iter().any(begins) }
         .then_some("expected the file itself, found a web page (HTML); the address that it was loaded from gives no file without a browser")
 }
 

@@ -542,7 +542,8 @@ mod tests {
             }
             json[list].as_array_mut().unwrap().push(value);
         };
-        let changes: [(&str, &dyn Fn(&mut Json)); 7] = [
+        type Change<'a> = dyn Fn(&mut Json) + 'a;
+        let changes: [(&str, &Change<'_>); 7] = [
             ("a channel without a node", &|json| {
                 let channel = json!({ "sampler": 0, "target": { "path": "translation" } });
                 push(&mut json["animations"][0], "channels", channel);
