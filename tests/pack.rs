@@ -76,8 +76,8 @@ fn a_folder_of_humanml3ds_form_is_packed() {
 
     let (result, notices) = succeeds(folder, &["HumanML3D", "--out", "packed"]);
     for part in [
-        "train     1 clips, 2 entries, 1 of them mirror images, 0.2 min",
-        "test      1 clips, 1 entries, 0.1 min",
+        "train     1 clip, 2 entries, 1 of them mirror images, 0.2 min",
+        "test      1 clip, 1 entry, 0.1 min",
         "1 too short",
         "1 wrong shape",
         "1 missing",
@@ -163,7 +163,7 @@ fn a_folder_of_bvh_files_is_packed() {
     ];
     let (result, _) = succeeds(folder, &all);
     for part in [
-        "train     1 clips, 2 entries",
+        "train     1 clip, 2 entries",
         "val       2 clips, 2 entries",
         "0.2 min",
     ] {
