@@ -505,11 +505,12 @@ fn motions_become_faster_and_slower_but_for_those_that_gravity_or_words_time() {
         ("000002", swinging(100, true), "he swings##0.0#0.0"),
         ("000003", swinging(100, false), "he swings quickly##0.0#0.0"),
         ("000004", swinging(45, false), "he swings##0.0#0.0"),
+        ("000005", swinging(60, false), "he swings##0.0#0.0"),
     ] {
         clip(&source, name, &rows, text);
     }
     write(&source, "train.txt", "000001\n000002\n000003\n000004");
-    write(&source, "val.txt", "000004");
+    write(&source, "val.txt", "000005");
     let options = PackOptions {
         speeds: vec![0.8, 1.25],
         ..PackOptions::default()
