@@ -24,6 +24,7 @@ mod packed;
 mod problems;
 mod rows;
 mod sides;
+mod speeds;
 mod split;
 mod statistics;
 #[cfg(test)]

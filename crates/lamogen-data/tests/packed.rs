@@ -472,3 +472,78 @@ fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
     let [with, without] = [read, data].map(|data| Dataset::join(vec![data]).unwrap());
     assert_eq!((with.mean(), with.std()), (without.mean(), without.std()));
 }
+
+/// Somebody who stands on both feet and swings the arms, in HumanML3D's rows.
+fn swinging(frames: usize, off_the_ground: bool) -> Vec<f32> {
+    use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations, encode_canonical};
+    let pose = |frame: usize| {
+        let mut local = [[0.0, 0.0, 0.0, 1.0]; JOINTS];
+        let half = 0.6 * (0.3 * frame as f32).sin();
+        for joint in [Joint::LeftShoulder, Joint::RightShoulder] {
+            local[joint.index()] = [0.0, 0.0, half.sin(), half.cos()];
+        }
+        local
+    };
+    let rest = RestPose::humanml3d();
+    let height = |frame: usize| match off_the_ground && (20..30).contains(&frame) {
+        true => 1.2 + 0.1 * (frame - 20) as f32,
+        false => 1.0,
+    };
+    let root = (0..=frames).map(|frame| [0.0, height(frame), 0.0]).collect();
+    let local = (0..=frames).map(pose).collect();
+    let joints = Rotations::new(rest, root, local, FRAMES_PER_SECOND).joints();
+    encode_canonical(&joints).as_flattened().to_vec()
+}
+
+#[test]
+fn motions_become_faster_and_slower_but_for_those_that_gravity_or_words_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, out] = ["source", "out"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&source).unwrap();
+    for (name, rows, text) in [
+        ("000001", swinging(100, false), "he swings##0.0#0.0"),
+        ("000002", swinging(100, true), "he swings##0.0#0.0"),
+        ("000003", swinging(100, false), "he swings quickly##0.0#0.0"),
+        ("000004", swinging(45, false), "he swings##0.0#0.0"),
+        ("000005", swinging(60, false), "he swings##0.0#0.0"),
+    ] {
+        clip(&source, name, &rows, text);
+    }
+    write(&source, "train.txt", "000001\n000002\n000003\n000004");
+    write(&source, "val.txt", "000005");
+    let options = PackOptions {
+        speeds: vec![0.8, 1.25],
+        ..PackOptions::default()
+    };
+    let data = packed(&source, &out, &options);
+    let names: Vec<&str> = { data.entries().iter() }
+        .map(|entry| &*entry.name)
+        .filter(|name| name.contains('@'))
+        .collect();
+    // 45 frames at 1.25 would be shorter than 40.
+    let expected = [
+        "000001@0.8",
+        "M000001@0.8",
+        "000001@1.25",
+        "M000001@1.25",
+        "000004@0.8",
+        "M000004@0.8",
+    ];
+    assert_eq!(names, expected);
+    let of = |name: &str| data.entries().iter().find(|entry| entry.name == name).unwrap();
+    let [own, slow, fast] = ["000001", "000001@0.8", "000001@1.25"].map(of);
+    assert_eq!((own.frames, slow.frames, fast.frames), (100, 125, 80));
+    assert_eq!(slow.captions, own.captions);
+    // The same pose, later: frame 40 of the original is frame 50 of the slow one.
+    let row = |entry, frame| {
+        let rows = features(&data, entry);
+        rows[frame * POSE_FEATURES..][4..67].to_vec()
+    };
+    let apart = |a: Vec<f32>, b: Vec<f32>| {
+        let pairs = a.into_iter().zip(b);
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(apart(row(own, 40), row(slow, 50)) < 0.01);
+    assert!(apart(row(own, 40), row(fast, 32)) < 0.01);
+    assert!(apart(row(own, 40), row(own, 50)) > 0.1);
+}

@@ -26,6 +26,8 @@ pub struct PackOptions {
     pub captions: Option<PathBuf>,
     /// Further captions of motions that have some, known by their names (see [`Dataset::add_captions`]).
     pub more_captions: Option<PathBuf>,
+    /// Speeds at which motions for training are added, beside their own (see [`Dataset::with_speeds`]).
+    pub speeds: Vec<f32>,
     /// Whether training entries get mirror images, where they have none.
     pub mirror: bool,
     /// The shortest motion, in frames.
@@ -46,6 +48,7 @@ impl Default for PackOptions {
         PackOptions {
             captions: None,
             more_captions: None,
+            speeds: Vec::new(),
             mirror: true,
             min_frames: 40,
             max_frames: None,
@@ -100,6 +103,13 @@ fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dat
                 dataset.problems.add(name, ProblemKind::Missing, reason);
             }
         }
+    }
+    if !options.speeds.is_empty() {
+        let limits = LoadOptions {
+            min_frames: options.min_frames,
+            max_frames: { options.max_frames }.unwrap_or(LoadOptions::default().max_frames),
+        };
+        dataset = dataset.with_speeds(&options.speeds, &limits);
     }
     dataset.save(out, options.force)?;
     Ok(dataset)

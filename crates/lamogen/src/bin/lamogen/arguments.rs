@@ -428,6 +428,14 @@ fn fps(text: &str) -> Result<f32, String> {
     rate.ok_or_else(|| "expected 0.001 to 10000 frames a second".into())
 }
 
+fn speed(text: &str) -> Result<f32, String> {
+    let speed = text
+        .parse()
+        .ok()
+        .filter(|speed| (0.1..=10.0).contains(speed));
+    speed.ok_or_else(|| "expected a speed of 0.1 to 10".into())
+}
+
 /// How motion files are read.
 #[derive(Args, Clone)]
 pub struct ReadingArguments {
@@ -577,6 +585,9 @@ pub struct Pack {
     /// Further captions of motions that have some, a line of JSON each: {"name": "run_3", "captions": ["a kid dashes off"]}.
     #[arg(long, value_name = "FILE")]
     pub more_captions: Option<PathBuf>,
+    /// Add motions for training at other speeds, such as 0.8,1.25, but for those that leave the ground or whose captions say how fast they are.
+    #[arg(long, value_delimiter = ',', value_parser = speed)]
+    pub speeds: Vec<f32>,
     /// Give motions for training mirror images, where they have none (the default).
     #[arg(long, overrides_with = "no_mirror")]
     pub mirror: bool,

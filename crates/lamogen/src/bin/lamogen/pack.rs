@@ -36,6 +36,7 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
     let packing = PackOptions {
         captions: options.captions.clone(),
         more_captions: options.more_captions.clone(),
+        speeds: options.speeds.clone(),
         mirror: !options.no_mirror,
         min_frames: options.min_frames,
         max_frames: options.max_frames,
