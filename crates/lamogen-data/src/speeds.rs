@@ -12,8 +12,9 @@ use crate::split::Split;
 
 /// Beginnings of words that say how fast something is done.
 const HASTE: [&str; 22] = [
-    "slow", "fast", "quick", "rapid", "swift", "brisk", "speed", "pace", "hurr", "hast", "rush", "leisure",
-    "gradual", "sudden", "abrupt", "gentl", "careful", "lazi", "lazy", "dash", "sprint", "unhurr",
+    "slow", "fast", "quick", "rapid", "swift", "brisk", "speed", "pace", "hurr", "hast", "rush",
+    "leisure", "gradual", "sudden", "abrupt", "gentl", "careful", "lazi", "lazy", "dash", "sprint",
+    "unhurr",
 ];
 
 impl Dataset {

@@ -489,7 +489,9 @@ fn swinging(frames: usize, off_the_ground: bool) -> Vec<f32> {
         true => 1.2 + 0.1 * (frame - 20) as f32,
         false => 1.0,
     };
-    let root = (0..=frames).map(|frame| [0.0, height(frame), 0.0]).collect();
+    let root = (0..=frames)
+        .map(|frame| [0.0, height(frame), 0.0])
+        .collect();
     let local = (0..=frames).map(pose).collect();
     let joints = Rotations::new(rest, root, local, FRAMES_PER_SECOND).joints();
     encode_canonical(&joints).as_flattened().to_vec()
@@ -530,7 +532,12 @@ fn motions_become_faster_and_slower_but_for_those_that_gravity_or_words_time() {
         "M000004@0.8",
     ];
     assert_eq!(names, expected);
-    let of = |name: &str| data.entries().iter().find(|entry| entry.name == name).unwrap();
+    let of = |name: &str| {
+        data.entries()
+            .iter()
+            .find(|entry| entry.name == name)
+            .unwrap()
+    };
     let [own, slow, fast] = ["000001", "000001@0.8", "000001@1.25"].map(of);
     assert_eq!((own.frames, slow.frames, fast.frames), (100, 125, 80));
     assert_eq!(slow.captions, own.captions);
