@@ -466,3 +466,94 @@ fn wrong_lines_are_named_before_anything_runs() {
         "none.jsonl",
     );
 }
+
+#[test]
+fn a_licence_is_not_replaced_by_accident_and_damage_is_the_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("own.safetensors"), lamogen_compact::WEIGHTS).unwrap();
+    let convert = [
+        "model",
+        "convert",
+        "own.safetensors",
+        "new.safetensors",
+        "--license",
+        "MIT",
+    ];
+    fails(folder, &convert, 2, "states \"CC-BY");
+    assert!(!folder.join("new.safetensors").exists());
+    succeeds(folder, &[&convert[..], &["--force"]].concat());
+    let metadata = |name: &str| {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let header: Value = serde_json::from_slice(&bytes[8..8 + length]).unwrap();
+        header["__metadata__"]["license"].clone()
+    };
+    assert_eq!(metadata("new.safetensors"), "MIT");
+    // A file without a tensor, one that ends too early, and one that is something else.
+    let header = b"{\"__metadata__\":{\"a\":\"b\"}}";
+    let empty = [&(header.len() as u64).to_le_bytes()[..], header].concat();
+    for (bytes, part) in [
+        (&empty[..], "expected tensors"),
+        (&lamogen_compact::WEIGHTS[..5_000_000], "safetensors"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "Git LFS"),
+    ] {
+        std::fs::write(folder.join("bad.safetensors"), bytes).unwrap();
+        let convert = ["model", "convert", "bad.safetensors", "out.safetensors"];
+        fails(folder, &convert, 3, part);
+        assert!(!folder.join("out.safetensors").exists());
+    }
+}
+
+#[test]
+fn what_is_strange_or_unused_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let walk = [
+        "generate",
+        "a person walks forward",
+        "--steps",
+        "4",
+        "--out",
+        "walk.npy",
+    ];
+    let (_, notices) = running::succeeds(
+        folder,
+        &[&walk[..], &["--fps", "60", "--emphasis", "3"]].concat(),
+    );
+    for part in [
+        "--fps changes nothing here: it is for .bvh and .glb",
+        "--emphasis changes nothing here",
+    ] {
+        assert!(notices.contains(part), "{notices}");
+    }
+    let array = lamogen::motion::npy::read(folder.join("walk.npy")).unwrap();
+    let mut values = array.values.clone();
+    for point in values.chunks_exact_mut(3) {
+        (point[1], point[2]) = (-point[1], -point[2]);
+    }
+    lamogen::motion::npy::write(folder.join("down.npy"), &values, &array.shape).unwrap();
+    let (_, notices) = running::succeeds(folder, &["convert", "down.npy", "as-it-is.npy"]);
+    assert!(
+        notices.contains("down.npy: the body stands on its head"),
+        "{notices}"
+    );
+    let (_, notices) =
+        running::succeeds(folder, &["convert", "down.npy", "turned.npy", "--up", "-y"]);
+    assert!(!notices.contains("stands on its head"), "{notices}");
+    let turned = lamogen::motion::npy::read(folder.join("turned.npy")).unwrap();
+    assert_eq!(turned.values, array.values);
+    // Half as many frames a second last twice as long.
+    let slow = json(&succeeds(
+        folder,
+        &[
+            "convert",
+            "walk.npy",
+            "slow.npy",
+            "--input-fps",
+            "10",
+            "--json",
+        ],
+    ));
+    assert_eq!(number(&slow, "/frames"), 119.0);
+}
