@@ -19,6 +19,16 @@ pub struct Losses {
     pub velocity: f64,
     /// Squared velocity in metres per frame of feet that stand on the ground (there, equation 4).
     pub foot_contact: f64,
+    /// Squared error of the root's features (how fast it turns, moves and how high it is), normalised. They are 4 of 263, and where a body
+    /// goes and how far it turns is the sum of all of theirs: a bias that the prediction's loss hardly sees turns a walk by many degrees.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub root: f64,
+}
+
+// serde hands a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_zero(weight: &f64) -> bool {
+    *weight == 0.0
 }
 
 impl Losses {
@@ -29,6 +39,7 @@ impl Losses {
             ("position", self.position),
             ("velocity", self.velocity),
             ("foot_contact", self.foot_contact),
+            ("root", self.root),
         ];
         all.into_iter()
             .find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0))
@@ -37,6 +48,9 @@ impl Losses {
             })
     }
 }
+
+/// Features of the root, the first ones of a frame.
+const ROOT: usize = FeatureGroup::RootHeight.range().end;
 
 /// Noisy motions and what the network should make of them. Nothing of it is tracked.
 #[derive(Clone, Debug)]
@@ -103,6 +117,11 @@ impl Losses {
             Prediction::Sample | Prediction::V => x,
             Prediction::Epsilon => x * truth.alpha_cumprod.clone(),
         };
+        if self.root > 0.0 {
+            let error = (clean.clone() - truth.clean.clone()).square();
+            let error = error.narrow(2, 0, ROOT);
+            total = total + mean(weight(error), frames, ROOT, &keep) * self.root;
+        }
         if self.change > 0.0 {
             let error = change(clean.clone()) - change(truth.clean.clone());
             let squared = mean(weight(error.square()), steps, features, &changes);
@@ -200,5 +219,49 @@ impl Truth {
     fn shares(&self) -> (Tensor<3>, Tensor<3>) {
         let rest: Tensor<3> = 1.0 - self.alpha_cumprod.clone();
         (self.alpha_cumprod.clone().sqrt(), rest.sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use burn::tensor::{Device, TensorData};
+    use lamogen_motion::POSE_FEATURES;
+
+    use super::*;
+
+    #[test]
+    fn the_root_counts_as_much_as_it_is_told() {
+        let device = Device::flex();
+        let (frames, lengths) = (5, [5, 3]);
+        let numbers = |value: &dyn Fn(usize) -> f32| {
+            let values: Vec<f32> = (0..2 * frames * POSE_FEATURES).map(value).collect();
+            Tensor::<3>::from_data(TensorData::new(values, [2, frames, POSE_FEATURES]), &device)
+        };
+        let clean = numbers(&|i| (i as f32 * 0.37).sin());
+        let alphas = Tensor::<3>::from_data(TensorData::new(vec![0.5f32; 2], [2, 1, 1]), &device);
+        let mask = FrameMask::new(&lengths, frames, &device);
+        let truth = Truth::new(clean.clone(), clean.zeros_like(), alphas, mask);
+        // Turning is off by 2 in every frame, padded ones included, and another feature by 1.
+        let off = numbers(&|i| match i % POSE_FEATURES {
+            0 => 2.0,
+            200 => 1.0,
+            _ => 0.0,
+        });
+        let normalization =
+            Normalization::from_slices(&[0.0; POSE_FEATURES], &[1.0; POSE_FEATURES], &device)
+                .unwrap();
+        let total = |root: f64| {
+            let losses = Losses {
+                root,
+                ..Losses::default()
+            };
+            let output = clean.clone() + off.clone();
+            let parts = losses.of(output, &truth, Prediction::Sample, &normalization);
+            parts.total.into_scalar::<f32>()
+        };
+        let prediction = 5.0 / POSE_FEATURES as f32;
+        assert!((total(0.0) - prediction).abs() < 1e-6);
+        // Of four features one is off by 2.
+        assert!((total(3.0) - prediction - 3.0 * 4.0 / 4.0).abs() < 1e-5);
     }
 }
