@@ -189,3 +189,39 @@ fn a_folder_of_bvh_files_is_packed() {
     fails(folder, &["lost", "-o", "other"], 3, "lost");
     assert!(!folder.join("other").exists());
 }
+
+#[test]
+fn variations_are_made_of_a_packed_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("files")).unwrap();
+    walk(60).save_joints(folder.join("files/a.npy")).unwrap();
+    let line = r#"{"file": "a.npy", "captions": ["a person walks"], "split": "train"}"#;
+    std::fs::write(folder.join("captions.txt"), line).unwrap();
+    succeeds(
+        folder,
+        &["files", "--captions", "captions.txt", "--out", "data"],
+    );
+    let vary = ["vary", "data", "--out", "varied", "--count", "2", "--json"];
+    let (result, _) = running::succeeds(folder, &vary);
+    assert_eq!(
+        serde_json::from_str::<Value>(&result).unwrap()["variations"],
+        2
+    );
+    let data = Dataset::open(folder.join("varied"), &LoadOptions::default(), &mut |_| {}).unwrap();
+    let of = |original: &str| {
+        let entries = data.entries().iter();
+        entries
+            .filter(|entry| entry.variation_of.as_deref() == Some(original))
+            .count()
+    };
+    assert_eq!([of("a"), of("Ma"), data.entries().len()], [2, 2, 6]);
+    assert!(!folder.join("varied.work").exists());
+    running::fails(folder, &vary, 4, &["varied"]);
+    running::fails(
+        folder,
+        &["vary", "data", "--out", "other", "--factors", "2,1"],
+        2,
+        &["the smaller first"],
+    );
+}

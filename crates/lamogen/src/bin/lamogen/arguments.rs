@@ -428,6 +428,12 @@ fn fps(text: &str) -> Result<f32, String> {
     rate.ok_or_else(|| "expected 0.001 to 10000 frames a second".into())
 }
 
+fn two_factors(text: &str) -> Result<[f32; 2], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let factors = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+    factors.ok_or_else(|| "expected two factors with a comma, such as 0.35,2.2".into())
+}
+
 fn speed(text: &str) -> Result<f32, String> {
     let speed = text
         .parse()
@@ -623,8 +629,8 @@ pub struct Vary {
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=100))]
     pub count: u16,
     /// The smallest and the largest factor on a component.
-    #[arg(long, value_delimiter = ',', num_args = 2, default_values_t = [0.35, 2.2], value_name = "FACTOR")]
-    pub factors: Vec<f32>,
+    #[arg(long, default_value = "0.35,2.2", value_name = "LEAST,MOST", value_parser = two_factors)]
+    pub factors: [f32; 2],
     /// By what factors are drawn.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

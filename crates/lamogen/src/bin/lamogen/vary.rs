@@ -20,10 +20,9 @@ pub fn run(options: &Vary, console: &Console) -> Result<(), Failure> {
     });
     bar.finish_and_clear();
     let dataset = dataset?;
-    let [least, most] = [options.factors[0], options.factors[1]];
     let variations = VariationOptions {
         count: usize::from(options.count),
-        factors: [least, most],
+        factors: options.factors,
         seed: options.seed,
         ..VariationOptions::default()
     };
