@@ -1,5 +1,7 @@
 //! Whatever a user gets wrong is said clearly, and nothing panics.
 
+mod model_folder;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -254,15 +256,7 @@ fn a_prompt_of_special_tokens_is_text() {
 /// The embedded model as a user's folder.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    for (name, bytes) in [
-        ("config.json", lamogen_compact::CONFIG),
-        ("model.safetensors", lamogen_compact::WEIGHTS),
-        ("tokenizer.json", lamogen_compact::TOKENIZER),
-        ("mean.npy", lamogen_compact::MEAN),
-        ("std.npy", lamogen_compact::STD),
-    ] {
-        std::fs::write(folder.path().join(name), bytes).unwrap();
-    }
+    model_folder::write(folder.path());
     folder
 }
 

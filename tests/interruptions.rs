@@ -1,5 +1,6 @@
 //! The command when it is cut short, cannot say anything, or is given something else than a file.
 
+mod model_folder;
 mod running;
 
 use std::fs::{self, File};
@@ -68,15 +69,7 @@ fn a_model_and_a_file_to_be_like_are_known_by_what_is_in_them() {
     let folder = folder.path();
     let model = folder.join("model");
     fs::create_dir(&model).unwrap();
-    for (name, bytes) in [
-        ("config.json", lamogen_compact::CONFIG),
-        ("model.safetensors", lamogen_compact::WEIGHTS),
-        ("tokenizer.json", lamogen_compact::TOKENIZER),
-        ("mean.npy", lamogen_compact::MEAN),
-        ("std.npy", lamogen_compact::STD),
-    ] {
-        fs::write(model.join(name), bytes).unwrap();
-    }
+    model_folder::write(&model);
     let like = r#"{"prompt": "a person walks", "id": "like", "seconds": 2, "like": "other.npy"}"#;
     requests(folder, &format!("{WALK}\n{like}\n"));
     let other = |seed| {

@@ -68,12 +68,7 @@ pub fn run(
         .collect();
     let real: Vec<Motion> = entries
         .iter()
-        .map(|entry| {
-            let mut rows = Vec::new();
-            dataset.features(entry, 0..entry.frames, &mut rows);
-            let (rows, _) = rows.as_chunks();
-            Motion::from_pose_features(rows.to_vec())
-        })
+        .map(|entry| dataset.motion(entry))
         .collect::<Result<_, _>>()?;
     let (real, embedded) = judged(&judge, &entries, &real, None)?;
     let mut generated = Vec::new();

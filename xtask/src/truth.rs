@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen::{Body, Guidance, Motion, Request};
+use lamogen::{Body, Guidance, Request};
 use lamogen_data::{Dataset, Entry, LoadOptions, Split};
 use lamogen_eval::truth::{
     Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, captioned, evidence,
@@ -231,10 +231,7 @@ fn clips<'a>(
     entries: impl IntoIterator<Item = &'a Entry>,
 ) -> Result<Vec<Clip>, Box<dyn Error>> {
     let clips = entries.into_iter().map(|entry| {
-        let mut rows = Vec::new();
-        dataset.features(entry, 0..entry.frames, &mut rows);
-        let (rows, _) = rows.as_chunks();
-        let motion = Motion::from_pose_features(rows.to_vec())?;
+        let motion = dataset.motion(entry)?;
         let captions = entry.captions.iter().map(|caption| caption.text.clone());
         Ok(Clip {
             name: entry.name.clone(),

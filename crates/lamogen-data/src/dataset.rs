@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_motion::{FeatureGroup, Normalization, POSE_FEATURES};
+use lamogen_motion::{FeatureGroup, Motion, MotionError, Normalization, POSE_FEATURES};
 
 use crate::entry::Entry;
 use crate::error::DataError;
@@ -226,6 +226,21 @@ impl Dataset {
     /// If the frames are not within the entry, or it is of another data set.
     pub fn features(&self, entry: &Entry, frames: Range<usize>, out: &mut Vec<f32>) {
         self.append(entry, frames, out, |row| row);
+    }
+
+    /// An entry as a motion.
+    ///
+    /// # Errors
+    ///
+    /// If its rows give positions that are not finite.
+    ///
+    /// # Panics
+    ///
+    /// If it is of another data set.
+    pub fn motion(&self, entry: &Entry) -> Result<Motion, MotionError> {
+        let mut rows = Vec::new();
+        self.features(entry, 0..entry.frames, &mut rows);
+        Motion::from_pose_features(rows.as_chunks().0.to_vec())
     }
 
     /// As [`features`](Self::features), normalised: `(x - mean) / std`.

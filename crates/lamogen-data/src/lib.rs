@@ -12,6 +12,7 @@
 
 mod checksum;
 mod dataset;
+mod derived;
 mod entry;
 mod error;
 mod form;

@@ -1,13 +1,12 @@
 //! The same movement faster or slower.
 
-use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, Motion, POSE_FEATURES, encode};
+use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, POSE_FEATURES, encode_every_frame};
 use rayon::prelude::*;
 
 use crate::dataset::Dataset;
+use crate::derived::Siblings;
 use crate::entry::Entry;
 use crate::options::LoadOptions;
-use crate::problems::ProblemKind;
-use crate::rows::to_half;
 use crate::split::Split;
 
 /// Beginnings of words that say how fast something is done.
@@ -42,42 +41,19 @@ impl Dataset {
         let work: Vec<(usize, f32)> = { originals.iter() }
             .flat_map(|&place| speeds.iter().map(move |&speed| (place, speed)))
             .collect();
-        let made: Vec<Option<Vec<[f32; POSE_FEATURES]>>> = { work.par_iter() }
+        let made: Vec<Vec<[f32; POSE_FEATURES]>> = { work.par_iter() }
             .map(|&(place, speed)| self.at_speed(&self.entries[place], speed))
             .collect();
+        let siblings = Siblings::of(&self.entries);
         for ((place, speed), rows) in work.into_iter().zip(made) {
-            let original = self.entries[place].clone();
-            let frames = rows.as_ref().map_or(0, Vec::len);
-            if !(limits.min_frames..=limits.max_frames).contains(&frames) {
+            if !(limits.min_frames..=limits.max_frames).contains(&rows.len()) {
                 continue;
             }
-            let rows = rows.expect("has frames");
-            let rows = match to_half(rows.as_flattened()) {
-                Ok(rows) => rows,
-                Err(at) => {
-                    let reason = format!("row {} is beyond 16 bits", at / POSE_FEATURES);
-                    let name = format!("{}@{speed}", original.name);
-                    self.problems.add(name, ProblemKind::NotFinite, reason);
-                    continue;
-                }
-            };
-            let (clip, start) = (self.rows.clips(), self.rows.len());
-            self.rows.push(&rows);
-            let of = |entry: &Entry| Entry {
-                name: format!("{}@{speed}", entry.name),
+            let ending = format!("@{speed}");
+            self.add_derived((place, &siblings), &rows, &ending, |entry| Entry {
                 note: Some(format!("{speed} times as fast")),
-                frames,
-                clip,
-                start,
                 ..entry.clone()
-            };
-            let is_of_the_same =
-                |entry: &&Entry| entry.variation_of.is_none() && entry.rows() == original.rows();
-            let added: Vec<Entry> = { self.entries.iter() }
-                .filter(is_of_the_same)
-                .map(of)
-                .collect();
-            self.entries.extend(added);
+            });
         }
         self
     }
@@ -99,21 +75,14 @@ impl Dataset {
     }
 
     /// The rows of a motion at another speed; none where it is no motion.
-    fn at_speed(&self, entry: &Entry, speed: f32) -> Option<Vec<[f32; POSE_FEATURES]>> {
-        let mut rows = Vec::new();
-        self.features(entry, 0..entry.frames, &mut rows);
-        let motion = Motion::from_pose_features(rows.as_chunks().0.to_vec()).ok()?;
-        let rotations = motion.rotations().resampled(FRAMES_PER_SECOND / speed);
-        let mut joints = rotations.joints();
-        // There is a row for every step; the last one goes on as the one before.
-        let [.., before, last] = &joints[..] else {
-            return None;
-        };
-        let next = std::array::from_fn(|joint| {
-            std::array::from_fn(|axis| 2.0 * last[joint][axis] - before[joint][axis])
-        });
-        joints.push(next);
-        Some(encode(&joints))
+    fn at_speed(&self, entry: &Entry, speed: f32) -> Vec<[f32; POSE_FEATURES]> {
+        self.motion(entry).map_or_else(
+            |_| Vec::new(),
+            |motion| {
+                let rotations = motion.rotations().resampled(FRAMES_PER_SECOND / speed);
+                encode_every_frame(&rotations.joints())
+            },
+        )
     }
 }
 

@@ -3,9 +3,8 @@
 use lamogen_motion::POSE_FEATURES;
 
 use crate::dataset::Dataset;
+use crate::derived::Siblings;
 use crate::entry::Entry;
-use crate::problems::ProblemKind;
-use crate::rows::to_half;
 
 /// A variation of a motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,50 +26,29 @@ impl Dataset {
     ///
     /// If there is no such entry, it is a mirror image or a variation itself, or has another number of rows.
     pub fn with_variations(mut self, variations: impl IntoIterator<Item = Variation>) -> Self {
+        let siblings = Siblings::of(&self.entries);
         let mut counts = vec![0; self.entries.len()];
-        for variation in variations {
-            let original = &self.entries[variation.entry];
+        for Variation { entry, rows, note } in variations {
+            let original = &self.entries[entry];
             assert!(
                 !original.mirror && original.variation_of.is_none(),
                 "`{}` is an original",
                 original.name
             );
             assert_eq!(
-                variation.rows.len(),
+                rows.len(),
                 original.frames,
                 "rows of a variation of `{}`",
                 original.name
             );
-            counts[variation.entry] += 1;
-            let count = counts[variation.entry];
-            let rows = match to_half(variation.rows.as_flattened()) {
-                Ok(rows) => rows,
-                Err(place) => {
-                    let name = format!("{}~{count}", original.name);
-                    let row = place / POSE_FEATURES;
-                    let reason = format!("row {row} of a variation is beyond 16 bits");
-                    self.problems.add(name, ProblemKind::NotFinite, reason);
-                    continue;
-                }
-            };
-            let (clip, start) = (self.rows.clips(), self.rows.len());
-            self.rows.push(&rows);
-            let of = |entry: &Entry| Entry {
-                name: format!("{}~{count}", entry.name),
+            counts[entry] += 1;
+            let ending = format!("~{}", counts[entry]);
+            self.add_derived((entry, &siblings), &rows, &ending, |entry| Entry {
                 variation_of: Some(entry.name.clone()),
-                note: Some(variation.note.clone()),
+                note: Some(note.clone()),
                 captions: entry.captions[..1].to_vec(),
-                clip,
-                start,
                 ..entry.clone()
-            };
-            let is_of_the_same =
-                |entry: &&Entry| entry.variation_of.is_none() && entry.rows() == original.rows();
-            let added: Vec<Entry> = { self.entries.iter() }
-                .filter(is_of_the_same)
-                .map(of)
-                .collect();
-            self.entries.extend(added);
+            });
         }
         self
     }

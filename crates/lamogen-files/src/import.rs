@@ -103,8 +103,7 @@ pub(crate) fn import(
             seconds,
         });
     }
-    // Half a thousandth of a frame: the time of a frame is often cut to a few digits.
-    let frames = (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1;
+    let frames = frames_of(seconds);
     let (poses, turns): (Vec<_>, Vec<_>) = (0..frames)
         .map(|frame| {
             let source_frame = frame as f64 / f64::from(FRAMES_PER_SECOND) * rate;
@@ -145,6 +144,12 @@ pub(crate) fn import(
         other_animations: Vec::new(),
         placed: body.placed(),
     })
+}
+
+/// How many frames at [`FRAMES_PER_SECOND`] lie within so many seconds, the first included.
+pub(crate) fn frames_of(seconds: f64) -> usize {
+    // Half a thousandth of a frame: the time of a frame is often cut to a few digits.
+    (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1
 }
 
 /// The frame rate, whole if it nearly is: 0.0083333 s a frame are 120 frames a second.

@@ -6,7 +6,7 @@ use lamogen_motion::npy;
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
 
 use crate::error::ReadError;
-use crate::import::{Imported, ReadOptions};
+use crate::import::{Imported, ReadOptions, frames_of};
 use crate::plausibility::notices;
 use crate::units::{Unit, Up};
 
@@ -164,7 +164,7 @@ fn from_joints(rows: &[f32], joints: usize, unit: Unit, up: Up) -> Result<Motion
 fn resampled(motion: &Motion, rate: f32) -> Result<Motion, MotionError> {
     let poses = motion.joints();
     let seconds = (poses.len() - 1) as f64 / f64::from(rate);
-    let frames = (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1;
+    let frames = frames_of(seconds);
     let pose = |frame: usize| {
         let place = frame as f64 / f64::from(FRAMES_PER_SECOND) * f64::from(rate);
         let first = (place as usize).min(poses.len() - 1);

@@ -64,6 +64,17 @@ pub fn encode_canonical(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
     rows(&place(poses.iter().map(points).collect()))
 }
 
+/// As [`encode`], with as many rows as there are frames: after the last frame the motion goes on as before it. None for fewer than two frames.
+pub fn encode_every_frame(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
+    let [.., before, last] = poses else {
+        return Vec::new();
+    };
+    let next = std::array::from_fn(|joint| {
+        std::array::from_fn(|axis| 2.0 * last[joint][axis] - before[joint][axis])
+    });
+    encode(&[poses, &[next]].concat())
+}
+
 fn rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
     let headings = headings(poses);
     let steps = poses.windows(2).zip(headings.windows(2));

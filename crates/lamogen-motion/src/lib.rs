@@ -23,7 +23,7 @@ mod rotations;
 mod skeleton;
 mod turning;
 
-pub use encode::{canonical, encode, encode_canonical};
+pub use encode::{canonical, encode, encode_canonical, encode_every_frame};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;
 pub use joints::joints;

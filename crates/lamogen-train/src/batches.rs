@@ -23,8 +23,6 @@ pub(crate) struct Batches {
     laban_share: f64,
     phrasings: bool,
     buckets: Vec<Bucket>,
-    /// All variations, those of an entry side by side.
-    variations: Vec<usize>,
     /// Sums of the buckets' weights, each with those before it.
     weights: Vec<f64>,
 }
@@ -38,13 +36,13 @@ struct Bucket {
     longest: usize,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Candidate {
     entry: usize,
     frames: usize,
     captions: usize,
-    /// Its variations: where they begin among all of them, and how many there are.
-    variations: (usize, usize),
+    /// Which entries are variations of it.
+    variations: Vec<usize>,
 }
 
 /// A motion of a batch.
@@ -80,19 +78,15 @@ impl Batches {
         let mut sorted = candidates(dataset, *lengths.start(), config.source_balance);
         sorted.sort_by_key(|&(entry, _)| (frames(entry), entry));
         let size = sorted.len().div_ceil(config.length_buckets);
-        let varied = variations(dataset);
-        let mut all_variations = Vec::new();
+        let mut varied = variations(dataset);
         let mut bucket = |candidates: &[(usize, f64)]| {
             let entries = candidates.iter().map(|&(place, _)| {
                 let entry = &dataset.entries()[place];
-                let own = varied.get(&*entry.name).map_or(&[][..], Vec::as_slice);
-                let variations = (all_variations.len(), own.len());
-                all_variations.extend_from_slice(own);
                 Candidate {
                     entry: place,
                     frames: entry.frames,
                     captions: entry.captions.len(),
-                    variations,
+                    variations: varied.remove(&*entry.name).unwrap_or_default(),
                 }
             });
             let (longest, _) = candidates.last().expect("chunks are not empty");
@@ -117,7 +111,6 @@ impl Batches {
             phrasings: config.phrasings > 0,
             weights,
             buckets,
-            variations: all_variations,
         })
     }
 
@@ -128,10 +121,10 @@ impl Batches {
 
     /// Which entries are dealt out, variations included.
     pub(crate) fn entries(&self) -> impl Iterator<Item = usize> {
-        let buckets = self.buckets.iter();
-        let originals =
-            buckets.flat_map(|bucket| bucket.entries.iter().map(|candidate| candidate.entry));
-        originals.chain(self.variations.iter().copied())
+        let candidates = self.buckets.iter().flat_map(|bucket| &bucket.entries);
+        candidates.flat_map(|candidate| {
+            std::iter::once(candidate.entry).chain(candidate.variations.iter().copied())
+        })
     }
 
     /// The batch of a step.
@@ -141,7 +134,7 @@ impl Batches {
         let count = (self.frames_per_batch / (bucket.longest * self.noises)).max(1);
         let mut visits = Vec::with_capacity(count * self.noises);
         for _ in 0..count {
-            let candidate = bucket.entries[pick(&bucket.weights, &mut generator)];
+            let candidate = &bucket.entries[pick(&bucket.weights, &mut generator)];
             let lengths = self.lengths.clone();
             let frames = cut(candidate.frames, self.crop, lengths, 1, &mut generator);
             let caption = generator.random_range(0..candidate.captions as u64) as usize;
@@ -159,12 +152,12 @@ impl Batches {
                     false => [false; LABAN_FEATURES],
                 };
                 // A variation is only shown with all that sets it apart.
-                let (first, count) = candidate.variations;
-                let is_told = laban != [false; LABAN_FEATURES];
-                let (motion, laban) = match is_told && count > 0 && generator.random_bool(VARIED) {
+                let variations = &candidate.variations;
+                let may_be_varied = laban != [false; LABAN_FEATURES] && !variations.is_empty();
+                let (motion, laban) = match may_be_varied && generator.random_bool(VARIED) {
                     true => {
-                        let which = generator.random_range(0..count as u64) as usize;
-                        (self.variations[first + which], [true; LABAN_FEATURES])
+                        let which = generator.random_range(0..variations.len() as u64) as usize;
+                        (variations[which], [true; LABAN_FEATURES])
                     }
                     false => (candidate.entry, laban),
                 };
@@ -248,11 +241,10 @@ mod tests {
             laban_share: 0.5,
             phrasings: false,
             buckets: vec![Bucket {
-                entries: vec![candidate(0, (0, 2)), candidate(1, (2, 0))],
+                entries: vec![candidate(0, vec![5, 6]), candidate(1, vec![])],
                 weights: vec![1.0, 2.0],
                 longest: 50,
             }],
-            variations: vec![5, 6],
             weights: vec![1.0],
         };
         let (mut varied, mut told) = (0, 0);

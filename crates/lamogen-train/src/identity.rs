@@ -1,8 +1,12 @@
 //! What a run is, so that a folder is not gone on with by another.
 
+use std::io::{self, Write};
+use std::path::Path;
+
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 use lamogen_data::{Checksum, Dataset};
+use lamogen_motion::write_atomically;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -60,6 +64,41 @@ impl ModuleVisitor for Weights {
         for value in values.expect("floats convert to f32") {
             self.0.add(&value.to_le_bytes());
         }
+    }
+}
+
+/// Why work does not go on in a folder.
+pub(crate) enum ClaimError {
+    /// Its note cannot be read or written.
+    Io(io::Error),
+    /// Its note is not JSON.
+    Format(serde_json::Error),
+    /// It holds other work: where the notes differ and what was found there, each as `place = value`.
+    Other { expected: String, found: String },
+}
+
+/// Notes in a file what the work in its folder is, or compares it with what was noted.
+pub(crate) fn claim(path: &Path, identity: &Value) -> Result<(), ClaimError> {
+    let bytes = match std::fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let text = serde_json::to_string_pretty(identity).expect("values are JSON");
+            return write_atomically(path, |file| file.write_all(text.as_bytes()))
+                .map_err(ClaimError::Io);
+        }
+        bytes => bytes.map_err(ClaimError::Io)?,
+    };
+    let noted: Value = serde_json::from_slice(&bytes).map_err(ClaimError::Format)?;
+    // Both through the same reader, which may lose the last bit of a number.
+    let text = identity.to_string();
+    let identity: Value = serde_json::from_str(&text).expect("just written");
+    // What is made tells more than how.
+    let what = first_difference("what", &identity["what"], &noted["what"]);
+    match what.or_else(|| first_difference("", &identity, &noted)) {
+        None => Ok(()),
+        Some((place, expected, found)) => Err(ClaimError::Other {
+            expected: format!("{place} = {expected}"),
+            found: format!("{place} = {found}"),
+        }),
     }
 }
 

@@ -9,18 +9,16 @@
 //! ```
 
 use std::fs::{self, File, TryLockError};
-use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
-use lamogen_motion::write_atomically;
 use serde_json::Value;
 
 use crate::checkpoint::{self, Checkpoints, Progress};
 use crate::error::TrainError;
-use crate::identity::first_difference;
+use crate::identity::{ClaimError, claim};
 use crate::log::{Log, LogLine};
 use crate::task::Task;
 use crate::trainer::{StepReport, Trainer};
@@ -287,29 +285,16 @@ fn lock(folder: &Path) -> Result<File, TrainError> {
 /// Notes what a run is, or compares it with what was noted.
 fn check_identity(folder: &Path, identity: &Value) -> Result<(), TrainError> {
     let path = folder.join("run.json");
-    let bytes = match fs::read(&path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            let text = serde_json::to_string_pretty(identity).expect("values are JSON");
-            return write_atomically(&path, |file| file.write_all(text.as_bytes()))
-                .map_err(|reason| TrainError::io(&path, reason));
-        }
-        bytes => bytes.map_err(|reason| TrainError::io(&path, reason))?,
-    };
-    let noted: Value = serde_json::from_slice(&bytes).map_err(|reason| TrainError::Checkpoint {
-        path: path.clone(),
-        problem: reason.to_string(),
-    })?;
-    // Both through the same reader, which may lose the last bit of a number.
-    let text = identity.to_string();
-    let identity: Value = serde_json::from_str(&text).expect("just written");
-    // What is trained tells more than how.
-    let what = first_difference("what", &identity["what"], &noted["what"]);
-    match what.or_else(|| first_difference("", &identity, &noted)) {
-        None => Ok(()),
-        Some((place, expected, found)) => Err(TrainError::OtherRun {
+    claim(&path, identity).map_err(|error| match error {
+        ClaimError::Io(reason) => TrainError::io(&path, reason),
+        ClaimError::Format(reason) => TrainError::Checkpoint {
+            problem: reason.to_string(),
             path,
-            expected: format!("{place} = {expected}"),
-            found: format!("{place} = {found}"),
-        }),
-    }
+        },
+        ClaimError::Other { expected, found } => TrainError::OtherRun {
+            path,
+            expected,
+            found,
+        },
+    })
 }

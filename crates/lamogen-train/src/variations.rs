@@ -8,7 +8,6 @@
 //! Captions nearly tell which motion is meant, and so how strong or sudden it is: a network that is told the Laban features beside them
 //! has no need to listen. Of a variation the caption says the same and the features say otherwise.
 
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -17,12 +16,13 @@ use lamogen_data::{Dataset, Split, Variation};
 use lamogen_guide::{Guidance, GuideError, Rig};
 use lamogen_laban::{Component, Goals, Scale, ScaleError};
 use lamogen_motion::npy::{self, NpyError};
-use lamogen_motion::{Motion, MotionError, POSE_FEATURES, encode, write_atomically};
+use lamogen_motion::{Motion, MotionError, POSE_FEATURES, encode_every_frame};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::identity::{ClaimError, claim};
 use crate::sampling::stream;
 
 /// What variations are made.
@@ -107,7 +107,7 @@ pub fn vary(
             !entry.mirror && entry.variation_of.is_none()
         })
         .collect();
-    claim(dataset, options, &entries, work)?;
+    claim_folder(dataset, options, &entries, work)?;
     let done = std::sync::atomic::AtomicUsize::new(0);
     let stopped = std::sync::atomic::AtomicBool::new(false);
     let order = std::sync::atomic::Ordering::Relaxed;
@@ -205,14 +205,11 @@ fn vary_one(
     options: &VariationOptions,
 ) -> Result<Vec<Rows>, VariationError> {
     let entry = &dataset.entries()[place];
-    let mut rows = Vec::new();
-    dataset.features(entry, 0..entry.frames, &mut rows);
-    let (rows, _) = rows.as_chunks();
     let broken = |reason| VariationError::Motion {
         name: entry.name.clone(),
         reason,
     };
-    let motion = Motion::from_pose_features(rows.to_vec()).map_err(broken)?;
+    let motion = dataset.motion(entry).map_err(broken)?;
     let mut guidance = Guidance::precise();
     guidance.fit.goal_evaluations = options.evaluations;
     let device = Device::flex();
@@ -232,47 +229,37 @@ fn vary_one(
                 name: entry.name.clone(),
                 reason,
             })?;
-        let mut joints = guided.rotations[0].joints();
-        // There is a row for every step; the last one goes on as the one before.
-        let [.., before, last] = &joints[..] else {
-            unreachable!("motions for training have several frames");
-        };
-        let next = std::array::from_fn(|joint| {
-            std::array::from_fn(|axis| 2.0 * last[joint][axis] - before[joint][axis])
-        });
-        joints.push(next);
-        variations.push(encode(&joints));
+        variations.push(encode_every_frame(&guided.rotations[0].joints()));
     }
     Ok(variations)
 }
 
 /// Notes in the folder whose work it holds, or compares it with what is noted.
-fn claim(
+fn claim_folder(
     dataset: &Dataset,
     options: &VariationOptions,
     entries: &[usize],
     work: &Path,
 ) -> Result<(), VariationError> {
-    let io = |path: &Path| {
-        let path = path.to_owned();
-        move |reason| VariationError::Io { path, reason }
+    let io = |path: &Path, reason| VariationError::Io {
+        path: path.to_owned(),
+        reason,
     };
-    std::fs::create_dir_all(work).map_err(io(work))?;
+    std::fs::create_dir_all(work).map_err(|reason| io(work, reason))?;
     let path = work.join("variations.json");
     let frames: usize = { entries.iter() }
         .map(|&entry| dataset.entries()[entry].frames)
         .sum();
     let own = json!({ "options": options, "motions": entries.len(), "frames": frames });
-    let own = own.to_string();
-    match std::fs::read_to_string(&path) {
-        Ok(found) if found == own => Ok(()),
-        Ok(found) => Err(VariationError::OtherWork {
+    claim(&path, &own).map_err(|error| match error {
+        ClaimError::Io(reason) => io(&path, reason),
+        ClaimError::Format(reason) => io(&path, reason.into()),
+        ClaimError::Other { expected, found } => VariationError::OtherWork {
             path: work.to_owned(),
-            expected: own,
+            expected,
             found,
-        }),
-        Err(_) => write_atomically(&path, |file| file.write_all(own.as_bytes())).map_err(io(&path)),
-    }
+        },
+    })
 }
 
 fn write(path: &Path, variations: &[Rows]) -> Result<(), VariationError> {

@@ -9,7 +9,7 @@ use lamogen_model::{Denoiser, KnownWords, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, RequestError, Which};
-use crate::groups::{Group, assign};
+use crate::groups::{Group, assign, in_batches};
 use crate::licence::Licence;
 use crate::request::Request;
 use crate::run::Run;
@@ -304,28 +304,15 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
-        let wrong = |index| {
-            move |reason| Error::Request {
-                which: Which::new(requests, index),
-                reason,
-            }
-        };
-        let mut order: Vec<usize> = (0..requests.len()).collect();
-        if self.batch_size > 1 {
-            // Motions of nearly the same length together: what a batch pads is computed as well. The first wrong request is still the one
-            // that is named.
-            for (index, request) in requests.iter().enumerate() {
-                self.check(request).map_err(wrong(index))?;
-            }
-            let [shortest, longest] = [self.network.min_frames(), self.network.max_frames()];
-            order.sort_by_key(|&index| requests[index].length.frames(shortest, longest).ok());
-        }
         let mut groups = Vec::new();
-        for index in order {
-            self.join(&mut groups, index, &requests[index])
-                .map_err(wrong(index))?;
+        for (index, request) in requests.iter().enumerate() {
+            self.join(&mut groups, index, request)
+                .map_err(|reason| Error::Request {
+                    which: Which::new(requests, index),
+                    reason,
+                })?;
         }
-        Ok(groups)
+        Ok(in_batches(groups, self.batch_size))
     }
 
     fn join(
@@ -339,7 +326,7 @@ impl<D: Denoiser> LaMoGen<D> {
             (index, request),
             &self.network,
             &self.tokenizer,
-            (self.preset, self.batch_size),
+            self.preset,
         )
     }
 }

@@ -50,13 +50,33 @@ impl Group {
     }
 }
 
+/// The groups in parts of so many motions at most, those with the first requests first. Within a group motions of nearly the same length come
+/// together, because what a batch pads is computed as well.
+pub(crate) fn in_batches(groups: Vec<Group>, largest: usize) -> Vec<Group> {
+    let parts = groups.into_iter().flat_map(|mut group| {
+        if largest > 1 {
+            group.jobs.sort_by_key(|job| job.frames);
+        }
+        let jobs = group.jobs.chunks(largest);
+        let part = |jobs: &[Job]| Group {
+            jobs: jobs.to_vec(),
+            guidance: group.guidance.clone(),
+            ..group
+        };
+        jobs.map(part).collect::<Vec<_>>()
+    });
+    let mut parts: Vec<Group> = parts.collect();
+    parts.sort_by_key(|group| group.jobs.iter().map(|job| job.request).min());
+    parts
+}
+
 /// Checks a request and assigns it to a group, a new one if it can join none.
 pub(crate) fn assign(
     groups: &mut Vec<Group>,
     (index, request): (usize, &Request),
     model: &impl Denoiser,
     tokenizer: &Tokenizer,
-    (default, largest): (Preset, usize),
+    default: Preset,
 ) -> Result<(), RequestError> {
     if request.prompt.trim().is_empty() {
         return Err(RequestError::EmptyPrompt);
@@ -103,10 +123,7 @@ pub(crate) fn assign(
         goals,
     };
     let joins = |group: &&mut Group| {
-        group.steps == steps
-            && group.is_guided == is_guided
-            && group.guidance == guidance
-            && group.jobs.len() < largest
+        group.steps == steps && group.is_guided == is_guided && group.guidance == guidance
     };
     match groups.iter_mut().find(joins) {
         Some(group) => group.jobs.push(job),

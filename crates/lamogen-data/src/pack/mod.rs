@@ -59,6 +59,17 @@ impl Default for PackOptions {
     }
 }
 
+impl PackOptions {
+    /// Which lengths motions of a data set may have.
+    fn limits(&self) -> LoadOptions {
+        let usual = LoadOptions::default();
+        LoadOptions {
+            min_frames: self.min_frames,
+            max_frames: self.max_frames.unwrap_or(usual.max_frames),
+        }
+    }
+}
+
 /// The longest window that motion files are cut into, in frames.
 const WINDOW: usize = 196;
 
@@ -105,11 +116,7 @@ fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dat
         }
     }
     if !options.speeds.is_empty() {
-        let limits = LoadOptions {
-            min_frames: options.min_frames,
-            max_frames: { options.max_frames }.unwrap_or(LoadOptions::default().max_frames),
-        };
-        dataset = dataset.with_speeds(&options.speeds, &limits);
+        dataset = dataset.with_speeds(&options.speeds, &options.limits());
     }
     dataset.save(out, options.force)?;
     Ok(dataset)
@@ -154,13 +161,7 @@ fn opened(
             folder: source.to_owned(),
         });
     }
-    let limits = LoadOptions {
-        min_frames: options.min_frames,
-        max_frames: options
-            .max_frames
-            .unwrap_or(LoadOptions::default().max_frames),
-    };
-    let mut dataset = Dataset::open(source, &limits, observer)?;
+    let mut dataset = Dataset::open(source, &options.limits(), observer)?;
     if options.mirror {
         let mirrored = mirrored(&dataset.entries);
         dataset.entries.extend(mirrored);

@@ -255,23 +255,6 @@ pub enum PresetName {
 }
 
 impl PresetName {
-    pub fn name(self) -> &'static str {
-        match self {
-            PresetName::Precise => "precise",
-            PresetName::Fast => "fast",
-            PresetName::Paper => "paper",
-        }
-    }
-
-    /// The name of what a model runs with.
-    pub fn of(preset: Preset) -> PresetName {
-        match preset {
-            Preset::Precise => PresetName::Precise,
-            Preset::Fast => PresetName::Fast,
-            Preset::Paper => PresetName::Paper,
-        }
-    }
-
     pub fn preset(self) -> Preset {
         match self {
             PresetName::Precise => Preset::Precise,

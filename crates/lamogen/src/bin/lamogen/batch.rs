@@ -202,7 +202,7 @@ impl Work<'_> {
             "model": self.source.name,
             "weights": self.source.checksum(),
             "like": item.like_checksum(),
-            "preset": pass.preset.map(|preset| preset.name()),
+            "preset": pass.preset.map(|name| name.preset().name()),
             "steps": pass.steps,
             "emphasis": pass.emphasis,
             "body": pass.body.map(|body| body.name()),

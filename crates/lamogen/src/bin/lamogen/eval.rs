@@ -23,17 +23,17 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use lamogen::Preset;
 use lamogen::motion::remove_stale_temporaries;
 use lamogen::motion::write_atomically;
-use lamogen::{Motion, Preset};
-use lamogen_data::{Checksum, Dataset, Entry, LoadOptions};
+use lamogen_data::{Checksum, Entry, LoadOptions};
 use lamogen_eval::{Embeddings, Judge};
 use serde_json::{Value, json};
 
-use crate::arguments::{Eval, PresetName};
+use crate::arguments::Eval;
 use crate::console::Console;
+use crate::dataset;
 use crate::failure::{Code, Failure};
-use crate::pack::tell_problems;
 use crate::source::{Source, device};
 pub use measure::Measure;
 use plan::{Basis, Cell, Places, Plan, Prompt};
@@ -154,8 +154,7 @@ fn prompts(
         min_frames: *lengths.start(),
         max_frames: LoadOptions::default().max_frames.max(longest),
     };
-    let data = Dataset::open(&options.data, &limits, &mut |_| ())?;
-    tell_problems(data.problems(), console);
+    let data = dataset::open(&options.data, &limits, console)?;
     let entries: Vec<&Entry> = data
         .split(options.split)
         .filter(|entry| !entry.mirror && lengths.contains(&entry.frames))
@@ -181,18 +180,13 @@ fn prompts(
         );
         return Err(Failure::new(Code::Input, message));
     }
-    let features = entries.iter().map(|entry| {
-        let mut rows = Vec::new();
-        data.features(entry, 0..entry.frames, &mut rows);
-        rows
-    });
-    let subject = |rows: Vec<f32>| {
-        let motion = Motion::from_pose_features(rows.as_chunks().0.to_vec());
-        let motion = motion.map_err(|error| error.to_string())?;
+    let subject = |entry: &&Entry| {
+        let motion = data.motion(entry).map_err(|error| error.to_string())?;
         let subject = options.measure.subject(&motion)?;
         Ok((subject.features(), subject.body()))
     };
-    let subjects: Result<(Vec<Vec<f32>>, Vec<Body>), String> = features.map(subject).collect();
+    let subjects: Result<(Vec<Vec<f32>>, Vec<Body>), String> =
+        entries.iter().map(subject).collect();
     let (features, bodies) = subjects.map_err(|error| Failure::new(Code::Input, error))?;
     let real = Real {
         points: judge.motions(&features).map_err(unjudged)?,
@@ -315,7 +309,7 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
         "text_scale": work.source.model.text_scale(),
         "prompts": work.prompts.len(),
         "data": format!("{:016x}", data.value()),
-        "preset": PresetName::of(preset).name(),
+        "preset": preset.name(),
         "steps": plan.basis.steps(),
         "embedding_steps": plan.basis.steps_of(Preset::Fast),
         "noise_steps": noise_steps,

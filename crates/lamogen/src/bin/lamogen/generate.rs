@@ -137,7 +137,7 @@ pub fn facts(
     pass: &PassArguments,
     source: &Source,
 ) -> Map<String, Value> {
-    let preset = pass.preset.unwrap_or(PresetName::of(source.model.preset()));
+    let preset = { pass.preset }.map_or(source.model.preset(), PresetName::preset);
     let licence = source.model.licence().map(ToString::to_string);
     let facts = json!({
         "prompt": prompt,
@@ -147,9 +147,9 @@ pub fn facts(
         "model": source.name,
         "licence": licence,
         "preset": preset.name(),
-        "steps": pass.steps.unwrap_or(preset.preset().steps()),
+        "steps": pass.steps.unwrap_or(preset.steps()),
         "emphasis": pass.emphasis,
-        "body": pass.body.unwrap_or(BodyName::of(preset.preset().guidance().body)).name(),
+        "body": pass.body.unwrap_or(BodyName::of(preset.guidance().body)).name(),
         "coherence": source.coherence_frames(),
         "text_scale": source.model.text_scale(),
         "cut_tokens": generation.cut_tokens,

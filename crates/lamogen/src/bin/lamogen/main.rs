@@ -16,6 +16,7 @@ mod arguments;
 mod batch;
 mod console;
 mod convert;
+mod dataset;
 mod devices;
 mod each;
 mod eval;

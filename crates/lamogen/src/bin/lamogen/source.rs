@@ -1,6 +1,7 @@
 //! The model that a command works with.
 
 use std::cell::OnceCell;
+use std::path::PathBuf;
 
 use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
@@ -15,8 +16,8 @@ pub struct Source {
     pub model: LaMoGen,
     /// `embedded`, or its folder.
     pub name: String,
-    /// The `tokenizer.json`; empty for CLIP's own.
-    tokenizer: Vec<u8>,
+    /// The model's folder; none for the embedded one.
+    folder: Option<PathBuf>,
     checksum: OnceCell<String>,
 }
 
@@ -33,14 +34,14 @@ impl Source {
                 Source {
                     model: LaMoGen::load(folder, &device)?,
                     name: folder.display().to_string(),
-                    tokenizer: std::fs::read(folder.join("tokenizer.json")).unwrap_or_default(),
+                    folder: Some(folder.clone()),
                     checksum: OnceCell::new(),
                 }
             }
             None => Source {
                 model: embedded(&device)?,
                 name: EMBEDDED.into(),
-                tokenizer: Vec::new(),
+                folder: None,
                 checksum: OnceCell::new(),
             },
         };
@@ -64,7 +65,10 @@ impl Source {
             for number in self.model.normalization().values().concat() {
                 sum.add(&number.to_le_bytes());
             }
-            sum.add(&self.tokenizer);
+            // CLIP's own has no file.
+            let tokenizer = self.folder.as_ref();
+            let tokenizer = tokenizer.map(|folder| std::fs::read(folder.join("tokenizer.json")));
+            sum.add(&tokenizer.and_then(Result::ok).unwrap_or_default());
             format!("{:016x}", sum.value())
         })
     }

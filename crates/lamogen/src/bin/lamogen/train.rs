@@ -30,8 +30,8 @@ use serde_json::{Value, json};
 
 use crate::arguments::Train;
 use crate::console::Console;
+use crate::dataset;
 use crate::failure::{Code, Failure};
-use crate::pack::tell_problems;
 use watch::Watch;
 
 /// The vocabulary of CLIP, whose tokenizer is part of the program.
@@ -102,15 +102,7 @@ fn open(
         min_frames: *lengths.start(),
         max_frames: usual.max_frames.max(*lengths.end()),
     };
-    let bar = console.bar("files");
-    let dataset = Dataset::open(&options.data, &limits, &mut |progress| {
-        bar.set_length(progress.all as u64);
-        bar.set_position(progress.done as u64);
-    });
-    bar.finish_and_clear();
-    let dataset = dataset?;
-    tell_problems(dataset.problems(), console);
-    Ok(dataset)
+    dataset::open(&options.data, &limits, console)
 }
 
 /// The tokens that a network knows.

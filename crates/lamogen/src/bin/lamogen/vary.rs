@@ -9,17 +9,12 @@ use serde_json::json;
 
 use crate::arguments::Vary;
 use crate::console::Console;
+use crate::dataset;
 use crate::failure::Failure;
 use crate::pack::tell_problems;
 
 pub fn run(options: &Vary, console: &Console) -> Result<(), Failure> {
-    let bar = console.bar("files");
-    let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |progress| {
-        bar.set_length(progress.all as u64);
-        bar.set_position(progress.done as u64);
-    });
-    bar.finish_and_clear();
-    let dataset = dataset?;
+    let dataset = dataset::open(&options.data, &LoadOptions::default(), console)?;
     let variations = VariationOptions {
         count: usize::from(options.count),
         factors: options.factors,

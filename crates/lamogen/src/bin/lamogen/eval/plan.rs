@@ -359,7 +359,7 @@ impl Basis {
             Study::Presets => [Preset::Precise, Preset::Fast, Preset::Paper]
                 .map(|preset| {
                     let steps = self.steps_of(preset);
-                    let name = PresetName::of(preset).name();
+                    let name = preset.name();
                     vary(format!("{name}, {steps} steps"), &|setting| {
                         setting.guidance = preset.guidance();
                         setting.steps = steps;

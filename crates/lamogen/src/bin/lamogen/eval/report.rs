@@ -18,7 +18,6 @@ use super::pictures::Shown;
 use super::plan::{Method, Plan, Study};
 use super::summary::{Bodies, Evidence, Figures, Known, Mean, OfReal};
 use super::work::Work;
-use crate::arguments::PresetName;
 use crate::failure::Failure;
 use crate::source::EMBEDDED;
 
@@ -136,7 +135,7 @@ impl Report {
         let mut text = format!(
             "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {coherence}. {} Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
-            PresetName::of(plan.basis.preset).name(),
+            plan.basis.preset.name(),
             plan.basis.steps(),
             plan.basis.steps_of(Preset::Fast),
             plan.basis.noise_steps,
