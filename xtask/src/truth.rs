@@ -69,7 +69,12 @@ pub fn run(
         (Some(path), ..) => {
             let text = std::fs::read_to_string(path)
                 .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
-            read_sentences(&text).map_err(|error| format!("{}: {error}", path.display()))?
+            let read = read_sentences(&text);
+            let read = read.map_err(|error| format!("{}: {error}", path.display()))?;
+            if read.is_empty() {
+                return Err(format!("{}: expected sentences, found none", path.display()).into());
+            }
+            read
         }
         _ => sentences(),
     };

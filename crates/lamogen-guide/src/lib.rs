@@ -32,7 +32,7 @@ mod rig;
 mod sampler;
 mod schedule;
 
-pub use classifier_free::{ClassifierFree, ToldAndFree};
+pub use classifier_free::{ClassifierFree, ToldAndFree, feature_scales};
 pub use coherence::Coherence;
 pub use error::{GuideError, Quantity, Stopped};
 pub use guidance::{Body, Finish, Guidance, Moved, Preset, PresetError, Update};

@@ -8,7 +8,7 @@ use burn::tensor::{Device, Int, Tensor};
 use lamogen_guide::{ClassifierFree, Guidance, GuideError, Moved, Sampler};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask};
-use lamogen_motion::POSE_FEATURES;
+use lamogen_motion::{FeatureGroup, POSE_FEATURES};
 use toy::{Says, Toy, normalization};
 
 /// Says its embedding at every number.
@@ -32,8 +32,10 @@ fn input(network: &impl Denoiser, embedding: Tensor<2>) -> DenoiserInput {
     }
 }
 
-fn first(tensor: &Tensor<3>) -> f32 {
-    tensor.clone().try_into_vec_as::<f32>().unwrap()[0]
+/// How far the root turns, and its height.
+fn yaw_and_height(tensor: &Tensor<3>) -> [f32; 2] {
+    let values = tensor.clone().try_into_vec_as::<f32>().unwrap();
+    [FeatureGroup::RootYaw, FeatureGroup::RootHeight].map(|group| values[group.range().start])
 }
 
 #[test]
@@ -41,22 +43,25 @@ fn the_output_goes_beyond_what_is_said_to_nothing_by_the_scale() {
     let toy = Toy(Tells);
     // The embedding of a toy is its one token: 3 is told, and 1 where nothing is.
     let token = |id: i32| Tensor::<2, Int>::from_data([[id]], &Device::flex());
-    for (scale, expected) in [(1.0, 9.0), (0.0, 1.0), (2.5, 1.0 + 2.5 * 8.0)] {
+    for (scale, expected) in [
+        (1.0, [9.0, 9.0]),
+        (0.0, [1.0, 1.0]),
+        // Turning is not exaggerated.
+        (2.5, [9.0, 1.0 + 2.5 * 8.0]),
+    ] {
         let network = ClassifierFree::new(&toy, scale, &[1]).unwrap();
         let prompt = network.encode(token(3));
         let input = input(&network, prompt.embedding.clone());
         let output = network.denoise(input.clone(), &prompt.context);
-        assert_eq!(first(&output), expected);
+        assert_eq!(yaw_and_height(&output), expected);
         // The way back goes through what is told: the derivative of its square, at each of the numbers.
         let linearized = network.linearize(input, &prompt.context);
-        assert_eq!(first(&linearized.output), expected);
+        assert_eq!(yaw_and_height(&linearized.output), expected);
         let gradient = linearized.pull(output.ones_like());
         let gradient = gradient.try_into_vec_as::<f32>().unwrap()[0];
-        let numbers = (4 * POSE_FEATURES) as f32;
-        assert!(
-            (gradient - 6.0 * scale as f32 * numbers).abs() < 1.0,
-            "{gradient}"
-        );
+        let scale = scale as f32;
+        let numbers = 4.0 * (scale * (POSE_FEATURES - 1) as f32 + scale.min(1.0));
+        assert!((gradient - 6.0 * numbers).abs() < 1.0, "{gradient}");
     }
 }
 

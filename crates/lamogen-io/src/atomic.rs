@@ -201,8 +201,7 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
             None => target,
         };
     }
-    let reason = format!("{}: more than {MOST} links in a row", path.display());
-    Err(io::Error::other(reason))
+    Err(io::Error::other(format!("more than {MOST} links in a row")))
 }
 
 #[cfg(test)]

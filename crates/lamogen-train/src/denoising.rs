@@ -6,7 +6,7 @@ use std::path::Path;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::{Coherence, Preset, Schedule};
+use lamogen_guide::{Coherence, Preset, Schedule, feature_scales};
 use lamogen_model::{
     ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, Trained, TrainingBatch,
 };
@@ -177,7 +177,9 @@ impl<'a> Denoising<'a> {
             .collect();
         let said =
             Tensor::<3>::from_data(TensorData::new(said, [visits.len(), 1, 1]), &self.device);
-        let clean = truth.clean.clone() + added * said * (scale - 1.0);
+        let [_, _, features] = added.dims();
+        let beyond: Tensor<3> = feature_scales(scale, features, &self.device) - 1.0;
+        let clean = truth.clean.clone() + added * said * beyond;
         truth.with_clean(clean)
     }
 
