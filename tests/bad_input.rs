@@ -355,7 +355,7 @@ fn what_no_shape_tells_is_not_guessed() {
     std::fs::remove_file(folder.path().join("config.json")).unwrap();
     says(
         &load(folder.path()).err().unwrap(),
-        &["config.json", "49408", "1024"],
+        &["config.json", "49408", "2048"],
     );
 }
 
@@ -428,11 +428,11 @@ fn weights_of_other_sizes_than_the_config() {
 fn a_tokenizer_with_ids_beyond_the_embedding() {
     let folder = folder();
     let config = String::from_utf8(lamogen_compact::CONFIG.to_vec()).unwrap();
-    let smaller = config.replace("\"vocab_size\": 1024", "\"vocab_size\": 1000");
+    let smaller = config.replace("\"vocab_size\": 2048", "\"vocab_size\": 2000");
     std::fs::write(folder.path().join("config.json"), smaller).unwrap();
     says(
         &load(folder.path()).err().unwrap(),
-        &["tokenizer.json", "1023", "999"],
+        &["tokenizer.json", "2047", "1999"],
     );
 }
 

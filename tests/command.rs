@@ -1,5 +1,6 @@
 //! The command `lamogen` as people and scripts use it.
 
+mod model_folder;
 mod running;
 
 use std::path::{Path, PathBuf};
@@ -282,7 +283,7 @@ fn the_model_and_the_devices_say_what_they_are() {
         folder.path(),
         &["model", "info", "--json", "--quiet"],
     ));
-    assert_eq!(info["licence"]["non_commercial"], true);
+    assert_eq!(info["licence"]["non_commercial"], false);
     assert_eq!(info["frames"], serde_json::json!([40, 196]));
     let devices = json(&succeeds(folder.path(), &["devices", "--json"]));
     assert!(
@@ -291,24 +292,32 @@ fn the_model_and_the_devices_say_what_they_are() {
             .unwrap()
             .contains(&"flex".into())
     );
-    // Non-commercial weights say so, once, on stderr.
-    let output = lamogen(
-        folder.path(),
-        &[
+    // Non-commercial weights say so, once, on stderr; the embedded ones are none.
+    let other = folder.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    model_folder::write(&other);
+    let relicense =
+        "model convert other/model.safetensors mine.safetensors --license CC-BY-NC-4.0 --force";
+    succeeds(folder.path(), &relicense.split(' ').collect::<Vec<_>>());
+    std::fs::rename(
+        folder.path().join("mine.safetensors"),
+        other.join("model.safetensors"),
+    )
+    .unwrap();
+    for (model, times) in [(&[][..], 0), (&["--model", "other"], 1)] {
+        let jump = [
             "generate",
             "a person jumps",
             "--steps",
             "2",
             "--out",
             "a.npy",
-        ],
-    );
-    let notices = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(
-        notices.matches("not for commercial use").count(),
-        1,
-        "{notices}"
-    );
+        ];
+        let output = lamogen(folder.path(), &[&jump[..], model].concat());
+        let notices = String::from_utf8(output.stderr).unwrap();
+        let found = notices.matches("not for commercial use").count();
+        assert_eq!(found, times, "{notices}");
+    }
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         assert!(succeeds(folder.path(), &["completions", shell]).contains("baseline-only"));
     }

@@ -216,16 +216,46 @@ fn smoothed_predictions_make_frames_agree() {
 }
 
 #[test]
+fn what_it_does_not_understand_is_answered_calmly() {
+    let model = model();
+    let request = |prompt: &str| Request::new(prompt).frames(60).steps(20).seed(3);
+    let still = model.generate(&request("a person stands still")).unwrap();
+    assert_eq!(still.stand_in, None);
+    for prompt in ["12345", "qwxz vlkt", "!!!", "一个人在跳"] {
+        let made = model.generate(&request(prompt)).unwrap();
+        assert_eq!(made.stand_in.as_deref(), Some("a person stands still"));
+        assert_eq!(made.guided, still.guided, "{prompt}");
+    }
+    // Of these it knows a word.
+    for prompt in [
+        "banana a",
+        "le chat est sur la table",
+        "a person stands still",
+    ] {
+        let made = model.generate(&request(prompt)).unwrap();
+        assert_eq!(made.stand_in, None);
+        let pelvis = made.guided.joints().iter().map(|frame| frame[0][1]);
+        let (low, high) = pelvis.fold((f32::MAX, f32::MIN), |(low, high), y| {
+            (low.min(y), high.max(y))
+        });
+        assert!(0.7 < low && high < 1.15, "{prompt}: {low} to {high} m");
+    }
+}
+
+#[test]
 fn the_licence_is_shown() {
     let model = model();
     let licence = model.licence().unwrap();
-    assert_eq!(licence.name, "CC-BY-NC-4.0");
-    assert!(licence.is_non_commercial());
-    assert!(
-        licence
-            .to_string()
-            .contains("Bandai-Namco-Research-Motiondataset")
+    assert_eq!(licence.name, "CC-BY-4.0");
+    assert!(!licence.is_non_commercial());
+    // Every line of the sources travels with the weights.
+    assert_eq!(
+        licence.attribution.as_deref(),
+        Some(lamogen_compact::ATTRIBUTION)
     );
+    for source in ["mocap.cs.cmu.edu", "ACCAD", "100STYLE", "HumanML3D"] {
+        assert!(licence.to_string().contains(source), "{source}");
+    }
 }
 
 #[test]

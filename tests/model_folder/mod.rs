@@ -10,6 +10,7 @@ pub fn write(folder: &Path) {
         ("tokenizer.json", lamogen_compact::TOKENIZER),
         ("mean.npy", lamogen_compact::MEAN),
         ("std.npy", lamogen_compact::STD),
+        ("words.txt", lamogen_compact::WORDS.as_bytes()),
     ] {
         std::fs::write(folder.join(name), bytes).unwrap();
     }

@@ -11,7 +11,13 @@ use lamogen_model::Precision;
 use lamogen_motion::write_atomically;
 
 /// Files that are taken as they are.
-const COPIED: [&str; 4] = ["config.json", "tokenizer.json", "mean.npy", "std.npy"];
+const COPIED: [&str; 5] = [
+    "config.json",
+    "tokenizer.json",
+    "words.txt",
+    "mean.npy",
+    "std.npy",
+];
 
 /// Writes the folder's weights in 16 bits with their licence beside, and copies the rest. Answers
 /// with the size of the weights' file.

@@ -11,3 +11,8 @@ pub mod sweep;
 pub mod test;
 pub mod training;
 pub mod truth;
+
+/// The programs in the README compile.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

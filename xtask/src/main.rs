@@ -104,10 +104,10 @@ enum Task {
         #[arg(long, default_value = "crates/lamogen-compact/model")]
         to: PathBuf,
         /// Licence of the weights, as an SPDX identifier.
-        #[arg(long, default_value = "CC-BY-NC-4.0")]
+        #[arg(long, default_value = "CC-BY-4.0")]
         license: String,
-        /// Whom to name when the weights or what they make is passed on.
-        #[arg(long)]
+        /// Whom to name when the weights are passed on.
+        #[arg(long, default_value = include_str!("../../crates/lamogen-compact/ATTRIBUTION"), hide_default_value = true)]
         attribution: String,
     },
 }

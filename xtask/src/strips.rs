@@ -1,11 +1,12 @@
 //! What a model makes of sentences, to be looked at.
 
 use std::error::Error;
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen::Request;
-use lamogen_view::{Row, save, strip};
+use lamogen_view::{Row, png, save, strip};
 
 use crate::subject::Subject;
 
@@ -29,26 +30,52 @@ pub struct Options {
     pub seconds: f32,
 }
 
-/// What the model card shows.
-const PROMPTS: [&str; 14] = [
+/// What the model card shows: ten that come to mind first, then ways to go, hands, fights, exercises and the floor.
+const PROMPTS: [&str; 40] = [
     "a person walks forward",
     "a person runs",
     "a person jumps",
-    "a person waves with the left hand",
-    "a person waves with the right hand",
-    "a person bows",
+    "a person waves",
+    "a person dances",
     "a person kicks",
     "a person punches",
-    "a person dances",
+    "a person sits down",
+    "someone picks something up",
+    "a person stands still",
+    "a person walks backward",
+    "a person steps to the left",
     "a person walks and turns left",
+    "someone runs forward, makes a half turn to the right and runs forward",
+    "a person walks around in a circle",
+    "a person stops, looks around and walks on",
+    "a person walks like a chicken",
+    "an angry person walks",
+    "a drunk person walks",
+    "a person sneaks forward",
+    "a person waves with the right hand",
     "a person raises both hands",
-    "a tired person walks",
-    "a happy person walks",
-    "an old person walks",
+    "a person throws a ball",
+    "a person drinks from a bottle",
+    "a person claps",
+    "a person directs traffic",
+    "a person throws a right punch",
+    "a person kicks with the left foot",
+    "a person does a karate move",
+    "a person squats twice",
+    "a person does a lunge with the left leg",
+    "a person balances on one leg",
+    "a person does jumping jacks",
+    "a person does a push-up",
+    "a person hops on one foot",
+    "a person jumps forward",
+    "a person climbs up a ladder",
+    "a person crawls forward",
+    "a person lies down on the ground",
+    "a person does a cartwheel",
 ];
 
 /// Poses of each motion.
-const POSES: usize = 12;
+const POSES: usize = 9;
 
 /// Draws a strip of every sentence's motion, without tags.
 ///
@@ -72,6 +99,11 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
         label,
         motion: &made.guided,
     });
-    save(&options.out, &strip(&rows.collect::<Vec<_>>(), POSES))?;
+    let svg = strip(&rows.collect::<Vec<_>>(), POSES);
+    match options.out.extension().and_then(OsStr::to_str) {
+        Some("svg") => save(&options.out, &svg)?,
+        Some("png") => save(&options.out, &png(&svg, 1.0)?)?,
+        _ => return Err(format!("{}: expected .svg or .png", options.out.display()).into()),
+    }
     Ok(())
 }

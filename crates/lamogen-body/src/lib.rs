@@ -25,3 +25,7 @@ mod track;
 pub use fit::{FitInput, FitProgress, Fitted, Goal, ground};
 pub use kinematics::{Kinematics, LinearizedKinematics};
 pub use options::{Fit, FitError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

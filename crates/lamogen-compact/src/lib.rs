@@ -1,9 +1,9 @@
-//! A compact text-to-motion model as bytes in the program: 4.2 million parameters in 16 bits.
+//! A compact text-to-motion model as bytes in the program: 4.4 million parameters in 16 bits.
 //!
 //! `LaMoGen::embedded` of the crate `lamogen` loads it. MODEL_CARD.md beside this file says what it
 //! was trained on, how good it is and what it cannot do.
 //!
-//! **The model's licence is CC BY-NC 4.0: not for commercial use.** It covers this crate alone.
+//! **The model's licence is CC BY 4.0**: it may be used in products that name the sources ([`ATTRIBUTION`]). It covers this crate alone.
 
 /// Sizes of the network, JSON.
 pub const CONFIG: &[u8] = include_bytes!("../model/config.json");
@@ -19,6 +19,16 @@ pub const MEAN: &[u8] = include_bytes!("../model/mean.npy");
 
 /// Standard deviation of the 263 pose features over the training set, `.npy`.
 pub const STD: &[u8] = include_bytes!("../model/std.npy");
+
+/// The words of the captions that it was trained on, one a line.
+pub const WORDS: &str = include_str!("../model/words.txt");
+
+/// Whom to name when the model is passed on, one a line; also in the metadata of the weights.
+pub const ATTRIBUTION: &str = include_str!("../ATTRIBUTION");
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 #[cfg(test)]
 mod tests {

@@ -46,3 +46,7 @@ pub use tape::Tape;
 pub trait Numbers: AsRef<[f32]> + Sync {}
 
 impl<T: AsRef<[f32]> + Sync> Numbers for T {}
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -42,3 +42,7 @@ pub use pack::{PackOptions, pack, pack_all};
 pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};
 pub use variations::Variation;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -40,3 +40,7 @@ pub use network::Dropout;
 pub use real::{Estimate, RealMotions, real_motions};
 pub use text::TextBatch;
 pub use vocabulary::{PartOfSpeech, Sentence, Vocabulary, VocabularyError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

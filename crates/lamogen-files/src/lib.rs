@@ -35,3 +35,7 @@ pub use mapping::{Mapping, MappingError};
 pub use names::UnknownSkeleton;
 pub use plausibility::Notice;
 pub use units::{Unit, UnitError, Up, UpError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

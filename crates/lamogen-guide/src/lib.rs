@@ -44,3 +44,7 @@ pub use prompt_editing::edited_prompt;
 pub use rig::{Rig, RigGuided};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -11,3 +11,7 @@ pub use atomic::{
     write_atomically,
 };
 pub use placeholder::{placeholder, placeholder_at};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

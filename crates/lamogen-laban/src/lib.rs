@@ -36,3 +36,7 @@ pub use series::{LabanSeries, Summary};
 pub use smoothing::{Gaussian, GaussianError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};
 pub use window::Window;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

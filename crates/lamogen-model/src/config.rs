@@ -177,6 +177,10 @@ pub struct SamplingDefaults {
     /// The scale of classifier-free guidance; 1 asks the network once a step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text_scale: Option<f64>,
+    /// The sentence that is taken instead of a prompt of which the network has met no word: what it would make of that is anything. None takes the
+    /// prompt all the same. It needs the network's list of words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stand_in: Option<String>,
 }
 
 /// Frames of HumanML3D's shortest clips.

@@ -26,3 +26,7 @@ pub use network::{
     CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, Trained, TrainingBatch,
     initialize,
 };
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -38,3 +38,7 @@ pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};
 pub use turning::{JointTurning, Turn};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -43,3 +43,7 @@ pub use error::TokenizerError;
 pub use learn::learn;
 pub use tokenizer::{Tokenizer, Tokens};
 pub use words::{KnownWords, words};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -77,6 +77,11 @@ impl KnownWords {
         self.0.is_empty()
     }
 
+    /// Whether a text has a word that is among these.
+    pub fn knows_some(&self, text: &str) -> bool {
+        words(text).iter().any(|word| self.0.contains(word))
+    }
+
     /// The words of a text that are not among these, each once, in the text's order.
     pub fn unseen(&self, text: &str) -> Vec<String> {
         let mut unseen = Vec::new();
@@ -113,5 +118,7 @@ mod tests {
         assert_eq!(KnownWords::from_lines(&known.to_lines()), known);
         assert!(known.unseen("walks 2 u-turn").is_empty());
         assert_eq!(known.unseen("höpft 左 walks höpft"), ["höpft", "左"]);
+        assert!(known.knows_some("höpft 左 WALKS"));
+        assert!(!known.knows_some("höpft 左 12345 !!!"));
     }
 }

@@ -197,6 +197,7 @@ fn usual_sampling(config: &ModelConfig) -> SamplingDefaults {
         preset: Some(Preset::Precise.name().to_owned()),
         coherence: is_narrow.then_some(Coherence::default().frames),
         text_scale: None,
+        stand_in: None,
     }
 }
 

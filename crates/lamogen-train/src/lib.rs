@@ -52,3 +52,7 @@ pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};
 pub use validation::Validation;
 pub use variations::{VariationError, VariationOptions, vary};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -86,7 +86,7 @@ pub enum VariationError {
 }
 
 /// Makes variations of every motion for training, and returns them all; none if the observer stopped the work, which the same call then goes on
-/// with. `work` is a folder that keeps what is finished; the observer is told how many motions are, of how many.
+/// with. `work` is a folder that keeps what is finished, `device` computes; the observer is told how many motions are, of how many.
 ///
 /// Of six in ten variations one component changes, of three in ten two, of the others all. What does not change keeps its features.
 ///
@@ -97,6 +97,7 @@ pub fn vary(
     dataset: &Dataset,
     options: &VariationOptions,
     work: &Path,
+    device: &Device,
     observer: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
 ) -> Result<Option<Vec<Variation>>, VariationError> {
     options.check()?;
@@ -117,7 +118,7 @@ pub fn vary(
             true => Some(read(&path, options, dataset.entries()[entry].frames)?),
             false if stopped.load(order) => None,
             false => {
-                let rows = vary_one(dataset, entry, options)?;
+                let rows = vary_one(dataset, entry, options, device)?;
                 write(&path, &rows)?;
                 Some(rows)
             }
@@ -203,6 +204,7 @@ fn vary_one(
     dataset: &Dataset,
     place: usize,
     options: &VariationOptions,
+    device: &Device,
 ) -> Result<Vec<Rows>, VariationError> {
     let entry = &dataset.entries()[place];
     let broken = |reason| VariationError::Motion {
@@ -212,8 +214,7 @@ fn vary_one(
     let motion = dataset.motion(entry).map_err(broken)?;
     let mut guidance = Guidance::precise();
     guidance.fit.goal_evaluations = options.evaluations;
-    let device = Device::flex();
-    let rig = Rig::new(&guidance, &device);
+    let rig = Rig::new(&guidance, device);
     let watch = &mut |_| ControlFlow::Continue(());
     let (fitted, _) = rig.fit(std::slice::from_ref(&motion), watch);
     let baseline = fitted.into_iter().map(Motion::from_rotations);

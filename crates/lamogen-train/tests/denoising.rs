@@ -497,7 +497,7 @@ fn files_of_sentences_that_do_not_fit_are_refused() {
 
 #[test]
 fn the_recipes_that_come_with_the_library_make_sense() {
-    for name in ["compact", "compact-finish", "open"] {
+    for name in ["compact", "compact-finish", "open", "open-finish"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.json"));
         let config = TrainingConfig::from_file(path).unwrap();
         assert_eq!(config.model.input_feats, POSE_FEATURES);

@@ -64,7 +64,14 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
     };
     let work = folder.path().join("work");
     let all = |_, _| ControlFlow::Continue(());
-    let whole = vary(&data, &options, &folder.path().join("whole"), &all).unwrap();
+    let whole = vary(
+        &data,
+        &options,
+        &folder.path().join("whole"),
+        &Device::flex(),
+        &all,
+    )
+    .unwrap();
     let whole = whole.expect("nobody stopped it");
     // Of the two originals for training; their mirror images share them.
     assert_eq!(whole.len(), 2 * 4);
@@ -107,15 +114,17 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
         .build()
         .unwrap();
     let stopped = pool
-        .install(|| vary(&data, &options, &work, &first))
+        .install(|| vary(&data, &options, &work, &Device::flex(), &first))
         .unwrap();
     assert!(stopped.is_none());
     assert_eq!(made.load(Ordering::Relaxed), 1);
-    let on = vary(&data, &options, &work, &all).unwrap().unwrap();
+    let on = vary(&data, &options, &work, &Device::flex(), &all)
+        .unwrap()
+        .unwrap();
     assert_eq!(on, whole);
 
     let other = VariationOptions { seed: 1, ..options };
-    let refused = vary(&data, &other, &work, &all).unwrap_err();
+    let refused = vary(&data, &other, &work, &Device::flex(), &all).unwrap_err();
     assert!(
         matches!(refused, VariationError::OtherWork { .. }),
         "{refused}"
@@ -152,7 +161,9 @@ fn options_that_make_no_sense_are_refused() {
         ),
     ] {
         let work = folder.path().join("work");
-        let refused = vary(&data, &options, &work, &|_, _| ControlFlow::Continue(()));
+        let refused = vary(&data, &options, &work, &Device::flex(), &|_, _| {
+            ControlFlow::Continue(())
+        });
         let refused = refused.unwrap_err().to_string();
         assert!(refused.contains(part), "{refused}");
         assert!(!work.exists());

@@ -42,6 +42,10 @@ pub fn save(path: impl AsRef<Path>, picture: &(impl AsRef<[u8]> + ?Sized)) -> st
         .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display())))
 }
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -25,6 +25,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     pub(crate) coherence: Option<Coherence>,
     pub(crate) text_scale: f64,
     pub(crate) known_words: Option<KnownWords>,
+    stand_in: Option<String>,
 }
 
 /// A finished request.
@@ -36,6 +37,8 @@ pub struct Generation {
     /// Words of the prompt that stand in no caption that the model was trained on, as far as its words are [known](LaMoGen::known_words). The
     /// motion goes by the others and by what these are spelled like.
     pub unseen_words: Vec<String>,
+    /// The sentence that was taken instead of the prompt, if the model has met no word of it ([`LaMoGen::with_stand_in`]).
+    pub stand_in: Option<String>,
     /// What was asked for, by tags, factors or else.
     pub goals: Goals,
     /// The motion of the text alone: that of a rigid body, unless [`Guidance::body`](lamogen_guide::Guidance::body) says otherwise.
@@ -116,6 +119,7 @@ impl<D: Denoiser> LaMoGen<D> {
             coherence: None,
             text_scale: 1.0,
             known_words: None,
+            stand_in: None,
         }
     }
 
@@ -183,6 +187,18 @@ impl<D: Denoiser> LaMoGen<D> {
     /// The words of the captions that the model was trained on, if it comes with them.
     pub fn known_words(&self) -> Option<&KnownWords> {
         self.known_words.as_ref()
+    }
+
+    /// Sets the sentence that is taken instead of prompts of which the model has met no word, such as numbers or another language; what it would make of
+    /// those is anything. [Generations](Generation::stand_in) say when it was. It acts where the model's words are [known](Self::with_known_words).
+    pub fn with_stand_in(self, stand_in: Option<String>) -> Self {
+        LaMoGen { stand_in, ..self }
+    }
+
+    /// The sentence that is taken for a prompt instead, if one is.
+    pub fn stand_in(&self, prompt: &str) -> Option<&str> {
+        let knows_some = self.known_words.as_ref()?.knows_some(prompt);
+        self.stand_in.as_deref().filter(|_| !knows_some)
     }
 
     /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]): 1, the default, asks the network
@@ -324,6 +340,7 @@ impl<D: Denoiser> LaMoGen<D> {
         assign(
             groups,
             (index, request),
+            self.stand_in(&request.prompt),
             &self.network,
             &self.tokenizer,
             self.preset,

@@ -70,10 +70,11 @@ pub(crate) fn in_batches(groups: Vec<Group>, largest: usize) -> Vec<Group> {
     parts
 }
 
-/// Checks a request and assigns it to a group, a new one if it can join none.
+/// Checks a request and assigns it to a group, a new one if it can join none. The model reads the sentence that stands in for the prompt, if one does.
 pub(crate) fn assign(
     groups: &mut Vec<Group>,
     (index, request): (usize, &Request),
+    stand_in: Option<&str>,
     model: &impl Denoiser,
     tokenizer: &Tokenizer,
     default: Preset,
@@ -107,6 +108,7 @@ pub(crate) fn assign(
     if tokens.own == 0 {
         return Err(RequestError::EmptyPrompt);
     }
+    let tokens = stand_in.map_or(Ok(tokens), |sentence| tokenizer.encode(sentence))?;
     let frames = request
         .length
         .frames(model.min_frames(), model.max_frames())?;

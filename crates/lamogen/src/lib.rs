@@ -19,10 +19,28 @@
 //! lamogen implements LaMoGen (arXiv 2509.24469): a pretrained text-to-motion diffusion model is
 //! steered while it samples. A first pass gives the motion that the text alone describes; its Laban
 //! features, scaled by the tags, are the target; a second pass from the same noise moves the
-//! sentence embedding towards them at every step. Nothing is retrained and no reference clip is
-//! needed.
+//! sentence embedding, or the scales and shifts that it becomes, towards them at every step. Nothing is retrained and
+//! no reference clip is needed.
 //!
-//! The parts are crates of their own, re-exported here: [`motion`], [`laban`], [`model`], [`guide`].
+//! # The embedded model
+//!
+//! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it moves the scales and shifts of every layer over 50 DDIM steps, fits the
+//! result to a rigid body and finishes it there. Its predictions are smoothed along time by one frame ([`Coherence`]), and it follows
+//! sentences by classifier-free guidance ([`ClassifierFree`]), which asks the network twice a step. It makes motions of 40 to 196
+//! frames at 20 frames a second of one body with 22 joints. Its weights are CC BY 4.0 and may be used in products that name the
+//! sources ([`LaMoGen::licence`]); the code is MIT or Apache 2.0. [`LaMoGen::load`] takes other models, among them the public MotionDiffuse.
+//!
+//! # Crates
+//!
+//! The parts are crates of their own, re-exported here: [`motion`] (the body, its features, `.npy`), [`laban`] (Weight, Time, Flow,
+//! Shape, tags and goals), [`model`] (the network, its text side, checkpoints), [`guide`] (sampling and guidance), [`body`] (rigid
+//! bones) and [`files`] (BVH, GLB, CSV, other skeletons).
+//!
+//! # Features
+//!
+//! - `compact`: the embedded model.
+//! - `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda`, `rocm`: where to compute ([`DeviceName`]), any number of them; `flex` is a CPU in pure Rust.
+//! - `command`: what only the program `lamogen` needs; a library does without.
 
 mod device;
 mod error;
@@ -61,5 +79,5 @@ pub use lamogen_motion as motion;
 
 /// The README's program, compiled with the doc tests.
 #[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../README.md")]
 struct Readme;

@@ -13,8 +13,8 @@ use crate::generation::LaMoGen;
 use crate::licence::Licence;
 
 impl LaMoGen<MotionDiffuse> {
-    /// The compact model that is part of the program. Its licence, CC BY-NC 4.0, excludes
-    /// commercial use. Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
+    /// The compact model that is part of the program. Its licence, CC BY 4.0, allows products that name its sources
+    /// ([`licence`](Self::licence)). Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
     /// along time ([`Coherence`]), as its `config.json` says.
     ///
     /// # Errors
@@ -37,6 +37,7 @@ impl LaMoGen<MotionDiffuse> {
         let network = checkpoint.load(&config, device)?;
         LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
+            .with_known_words(Some(KnownWords::from_lines(compact::WORDS)))
             .sampled_by_default(Path::new(&name("config.json")))
     }
 
@@ -103,6 +104,7 @@ impl LaMoGen<MotionDiffuse> {
             ..Coherence::default()
         });
         self.with_preset(preset)
+            .with_stand_in(sampling.stand_in)
             .with_coherence(coherence)
             .and_then(|model| model.with_text_scale(sampling.text_scale.unwrap_or(1.0)))
             .map_err(|error| problem(&error))

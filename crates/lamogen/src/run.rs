@@ -95,6 +95,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             let generation = Generation {
                 cut_tokens: job.cut,
                 unseen_words: self.unseen_words(job.request),
+                stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
                 guided: motion,
                 baseline,
@@ -121,6 +122,12 @@ impl<'a, D: Denoiser> Run<'a, D> {
         })
     }
 
+    /// What a request's prompt was read as.
+    fn stand_in(&self, request: usize) -> Option<String> {
+        let prompt = &self.requests[request].prompt;
+        self.model.stand_in(prompt).map(str::to_owned)
+    }
+
     /// What there is without tags: the baseline is all.
     fn text_alone(&self, motions: Vec<Motion>, networks: Vec<Motion>) -> Vec<(usize, Generation)> {
         let device = self.model.network.device();
@@ -135,6 +142,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             let generation = Generation {
                 cut_tokens: job.cut,
                 unseen_words: self.unseen_words(job.request),
+                stand_in: self.stand_in(job.request),
                 goals: Goals::default(),
                 guided: motion.clone(),
                 baseline: motion,

@@ -159,11 +159,11 @@ pub struct SourceArguments {
     #[arg(long, value_name = "FOLDER")]
     pub model: Option<PathBuf>,
     /// Smooth predictions along time by a Gaussian of so many frames, such as 1, while there is much noise, so that the legs of a
-    /// small network keep step; or off. Usually 1 for the embedded model, off for others.
+    /// small network keep step; or off. Usually what the model's config.json says: 1 for the embedded model, off where it says nothing.
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
-    /// How strongly motions follow the sentence, by classifier-free guidance: 1, the default, asks the network once a step, others, such as
-    /// 2.5, twice. For models that were trained with text dropout.
+    /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, others, such as 2.5, twice. Usually
+    /// what the model's config.json says: 2.5 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
     pub text_scale: Option<f64>,
     /// Where to compute; lamogen devices lists them.
@@ -617,6 +617,9 @@ pub struct Vary {
     /// By what factors are drawn.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// Where to compute; lamogen devices lists them.
+    #[arg(long)]
+    pub device: Option<DeviceName>,
     /// Replace a packed folder that is already there.
     #[arg(long)]
     pub force: bool,

@@ -154,6 +154,7 @@ pub fn facts(
         "text_scale": source.model.text_scale(),
         "cut_tokens": generation.cut_tokens,
         "unseen_words": generation.unseen_words,
+        "stand_in": generation.stand_in,
         "loss": generation.loss,
     });
     facts.as_object().cloned().unwrap_or_default()
@@ -177,6 +178,11 @@ fn result(scene: &Scene, outputs: &[Output], json: bool) -> String {
 
 /// Which words the model has not met, if there are any.
 fn unseen(generation: &Generation) -> Option<String> {
+    if let Some(sentence) = &generation.stand_in {
+        return Some(format!(
+            "The model has met no word of the prompt: the motion is that of \"{sentence}\"."
+        ));
+    }
     let words = &generation.unseen_words;
     let named = words.join(", ");
     Some(match words.len() {

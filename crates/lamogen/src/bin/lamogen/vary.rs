@@ -12,8 +12,10 @@ use crate::console::Console;
 use crate::dataset;
 use crate::failure::Failure;
 use crate::pack::tell_problems;
+use crate::source::device;
 
 pub fn run(options: &Vary, console: &Console) -> Result<(), Failure> {
+    let device = device(options.device)?;
     let dataset = dataset::open(&options.data, &LoadOptions::default(), console)?;
     let variations = VariationOptions {
         count: usize::from(options.count),
@@ -26,7 +28,7 @@ pub fn run(options: &Vary, console: &Console) -> Result<(), Failure> {
     work.push(".work");
     let work = PathBuf::from(work);
     let bar = console.bar("motions");
-    let made = vary(&dataset, &variations, &work, &|done, all| {
+    let made = vary(&dataset, &variations, &work, &device, &|done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         ControlFlow::Continue(())
