@@ -19,7 +19,7 @@ const COPIED: [&str; 5] = [
     "std.npy",
 ];
 
-/// Writes the folder's weights in 16 bits with their licence beside, and copies the rest. Answers
+/// Writes the folder's weights in few bits with their licence beside, and copies the rest. Answers
 /// with the size of the weights' file.
 ///
 /// # Errors
@@ -28,6 +28,7 @@ const COPIED: [&str; 5] = [
 pub fn run(
     from: &Path,
     to: &Path,
+    precision: Precision,
     license: String,
     attribution: String,
 ) -> Result<u64, Box<dyn Error>> {
@@ -47,7 +48,7 @@ pub fn run(
         ("license".to_owned(), license),
         ("attribution".to_owned(), attribution),
     ]);
-    model.network().save(&weights, Precision::F16, metadata)?;
+    model.network().save(&weights, precision, metadata)?;
     for (name, bytes) in copied {
         let path = to.join(name);
         write_atomically(&path, |file| file.write_all(&bytes))

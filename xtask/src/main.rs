@@ -7,6 +7,7 @@ use burn::tensor::Device;
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
 use lamogen::DeviceName;
+use lamogen_model::Precision;
 use xtask::bench::Options;
 use xtask::parity::Row;
 use xtask::test::Backends;
@@ -96,7 +97,7 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
-    /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 bits.
+    /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
         from: PathBuf,
@@ -106,6 +107,9 @@ enum Task {
         /// Licence of the weights, as an SPDX identifier.
         #[arg(long, default_value = "CC-BY-4.0")]
         license: String,
+        /// Bits a number: 16, or 8 with a scale for each row of a matrix.
+        #[arg(long, default_value = "16", value_parser = ["16", "8"])]
+        bits: String,
         /// Whom to name when the weights are passed on.
         #[arg(long, default_value = include_str!("../../crates/lamogen-compact/ATTRIBUTION"), hide_default_value = true)]
         attribution: String,
@@ -178,8 +182,9 @@ fn main() -> ExitCode {
             from,
             to,
             license,
+            bits,
             attribution,
-        } => match xtask::embed::run(&from, &to, license, attribution) {
+        } => match xtask::embed::run(&from, &to, precision(&bits), license, attribution) {
             Ok(bytes) => {
                 println!("{bytes} bytes of weights in {}", to.display());
                 ExitCode::SUCCESS
@@ -296,4 +301,11 @@ fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
          (docs/parity.md; --allow-rounding accepts those)"
     );
     ExitCode::FAILURE
+}
+
+fn precision(bits: &str) -> Precision {
+    match bits {
+        "8" => Precision::I8,
+        _ => Precision::F16,
+    }
 }

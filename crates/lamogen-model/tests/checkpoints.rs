@@ -81,7 +81,11 @@ fn safetensors_keep_every_bit_or_half_of_them() {
     let folder = tempfile::tempdir().unwrap();
     let model = load(&data("zip.tar")).unwrap();
     let before = output(&model);
-    for (precision, tolerance) in [(Precision::F32, 0.0), (Precision::F16, 2e-2)] {
+    for (precision, tolerance) in [
+        (Precision::F32, 0.0),
+        (Precision::F16, 2e-2),
+        (Precision::I8, 0.5),
+    ] {
         let path = folder.path().join("model.safetensors");
         let metadata = HashMap::from([("license".to_owned(), "MIT".to_owned())]);
         model.save(&path, precision, metadata).unwrap();
@@ -341,7 +345,11 @@ fn converted_weights_are_the_same_network() {
     let folder = tempfile::tempdir().unwrap();
     let source = Checkpoint::open(data("legacy.tar")).unwrap();
     let before = output(&load(&data("legacy.tar")).unwrap());
-    for (precision, tolerance) in [(Precision::F32, 0.0), (Precision::F16, 2e-2)] {
+    for (precision, tolerance) in [
+        (Precision::F32, 0.0),
+        (Precision::F16, 2e-2),
+        (Precision::I8, 0.5),
+    ] {
         let path = folder.path().join("converted.safetensors");
         let metadata = HashMap::from([("license".to_owned(), "MIT".to_owned())]);
         let mut seen = Vec::new();
@@ -387,4 +395,41 @@ fn what_cannot_be_converted_leaves_the_old_file() {
     checkpoint
         .convert(&to, Precision::F32, HashMap::new(), &mut |_| {})
         .unwrap();
+}
+
+#[test]
+fn eight_bits_are_a_quarter_and_their_scales_are_no_tensors_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, eighth] =
+        ["whole", "eighth"].map(|name| folder.path().join(name).with_extension("safetensors"));
+    let model = load(&data("zip.tar")).unwrap();
+    model.save(&whole, Precision::F32, HashMap::new()).unwrap();
+    model.save(&eighth, Precision::I8, HashMap::new()).unwrap();
+    let [whole_keys, keys] = [&whole, &eighth].map(|path| Checkpoint::open(path).unwrap().keys());
+    assert_eq!(whole_keys, keys);
+    // And back: what is lost is lost once.
+    let back = folder.path().join("back.safetensors");
+    let checkpoint = Checkpoint::open(&eighth).unwrap();
+    checkpoint
+        .convert(&back, Precision::F32, HashMap::new(), &mut |_| {})
+        .unwrap();
+    assert_eq!(
+        output(&load(&eighth).unwrap()),
+        output(&load(&back).unwrap())
+    );
+    // Whole numbers without scales are no weights.
+    let numbers = [1u8, 2];
+    let view = TensorView::new(Dtype::I8, vec![2, 1], &numbers).unwrap();
+    safetensors::serialize_to_file([("out.weight", view)], None, &back).unwrap();
+    let error = Checkpoint::open(&back).unwrap().convert(
+        &whole,
+        Precision::F32,
+        HashMap::new(),
+        &mut |_| {},
+    );
+    let message = error.unwrap_err().to_string();
+    assert!(
+        message.contains("`out.weight`") && message.contains("out.weight.scale"),
+        "{message}"
+    );
 }

@@ -9,6 +9,7 @@ use lamogen_motion::replace_atomically;
 use safetensors::View;
 use safetensors::tensor::Dtype;
 
+use super::precision::{Part, scale_key};
 use super::read::is_clips_own;
 use super::{Checkpoint, CheckpointError, Precision};
 
@@ -55,15 +56,25 @@ impl Checkpoint {
             all: keys.len(),
             problem: None,
         });
-        let tensors = keys.iter().map(|key| {
-            let tensor = Tensor {
-                checkpoint: self,
-                key,
-                shape: self.shape(key).unwrap_or_default(),
-                precision,
-                conversion: &conversion,
-            };
-            (key, tensor)
+        let tensors = keys.iter().flat_map(|key| {
+            let shape = self.shape(key).unwrap_or_default();
+            let (checkpoint, conversion) = (self, &conversion);
+            precision.parts(shape.len()).iter().map(move |&part| {
+                let (name, shape) = match part {
+                    Part::Numbers => (key.clone(), shape),
+                    Part::Scale => (scale_key(key), &shape[..1]),
+                };
+                let tensor = Tensor {
+                    checkpoint,
+                    key,
+                    part,
+                    dtype: precision.dtype(part, checkpoint.shape(key).map_or(0, <[usize]>::len)),
+                    shape,
+                    precision,
+                    conversion,
+                };
+                (name, tensor)
+            })
         });
         let mut all = self.all_metadata().clone();
         all.extend(metadata);
@@ -100,6 +111,8 @@ struct Conversion<'p> {
 struct Tensor<'a, 'p> {
     checkpoint: &'a Checkpoint,
     key: &'a str,
+    part: Part,
+    dtype: Dtype,
     shape: &'a [usize],
     precision: Precision,
     conversion: &'a RefCell<Conversion<'p>>,
@@ -107,7 +120,10 @@ struct Tensor<'a, 'p> {
 
 impl Tensor<'_, '_> {
     fn bytes(&self) -> Result<Vec<u8>, CheckpointError> {
-        match self.precision.convert(self.checkpoint.read(self.key)?) {
+        match self
+            .precision
+            .convert(self.checkpoint.read(self.key)?, self.part)
+        {
             Some(data) => Ok(data.as_bytes().to_vec()),
             None => Err(CheckpointError::Range {
                 path: self.checkpoint.path().to_owned(),
@@ -119,10 +135,7 @@ impl Tensor<'_, '_> {
 
 impl View for Tensor<'_, '_> {
     fn dtype(&self) -> Dtype {
-        match self.precision {
-            Precision::F32 => Dtype::F32,
-            Precision::F16 => Dtype::F16,
-        }
+        self.dtype
     }
 
     fn shape(&self) -> &[usize] {
@@ -137,6 +150,9 @@ impl View for Tensor<'_, '_> {
         }
         match self.bytes() {
             Ok(bytes) => {
+                if self.part == Part::Scale {
+                    return Cow::Owned(bytes);
+                }
                 conversion.done += 1;
                 let (done, all) = (conversion.done, conversion.all);
                 (conversion.progress)(Converted {
@@ -155,9 +171,6 @@ impl View for Tensor<'_, '_> {
 
     fn data_len(&self) -> usize {
         let numbers: usize = self.shape.iter().product();
-        match self.precision {
-            Precision::F32 => 4 * numbers,
-            Precision::F16 => 2 * numbers,
-        }
+        numbers * self.dtype.bitsize() / 8
     }
 }

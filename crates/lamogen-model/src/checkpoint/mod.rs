@@ -2,14 +2,15 @@
 
 mod convert;
 mod keys;
+mod precision;
 mod read;
 mod sizes;
 mod write;
 
 pub use convert::Converted;
 pub use keys::{Keyed, Keys};
+pub use precision::Precision;
 pub use read::Checkpoint;
-pub use write::Precision;
 
 use std::io;
 use std::path::PathBuf;
@@ -72,7 +73,9 @@ pub enum CheckpointError {
     #[allow(missing_docs)]
     Sizes { path: PathBuf, problem: String },
     /// A tensor holds no floats.
-    #[error("{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits")]
+    #[error(
+        "{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits, or whole numbers of 8 bits with a tensor `{key}.scale` of one float a row"
+    )]
     #[allow(missing_docs)]
     Type {
         path: PathBuf,

@@ -13,6 +13,7 @@ use safetensors::tensor::{Dtype, Metadata};
 
 use super::CheckpointError;
 use super::keys::{Exchange, Keyed, Keys};
+use super::precision::{dequantize, scale_key, scaled_key};
 use crate::config::ModelConfig;
 use crate::network::MotionDiffuse;
 
@@ -138,12 +139,13 @@ impl Checkpoint {
         &self.path
     }
 
-    /// The keys of all tensors, sorted.
+    /// The keys of all tensors, sorted. The scales of tensors of 8 bits are part of these.
     pub fn keys(&self) -> Vec<String> {
         let mut keys: Vec<String> = match &self.container {
             Container::Pytorch(tensors) => tensors.keys().cloned().collect(),
             Container::Safetensors { index, .. } => index.tensors().into_keys().collect(),
         };
+        keys.retain(|key| !scaled_key(key).is_some_and(|scaled| self.is_quantized(scaled)));
         keys.sort_unstable();
         keys
     }
@@ -250,8 +252,37 @@ impl Checkpoint {
         }
     }
 
+    /// Whether a tensor has whole numbers of 8 bits and a scale for each of its rows.
+    fn is_quantized(&self, key: &str) -> bool {
+        let Container::Safetensors { index, .. } = &self.container else {
+            return false;
+        };
+        let scale = scale_key(key);
+        match (index.info(key), index.info(&scale)) {
+            (Some(numbers), Some(scale)) => {
+                let is_float = safetensors_type(scale.dtype).is_ok();
+                numbers.dtype == Dtype::I8
+                    && is_float
+                    && numbers.shape.first() == scale.shape.first()
+                    && scale.shape.len() == 1
+            }
+            _ => false,
+        }
+    }
+
     /// The numbers of a tensor that is there, in 32 bits.
     pub(super) fn read(&self, key: &str) -> Result<TensorData, CheckpointError> {
+        match self.is_quantized(key) {
+            true => Ok(dequantize(
+                &self.read_stored(key, Some(DType::I8))?,
+                &self.read_stored(&scale_key(key), None)?,
+            )),
+            false => self.read_stored(key, None),
+        }
+    }
+
+    /// The numbers of a tensor as they are stored, in 32 bits; of a type that holds no weights by itself if it is said to be `known`.
+    fn read_stored(&self, key: &str, known: Option<DType>) -> Result<TensorData, CheckpointError> {
         let (shape, dtype, bytes) = match &self.container {
             Container::Pytorch(tensors) => {
                 let tensor = &tensors[key];
@@ -265,7 +296,8 @@ impl Checkpoint {
                 let info = index.info(key).expect("the tensor is there");
                 let (from, to) = info.data_offsets;
                 let bytes = bytes.read(start + from as u64, to - from);
-                (&*info.shape, safetensors_type(info.dtype), bytes)
+                let dtype = known.map_or_else(|| safetensors_type(info.dtype), Ok);
+                (&*info.shape, dtype, bytes)
             }
         };
         let dtype = dtype.map_err(|found| CheckpointError::Type {

@@ -4,37 +4,14 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
-use burn::tensor::{DType, TensorData};
+use burn::tensor::TensorData;
 use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
 use super::keys::{Exchange, Keyed, Keys};
-use super::{Checkpoint, CheckpointError};
+use super::precision::{Part, scale_key};
+use super::{Checkpoint, CheckpointError, Precision};
 use crate::network::MotionDiffuse;
-
-/// Bits of a stored number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// 32 bits.
-    #[default]
-    F32,
-    /// 16 bits: half the size.
-    F16,
-}
-
-impl Precision {
-    /// The numbers with this many bits; `None` if one of them is too large for 16.
-    pub(super) fn convert(self, data: TensorData) -> Option<TensorData> {
-        match self {
-            Precision::F32 => Some(data.convert::<f32>()),
-            Precision::F16 => {
-                let data = data.convert::<half::f16>();
-                let fits = data.iter::<f32>().all(|number| number.is_finite());
-                fits.then_some(data)
-            }
-        }
-    }
-}
 
 impl MotionDiffuse {
     /// Writes the weights as safetensors, under the keys of the public checkpoint. `metadata` is
@@ -82,12 +59,8 @@ impl Checkpoint {
                 key,
             });
         }
-        let views = writer.tensors.iter().map(|(key, data)| {
-            let dtype = match data.dtype() {
-                DType::F16 => Dtype::F16,
-                _ => Dtype::F32,
-            };
-            let view = TensorView::new(dtype, data.shape().to_vec(), data.as_bytes());
+        let views = writer.tensors.iter().map(|(key, dtype, data)| {
+            let view = TensorView::new(*dtype, data.shape().to_vec(), data.as_bytes());
             (key, view.expect("as many bytes as the shape asks for"))
         });
         replace_atomically(path, |temporary| {
@@ -103,7 +76,7 @@ impl Checkpoint {
 
 struct Writer {
     precision: Precision,
-    tensors: Vec<(String, TensorData)>,
+    tensors: Vec<(String, Dtype, TensorData)>,
     /// The first tensor that does not fit the precision.
     problem: Option<String>,
 }
@@ -112,12 +85,20 @@ impl Exchange for Writer {
     fn tensor(
         &mut self,
         key: &str,
-        _shape: &[usize],
+        shape: &[usize],
         current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
-        match self.precision.convert(current()) {
-            Some(data) => self.tensors.push((key.to_owned(), data)),
-            None => self.problem = self.problem.take().or_else(|| Some(key.to_owned())),
+        let data = current();
+        for &part in self.precision.parts(shape.len()) {
+            let stored = match part {
+                Part::Numbers => key.to_owned(),
+                Part::Scale => scale_key(key),
+            };
+            let dtype = self.precision.dtype(part, shape.len());
+            match self.precision.convert(data.clone(), part) {
+                Some(data) => self.tensors.push((stored, dtype, data)),
+                None => self.problem = self.problem.take().or_else(|| Some(key.to_owned())),
+            }
         }
         None
     }

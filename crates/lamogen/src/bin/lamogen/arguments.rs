@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use lamogen::files::{Unit, Up};
 use lamogen::laban::GoalError;
+use lamogen::model::Precision;
 use lamogen::{
     Body, COMPONENTS, Coherence, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
 };
@@ -726,6 +727,15 @@ fn steps(text: &str) -> Result<usize, String> {
     steps.ok_or_else(|| "expected 1 to 1000 steps".into())
 }
 
+fn precision(text: &str) -> Result<Precision, String> {
+    match text {
+        "32" => Ok(Precision::F32),
+        "16" => Ok(Precision::F16),
+        "8" => Ok(Precision::I8),
+        _ => Err("expected 8, 16 or 32".into()),
+    }
+}
+
 #[derive(Args)]
 pub struct Train {
     /// Folder of the data: packed by lamogen pack, or HumanML3D's.
@@ -793,14 +803,17 @@ pub enum Model {
         /// Folder of the model; the embedded one without.
         folder: Option<PathBuf>,
     },
-    /// Convert a checkpoint to safetensors: half the size in 16 bits, and no pickle.
+    /// Convert a checkpoint to safetensors: half the size in 16 bits, a quarter in 8, and no pickle.
     Convert {
         /// A latest.tar of MotionDiffuse, or a file in safetensors.
         from: PathBuf,
         /// The file to write, ending in .safetensors.
         to: PathBuf,
-        /// Store 16 bits a number instead of 32.
-        #[arg(long)]
+        /// Bits a stored number: 32, 16, or 8 with a scale for each row of a matrix, off by at most a 254th of the largest of the row.
+        #[arg(long, default_value = "32", value_parser = precision)]
+        bits: Precision,
+        /// The same as --bits 16.
+        #[arg(long, conflicts_with = "bits")]
         half: bool,
         /// Licence of the weights, as an SPDX identifier; it travels in the file.
         #[arg(long)]

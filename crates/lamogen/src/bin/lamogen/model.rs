@@ -17,6 +17,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
         Model::Convert {
             from,
             to,
+            bits,
             half,
             license,
             attribution,
@@ -24,7 +25,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
         } => {
             let precision = match half {
                 true => Precision::F16,
-                false => Precision::F32,
+                false => *bits,
             };
             let texts = [("license", license), ("attribution", attribution)];
             let metadata = texts
