@@ -39,7 +39,7 @@ impl fmt::Display for Licence {
             f.write_str(", not for commercial use")?;
         }
         if let Some(attribution) = &self.attribution {
-            write!(f, ". To be named: {attribution}")?;
+            write!(f, ". To be named: {}", attribution.trim_end())?;
         }
         Ok(())
     }
@@ -59,5 +59,10 @@ mod tests {
         assert!(licence("S-Lab Non-Commercial License").is_non_commercial());
         assert!(!licence("MIT").is_non_commercial());
         assert!(!licence("CC-BY-SYNC-1.0").is_non_commercial());
+        let named = Licence {
+            name: "MIT".into(),
+            attribution: Some("A, B.\nC.\n".into()),
+        };
+        assert_eq!(named.to_string(), "MIT. To be named: A, B.\nC.");
     }
 }
