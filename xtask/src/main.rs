@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use burn::tensor::Device;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use indicatif::ProgressBar;
 use lamogen::DeviceName;
@@ -108,8 +109,8 @@ enum Task {
         #[arg(long, default_value = "CC-BY-4.0")]
         license: String,
         /// Bits a number: 16, or 8 with a scale for each row of a matrix.
-        #[arg(long, default_value = "16", value_parser = ["16", "8"])]
-        bits: String,
+        #[arg(long, default_value = "16", value_parser = PossibleValuesParser::new(["16", "8"]).try_map(|bits| bits.parse::<Precision>()))]
+        bits: Precision,
         /// Whom to name when the weights are passed on.
         #[arg(long, default_value = include_str!("../../crates/lamogen-compact/ATTRIBUTION"), hide_default_value = true)]
         attribution: String,
@@ -184,7 +185,7 @@ fn main() -> ExitCode {
             license,
             bits,
             attribution,
-        } => match xtask::embed::run(&from, &to, precision(&bits), license, attribution) {
+        } => match xtask::embed::run(&from, &to, bits, license, attribution) {
             Ok(bytes) => {
                 println!("{bytes} bytes of weights in {}", to.display());
                 ExitCode::SUCCESS
@@ -301,11 +302,4 @@ fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
          (docs/parity.md; --allow-rounding accepts those)"
     );
     ExitCode::FAILURE
-}
-
-fn precision(bits: &str) -> Precision {
-    match bits {
-        "8" => Precision::I8,
-        _ => Precision::F16,
-    }
 }

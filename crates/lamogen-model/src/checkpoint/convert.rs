@@ -9,7 +9,7 @@ use lamogen_motion::replace_atomically;
 use safetensors::View;
 use safetensors::tensor::Dtype;
 
-use super::precision::{Part, scale_key};
+use super::precision::Part;
 use super::read::is_clips_own;
 use super::{Checkpoint, CheckpointError, Precision};
 
@@ -60,20 +60,19 @@ impl Checkpoint {
             let shape = self.shape(key).unwrap_or_default();
             let (checkpoint, conversion) = (self, &conversion);
             precision.parts(shape.len()).iter().map(move |&part| {
-                let (name, shape) = match part {
-                    Part::Numbers => (key.clone(), shape),
-                    Part::Scale => (scale_key(key), &shape[..1]),
-                };
                 let tensor = Tensor {
                     checkpoint,
                     key,
                     part,
-                    dtype: precision.dtype(part, checkpoint.shape(key).map_or(0, <[usize]>::len)),
-                    shape,
+                    dtype: precision.dtype(part, shape.len()),
+                    shape: match part {
+                        Part::Numbers => shape,
+                        Part::Scale => &shape[..1],
+                    },
                     precision,
                     conversion,
                 };
-                (name, tensor)
+                (part.key(key), tensor)
             })
         });
         let mut all = self.all_metadata().clone();

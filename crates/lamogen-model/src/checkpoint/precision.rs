@@ -1,5 +1,7 @@
 //! How many bits a stored number has.
 
+use std::str::FromStr;
+
 use burn::tensor::TensorData;
 use safetensors::tensor::Dtype;
 
@@ -16,6 +18,20 @@ pub enum Precision {
     I8,
 }
 
+impl FromStr for Precision {
+    type Err = &'static str;
+
+    /// Reads the number of bits: `32`, `16` or `8`.
+    fn from_str(bits: &str) -> Result<Self, Self::Err> {
+        match bits {
+            "32" => Ok(Precision::F32),
+            "16" => Ok(Precision::F16),
+            "8" => Ok(Precision::I8),
+            _ => Err("expected 8, 16 or 32"),
+        }
+    }
+}
+
 /// What is stored of a tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
@@ -23,6 +39,16 @@ pub(super) enum Part {
     Numbers,
     /// What the whole numbers of each row are times.
     Scale,
+}
+
+impl Part {
+    /// The key of this part of a tensor.
+    pub(super) fn key(self, key: &str) -> String {
+        match self {
+            Part::Numbers => key.to_owned(),
+            Part::Scale => scale_key(key),
+        }
+    }
 }
 
 /// What a tensor's key ends in where the scales of its rows lie.

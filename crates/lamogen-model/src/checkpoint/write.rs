@@ -9,7 +9,6 @@ use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
 use super::keys::{Exchange, Keyed, Keys};
-use super::precision::{Part, scale_key};
 use super::{Checkpoint, CheckpointError, Precision};
 use crate::network::MotionDiffuse;
 
@@ -90,13 +89,9 @@ impl Exchange for Writer {
     ) -> Option<TensorData> {
         let data = current();
         for &part in self.precision.parts(shape.len()) {
-            let stored = match part {
-                Part::Numbers => key.to_owned(),
-                Part::Scale => scale_key(key),
-            };
             let dtype = self.precision.dtype(part, shape.len());
             match self.precision.convert(data.clone(), part) {
-                Some(data) => self.tensors.push((stored, dtype, data)),
+                Some(data) => self.tensors.push((part.key(key), dtype, data)),
                 None => self.problem = self.problem.take().or_else(|| Some(key.to_owned())),
             }
         }

@@ -164,7 +164,7 @@ pub struct SourceArguments {
     #[arg(long, value_name = "FRAMES")]
     pub coherence: Option<CoherenceChoice>,
     /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, others, such as 2.5, twice. Usually
-    /// what the model's config.json says: 2.5 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
+    /// what the model's config.json says: 2 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
     pub text_scale: Option<f64>,
     /// Where to compute; lamogen devices lists them.
@@ -727,15 +727,6 @@ fn steps(text: &str) -> Result<usize, String> {
     steps.ok_or_else(|| "expected 1 to 1000 steps".into())
 }
 
-fn precision(text: &str) -> Result<Precision, String> {
-    match text {
-        "32" => Ok(Precision::F32),
-        "16" => Ok(Precision::F16),
-        "8" => Ok(Precision::I8),
-        _ => Err("expected 8, 16 or 32".into()),
-    }
-}
-
 #[derive(Args)]
 pub struct Train {
     /// Folder of the data: packed by lamogen pack, or HumanML3D's.
@@ -810,7 +801,7 @@ pub enum Model {
         /// The file to write, ending in .safetensors.
         to: PathBuf,
         /// Bits a stored number: 32, 16, or 8 with a scale for each row of a matrix, off by at most a 254th of the largest of the row.
-        #[arg(long, default_value = "32", value_parser = precision)]
+        #[arg(long, default_value = "32")]
         bits: Precision,
         /// The same as --bits 16.
         #[arg(long, conflicts_with = "bits")]

@@ -208,6 +208,7 @@ impl Work<'_> {
             "body": pass.body.map(|body| body.name()),
             "coherence": self.source.coherence_frames(),
             "text_scale": self.source.model.text_scale(),
+            "stand_in": self.source.model.stand_in(&item.line.prompt),
             "formats": formats.collect::<Vec<_>>(),
             "fps": writing.fps,
             "bvh_unit": writing.bvh_unit.to_string(),
