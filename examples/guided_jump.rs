@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use lamogen::files::{WriteOptions, write};
-use lamogen::{Component, Device, Generation, LaMoGen, Preset, Request, Summary, Tag};
+use lamogen::{Component, Device, Generation, LaMoGen, Preset, Request, Tag, TimeSummary};
 use lamogen_view::{Curve, Figure, Page, Row, curves, page, save, strip};
 
 /// Generates a motion from a sentence, once as the text alone gives it and once as the tags ask.
@@ -88,8 +88,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 fn report(arguments: &Arguments, result: &Generation) -> String {
     let mut lines = Vec::new();
     for (summary, name) in [
-        (Summary::Maximum, "maximum over time"),
-        (Summary::Mean, "mean over time"),
+        (TimeSummary::Maximum, "maximum over time"),
+        (TimeSummary::Mean, "mean over time"),
     ] {
         let [baseline, target, guided] =
             [&result.baseline_laban, &result.target, &result.guided_laban]

@@ -11,7 +11,7 @@ use lamogen::files::{ReadOptions, WriteOptions, read, write};
 use lamogen::motion::{BoneDrift, FootSliding, Rotations};
 use lamogen::{
     Component, Device, FRAMES_PER_SECOND, LaMoGen, LabanOptions, LabanSeries, Motion, Request,
-    Summary,
+    TimeSummary,
 };
 
 /// Prints Weight, Time, Flow and Shape of a motion file, where they peak, and what is wrong with the motion.
@@ -54,8 +54,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 /// The four components: largest value, mean, and when they peak.
 fn laban(motion: &Motion) -> String {
     let series = LabanSeries::of(motion, &LabanOptions::default(), &Device::flex());
-    let maxima = series.summary(Summary::Maximum);
-    let means = series.summary(Summary::Mean);
+    let maxima = series.summary(TimeSummary::Maximum);
+    let means = series.summary(TimeSummary::Mean);
     let line = |component: Component| {
         let peaks: Vec<String> = series
             .peaks(component)

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Factor, Generation, LaMoGen, Preset, Request,
-    ScaleCurve, Summary,
+    ScaleCurve, TimeSummary,
 };
 use lamogen_view::{Curve, Row, curves, save, strip};
 
@@ -135,7 +135,7 @@ fn report(result: &Generation) -> String {
         for frames in &segments {
             let [baseline, target, guided] =
                 [&result.baseline_laban, &result.target, &result.guided_laban]
-                    .map(|laban| laban.section(frames.clone()).summary(Summary::Mean))
+                    .map(|laban| laban.section(frames.clone()).summary(TimeSummary::Mean))
                     .map(|means| means[component.index()]);
             // Without a sign where it rounds to nothing.
             let change = |value: f32| (100.0 * (value / baseline - 1.0)).round() + 0.0;

@@ -270,8 +270,8 @@ fn a_whole_folder_is_the_embedded_model() {
     let embedded = LaMoGen::embedded(&Device::flex()).unwrap();
     // Its config says how it is best sampled.
     let loaded = load(folder.path()).unwrap();
-    assert!(loaded.coherence().is_some());
-    assert_eq!(loaded.coherence(), embedded.coherence());
+    assert!(loaded.temporal_smoothing().is_some());
+    assert_eq!(loaded.temporal_smoothing(), embedded.temporal_smoothing());
     assert_eq!(loaded.preset(), lamogen::Preset::Precise);
     assert_eq!(loaded.preset(), embedded.preset());
     assert_eq!(loaded.licence(), embedded.licence());
@@ -291,21 +291,28 @@ fn how_a_model_is_sampled_has_to_make_sense() {
         std::fs::write(&path, config.to_string()).unwrap();
         load(folder.path())
     };
-    let model = with(json!({ "preset": "fast", "coherence": 0, "text_scale": 2.5 })).unwrap();
+    let model =
+        with(json!({ "preset": "fast", "temporal_smoothing": 0, "text_scale": 2.5 })).unwrap();
     assert_eq!(model.preset(), lamogen::Preset::Fast);
-    assert_eq!((model.coherence(), model.text_scale()), (None, 2.5));
+    assert_eq!(
+        (model.temporal_smoothing(), model.text_scale()),
+        (None, 2.5)
+    );
     // Without any it is what it was for MotionDiffuse's own.
     for nothing in [json!(null), json!({})] {
         let model = with(nothing).unwrap();
         assert_eq!(model.preset(), lamogen::Preset::Paper);
-        assert_eq!((model.coherence(), model.text_scale()), (None, 1.0));
+        assert_eq!(
+            (model.temporal_smoothing(), model.text_scale()),
+            (None, 1.0)
+        );
     }
     for (sampling, part) in [
         (
             json!({ "preset": "exact" }),
             "expected a preset (precise, fast, paper), found `exact`",
         ),
-        (json!({ "coherence": -1 }), "sampling: "),
+        (json!({ "temporal_smoothing": -1 }), "sampling: "),
         (json!({ "text_scale": -2 }), "sampling: "),
         (json!({ "smoothing": 1 }), "unknown field `smoothing`"),
     ] {

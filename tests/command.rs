@@ -223,13 +223,13 @@ fn what_goes_wrong_has_a_code_a_reason_and_a_hint() {
     );
     fails(
         folder,
-        &with(&["--coherence", "0"]),
+        &with(&["--temporal-smoothing", "0"]),
         2,
         "0.01 to 100 frames, found 0",
     );
     fails(
         folder,
-        &with(&["--coherence", "much"]),
+        &with(&["--temporal-smoothing", "much"]),
         2,
         "a number of frames such as 1, or off, found much",
     );
@@ -402,7 +402,7 @@ fn a_batch_goes_on_where_it_was_stopped() {
         .map(|&word| if word == "4" { "5" } else { word })
         .collect();
     assert_eq!(made(&json(&succeeds(folder, &slower))), [4.0, 0.0]);
-    let smoother = [&slower[..], &["--coherence", "1.5"]].concat();
+    let smoother = [&slower[..], &["--temporal-smoothing", "1.5"]].concat();
     assert_eq!(made(&json(&succeeds(folder, &smoother))), [4.0, 0.0]);
     assert_eq!(made(&json(&succeeds(folder, &smoother))), [0.0, 4.0]);
 }

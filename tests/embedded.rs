@@ -2,8 +2,8 @@
 
 use lamogen::motion::{BoneDrift, Jitter, JointTurning, RestPose};
 use lamogen::{
-    Body, Coherence, Component, Device, Finish, Generation, Guidance, Joint, LaMoGen, LabanOptions,
-    LabanSeries, Motion, Preset, Request, Scale, Summary, Tag,
+    Body, Component, Device, Finish, Generation, Guidance, Joint, LaMoGen, LabanOptions,
+    LabanSeries, Motion, Preset, Request, Scale, Tag, TemporalSmoothing, TimeSummary,
 };
 
 const PROMPTS: [&str; 4] = [
@@ -18,7 +18,7 @@ fn model() -> LaMoGen {
     LaMoGen::embedded(&Device::flex()).unwrap()
 }
 
-fn change(result: &Generation, component: Component, summary: Summary) -> f32 {
+fn change(result: &Generation, component: Component, summary: TimeSummary) -> f32 {
     let [before, after] = [&result.baseline_laban, &result.guided_laban]
         .map(|laban| laban.summary(summary)[component.index()]);
     after / before - 1.0
@@ -45,7 +45,7 @@ fn all_components_follow_their_tags_for_every_prompt_and_seed() {
         let component = tag.component();
         for (case, result) in cases.iter().zip(model.generate_all(&requests).unwrap()) {
             let [maximum, mean] =
-                [Summary::Maximum, Summary::Mean].map(|s| change(&result, component, s));
+                [TimeSummary::Maximum, TimeSummary::Mean].map(|s| change(&result, component, s));
             let report = format!(
                 "{case:?} {tag}: {component} {:+.0}% by maximum, {:+.0}% by mean, {:+.0}% asked",
                 100.0 * maximum,
@@ -183,7 +183,8 @@ fn a_batch_gives_the_motions_of_single_calls_as_nearly_as_its_docs_say() {
         let distance = alone.guided.distance(&together.guided);
         println!("{gaps:?} {distance} m: {request:?}");
         assert!(distance < 0.04, "{distance}: {request:?}");
-        let pairs = [&alone.guided_laban, &together.guided_laban].map(|s| s.summary(Summary::Mean));
+        let pairs =
+            [&alone.guided_laban, &together.guided_laban].map(|s| s.summary(TimeSummary::Mean));
         for (alone, together) in pairs[0].into_iter().zip(pairs[1]) {
             assert!(
                 (alone / together - 1.0).abs() < 0.05,
@@ -199,15 +200,15 @@ fn smoothed_predictions_make_frames_agree() {
         let request = Request::new(prompt).tag(Tag::Strong).frames(60);
         request.seed(3).steps(30)
     });
-    let jitter = |coherence| {
-        let model = model().with_coherence(coherence).unwrap();
+    let jitter = |temporal_smoothing| {
+        let model = model().with_temporal_smoothing(temporal_smoothing).unwrap();
         let motions = model.generate_all(&requests).unwrap();
         let ankles = |motion| Jitter::of(motion).ankles;
         let pairs = motions.iter();
         let pairs = pairs.map(|result| (ankles(&result.baseline), ankles(&result.guided)));
         pairs.collect::<Vec<_>>()
     };
-    let (alone, together) = (jitter(None), jitter(Some(Coherence::default())));
+    let (alone, together) = (jitter(None), jitter(Some(TemporalSmoothing::default())));
     for (alone, together) in alone.iter().zip(&together) {
         println!("ankles, mm a frame squared: {alone:?}, smoothed {together:?}");
         assert!(together.0 < 0.7 * alone.0 && together.1 < 0.7 * alone.1);
@@ -298,7 +299,7 @@ fn files_read_back_have_the_features_that_were_reported() {
             let read = lamogen::files::read(&path, &Default::default()).unwrap();
             let options = LabanOptions::default();
             let found = LabanSeries::of(&read.motion, &options, &Device::flex());
-            for summary in [Summary::Maximum, Summary::Mean] {
+            for summary in [TimeSummary::Maximum, TimeSummary::Mean] {
                 let [found, reported] = [&found, &result.guided_laban].map(|s| s.summary(summary));
                 for (found, reported) in found.into_iter().zip(reported) {
                     let error = (found / reported - 1.0).abs();

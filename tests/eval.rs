@@ -60,7 +60,7 @@ fn a_report_has_the_papers_tables_and_the_ablations() {
     prepare(folder);
     let more = [
         "--studies",
-        "interpolation,front,presets,learning-rate,finish,divisor",
+        "interpolation,pareto-front,presets,learning-rate,finish,divisor",
         "--out",
         "evidence",
         "--methods",

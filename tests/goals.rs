@@ -2,7 +2,7 @@
 
 use lamogen::{
     BodyPart, Component, Device, EndEffectors, Factor, Generation, Goal, Goals, Guidance, LaMoGen,
-    LabanOptions, LabanSeries, Motion, PartScale, Request, RequestError, Summary, Tag,
+    LabanOptions, LabanSeries, Motion, PartScale, Request, RequestError, Tag, TimeSummary,
 };
 
 fn model() -> LaMoGen {
@@ -15,7 +15,7 @@ fn walk() -> Request {
 
 /// Means over time.
 fn means(series: &LabanSeries) -> [f32; 4] {
-    series.summary(Summary::Mean)
+    series.summary(TimeSummary::Mean)
 }
 
 #[test]
@@ -68,14 +68,14 @@ fn a_peak_and_a_mean_are_reached_in_their_own_unit() {
     for peak in [0.7, 1.0] {
         let request = jump.clone().goal(Component::Shape, Goal::Peak(peak));
         let result = model.generate(&request).unwrap();
-        let found = value(&result, Summary::Maximum, Component::Shape);
+        let found = value(&result, TimeSummary::Maximum, Component::Shape);
         println!("Shape peak={peak}: {found}");
         assert!((found / peak - 1.0).abs() < 0.15, "{found} of {peak}");
     }
     let request = walk().goal(Component::Weight, Goal::Mean(0.025));
     let found = value(
         &model.generate(&request).unwrap(),
-        Summary::Mean,
+        TimeSummary::Mean,
         Component::Weight,
     );
     println!("Weight mean=0.025: {found}");

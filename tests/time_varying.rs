@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use lamogen::{
-    Component, Device, Factor, Generation, Guidance, LaMoGen, Request, Scale, ScaleCurve, Summary,
+    Component, Device, Factor, Generation, Guidance, LaMoGen, Request, Scale, ScaleCurve,
+    TimeSummary,
 };
 
 /// Motions that last: a wave or a jump of four seconds rests in its second half, and there is nothing to multiply.
@@ -30,7 +31,7 @@ fn scale(component: Component, text: &str) -> ScaleCurve {
 fn ratios(result: &Generation, component: Component) -> [f32; 2] {
     HALVES.map(|half| {
         let [before, after] = [&result.baseline_laban, &result.guided_laban]
-            .map(|laban| laban.section(half.clone()).summary(Summary::Mean)[component.index()]);
+            .map(|laban| laban.section(half.clone()).summary(TimeSummary::Mean)[component.index()]);
         after / before
     })
 }

@@ -84,7 +84,7 @@ fn sittings_go_on_where_the_last_one_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     data(folder);
-    let more = ["--steps", "3", "--sitting", "0"];
+    let more = ["--steps", "3", "--time-limit", "0"];
     for step in 1..3 {
         let result = sits(folder, &with(&more), false);
         assert!(
@@ -156,7 +156,7 @@ fn a_model_is_trained_further_with_what_it_knows() {
     // The recipe that comes with the program has other sizes: those of the model count.
     succeeds(folder, &further("whole", &[]));
     for step in 0..3 {
-        sits(folder, &further("parts", &["--sitting", "0"]), step == 2);
+        sits(folder, &further("parts", &["--time-limit", "0"]), step == 2);
     }
     let file = |run: &str, name: &str| fs::read(folder.join(run).join("model").join(name)).unwrap();
     for name in ["config.json", "tokenizer.json", "mean.npy", "std.npy"] {
@@ -286,7 +286,7 @@ fn an_evaluator_is_trained_and_stops_and_goes_on_too() {
     let (result, notices) = succeeds(folder, &whole);
     assert!(result.contains("after 6 steps"), "{result}");
     assert!(notices.contains("test: too few motions"), "{notices}");
-    let parts = [&all[..], &["--out", "parts", "--sitting", "0"]].concat();
+    let parts = [&all[..], &["--out", "parts", "--time-limit", "0"]].concat();
     for step in 0..6 {
         sits(folder, &parts, step == 5);
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use burn::tensor::Device;
 use lamogen::{FRAMES_PER_SECOND, Motion, Request};
 use lamogen_data::{Dataset, Entry, LoadOptions, Split};
-use lamogen_eval::{CaptionedMotions, Estimate, Judge, fid, real_motions};
+use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, fid, real_motions};
 use lamogen_model::Denoiser;
 use lamogen_motion::{BoneDrift, FootSliding, Jitter};
 use lamogen_train::{CaptionTokens, Validation};
@@ -50,7 +50,7 @@ pub fn run(
 ) -> Result<Value, Box<dyn Error>> {
     let model = options.subject.open(device)?;
     let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
-    let judge = Judge::load(&options.evaluator, device)?;
+    let judge = Evaluator::load(&options.evaluator, device)?;
     let network = model.network();
     let lengths = network.min_frames()..=network.max_frames();
     let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
@@ -101,7 +101,7 @@ pub fn run(
         "split": options.split.name(),
         "motions": entries.len(),
         "steps": options.subject.steps,
-        "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
+        "temporal_smoothing": model.temporal_smoothing().map(|temporal_smoothing| json!({ "frames": temporal_smoothing.frames, "until": temporal_smoothing.until })),
         "repeats": options.repeats,
         "validation_loss": losses,
         "generated": means.collect::<serde_json::Map<_, _>>(),
@@ -119,7 +119,7 @@ type Figures = std::collections::BTreeMap<&'static str, f64>;
 /// What a judge and a ruler make of motions. Generated ones are held against the caption they come from, real ones against all of
 /// theirs.
 fn judged(
-    judge: &Judge,
+    judge: &Evaluator,
     entries: &[&Entry],
     motions: &[Motion],
     seed: Option<u64>,

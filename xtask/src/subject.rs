@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{Coherence, LaMoGen};
+use lamogen::{LaMoGen, TemporalSmoothing};
 
 /// Which model, and how it samples.
 #[derive(Clone, Debug, clap::Args)]
@@ -17,9 +17,9 @@ pub struct Subject {
     pub steps: u64,
     /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
     #[arg(long)]
-    pub coherence: Option<f32>,
+    pub temporal_smoothing: Option<f32>,
     /// The last timestep at which they are.
-    #[arg(long, default_value_t = Coherence::default().until, requires = "coherence")]
+    #[arg(long, default_value_t = TemporalSmoothing::default().until, requires = "temporal_smoothing")]
     pub until: usize,
     /// How strongly motions follow the sentence (classifier-free guidance); the model's own default without.
     #[arg(long)]
@@ -41,13 +41,13 @@ impl Subject {
             Some(scale) => model.with_text_scale(scale)?,
             None => model,
         };
-        let Some(frames) = self.coherence else {
+        let Some(frames) = self.temporal_smoothing else {
             return Ok(model);
         };
-        let coherence = Coherence {
+        let temporal_smoothing = TemporalSmoothing {
             frames,
             until: self.until,
         };
-        Ok(model.with_coherence((frames != 0.0).then_some(coherence))?)
+        Ok(model.with_temporal_smoothing((frames != 0.0).then_some(temporal_smoothing))?)
     }
 }

@@ -7,7 +7,9 @@ use std::time::Instant;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_guide::{Schedule, noise};
 use lamogen_model::{FrameMask, ModelConfig, MotionDiffuse, TrainingBatch};
-use lamogen_train::{Lesson, Optimization, Task, TrainError, Trainer, TrainingConfig};
+use lamogen_train::{
+    OptimizerConfig, StepGradients, TrainError, Trainer, TrainingConfig, TrainingTask,
+};
 use rayon::prelude::*;
 
 use crate::bench::Size;
@@ -63,7 +65,7 @@ pub struct Practice {
     batch: usize,
     frames: usize,
     device: Device,
-    optimization: Optimization,
+    optimization: OptimizerConfig,
     config: ModelConfig,
 }
 
@@ -74,16 +76,16 @@ impl Practice {
             batch,
             frames,
             device: device.clone(),
-            optimization: Optimization::default(),
+            optimization: OptimizerConfig::default(),
             config,
         }
     }
 }
 
-impl Task for Practice {
+impl TrainingTask for Practice {
     type Network = MotionDiffuse;
 
-    fn optimization(&self) -> &Optimization {
+    fn optimization(&self) -> &OptimizerConfig {
         &self.optimization
     }
 
@@ -91,7 +93,7 @@ impl Task for Practice {
         MotionDiffuse::initial(&self.config, 0, device)
     }
 
-    fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {
+    fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
         let features = self.config.input_feats;
         let shape = [self.batch, self.frames, features];
         let drawn = |seed: u64| {
@@ -128,7 +130,7 @@ impl Task for Practice {
             mask: FrameMask::new(&vec![self.frames; self.batch], self.frames, &self.device),
         };
         let trained = network.gradients(batch, |output| (output - clean).square().mean());
-        Lesson {
+        StepGradients {
             loss: trained.loss.clone(),
             total_loss: trained.loss,
             gradients: trained.gradients,

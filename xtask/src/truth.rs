@@ -26,24 +26,24 @@ pub struct Options {
     /// Motions of every sentence, from as many seeds.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub seeds: u64,
-    /// Judge the motions that the network itself gives instead of those of the rigid body that users get.
+    /// Evaluator the motions that the network itself gives instead of those of the rigid body that users get.
     #[arg(long)]
     pub network: bool,
     /// Folder for truth.json and truth.md.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Judge these sentences instead, a file in the form of lamogen-eval/src/truth/sentences.txt: `group | phrasing | seconds | sentence |
+    /// Evaluator these sentences instead, a file in the form of lamogen-eval/src/truth/sentences.txt: `group | phrasing | seconds | sentence |
     /// checks` a line.
     #[arg(long, value_name = "FILE", conflicts_with = "validate")]
     pub sentences: Option<PathBuf>,
-    /// Judge captions of this split of the data set instead, at the length of their motions; what each has to do follows from what its motion
+    /// Evaluator captions of this split of the data set instead, at the length of their motions; what each has to do follows from what its motion
     /// shows.
     #[arg(long, value_name = "SPLIT", requires = "data", conflicts_with_all = ["validate", "sentences"], value_parser = |name: &str| name.parse::<Split>())]
     pub captions: Option<Split>,
     /// Only sentences of this group, several times for several.
     #[arg(long)]
     pub group: Vec<String>,
-    /// Judge real motions instead, and the checks by them.
+    /// Evaluator real motions instead, and the checks by them.
     #[arg(long, requires = "data")]
     pub validate: bool,
     /// Folder of the data set with the real motions.
@@ -123,7 +123,7 @@ pub fn run(
         let file = json!({
             "model": subject.model.as_deref().unwrap_or(Path::new("embedded")),
             "steps": subject.steps,
-            "coherence": model.coherence().map(|coherence| json!({ "frames": coherence.frames, "until": coherence.until })),
+            "temporal_smoothing": model.temporal_smoothing().map(|temporal_smoothing| json!({ "frames": temporal_smoothing.frames, "until": temporal_smoothing.until })),
             "text_scale": model.text_scale(),
             "seeds": options.seeds,
             "motions_of": if options.network { "network" } else { "body" },

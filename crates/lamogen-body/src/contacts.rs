@@ -39,7 +39,7 @@ pub(crate) const FEET: [Joint; 2] = [Joint::LeftFoot, Joint::RightFoot];
 
 /// A run of frames in which ankle or ball of a foot stays in its place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stand {
+pub struct FootContact {
     /// An ankle, or a foot, which is its ball.
     pub joint: Joint,
     /// The first frame.
@@ -56,7 +56,7 @@ pub(crate) fn stands(
     poses: &[[DVec3; JOINTS]],
     features: Option<&[[f32; POSE_FEATURES]]>,
     ground: f64,
-) -> Vec<Stand> {
+) -> Vec<FootContact> {
     let mut stands = Vec::new();
     for (place, joint) in FOOT_CONTACT_JOINTS.into_iter().enumerate() {
         let limits = if is_ankle(joint) { ANKLE } else { BALL };
@@ -84,7 +84,7 @@ pub(crate) fn stands(
             if run[0] && run.len() >= SHORTEST {
                 let places = poses[from..until].iter().map(|pose| pose[joint.index()]);
                 let place = places.sum::<DVec3>() / run.len() as f64;
-                stands.push(Stand {
+                stands.push(FootContact {
                     joint,
                     from,
                     until,
@@ -99,7 +99,7 @@ pub(crate) fn stands(
 }
 
 /// The lowest ball stands on the ground, and no other one far above it.
-fn put_on_the_ground(stands: &mut [Stand], ground: f64) {
+fn put_on_the_ground(stands: &mut [FootContact], ground: f64) {
     let balls = stands.iter().filter(|stand| !is_ankle(stand.joint));
     let lowest = balls
         .map(|stand| stand.place[1])
@@ -115,7 +115,11 @@ fn put_on_the_ground(stands: &mut [Stand], ground: f64) {
 }
 
 /// How high the ball of each foot has to be at every frame, in metres: where it neither stands nor is slow, so high that it clears the ground.
-pub(crate) fn clearance(poses: &[[DVec3; JOINTS]], stands: &[Stand], ground: f64) -> Vec<[f64; 2]> {
+pub(crate) fn clearance(
+    poses: &[[DVec3; JOINTS]],
+    stands: &[FootContact],
+    ground: f64,
+) -> Vec<[f64; 2]> {
     let mut least = vec![[f64::NEG_INFINITY; 2]; poses.len()];
     for (side, foot) in FEET.into_iter().enumerate() {
         let mut swings: Vec<bool> = { poses.iter() }

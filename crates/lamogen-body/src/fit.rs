@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 use rayon::prelude::*;
 
-use crate::options::Fit;
+use crate::options::FitOptions;
 use crate::track::{Track, Trial};
 
 /// A motion to fit, and the body that it shall be on.
@@ -21,7 +21,7 @@ pub struct FitInput<'a> {
 
 /// What came of a fit.
 #[derive(Clone, Debug)]
-pub struct Fitted {
+pub struct FitResult {
     /// The rotations of every motion.
     pub rotations: Vec<Rotations>,
     /// Whether the fit was stopped before its end; the rotations are the best ones until then.
@@ -29,7 +29,7 @@ pub struct Fitted {
 }
 
 /// Something that motions shall reach, as a function of their joints that a fit makes small.
-pub trait Goal {
+pub trait FitObjective {
     /// The value of every motion and its gradient with respect to the positions: `joints[motion][frame][joint]` in metres. A value that
     /// is not finite is stepped back from.
     fn evaluate(
@@ -47,7 +47,7 @@ pub struct FitProgress {
     pub total: usize,
 }
 
-impl Fit {
+impl FitOptions {
     /// Evaluations that are allowed.
     pub fn allowed(&self, has_goal: bool) -> usize {
         match has_goal {
@@ -69,9 +69,9 @@ impl Fit {
     pub fn run(
         &self,
         inputs: &[FitInput<'_>],
-        mut goal: Option<&mut dyn Goal>,
+        mut goal: Option<&mut dyn FitObjective>,
         watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
-    ) -> Fitted {
+    ) -> FitResult {
         let total = self.allowed(goal.is_some());
         let mut tracks: Vec<Track> = { inputs.par_iter() }
             .map(|input| Track::new(input, *self))
@@ -100,7 +100,7 @@ impl Fit {
                 break;
             }
         }
-        Fitted {
+        FitResult {
             rotations: tracks.par_iter().map(Track::rotations).collect(),
             is_stopped,
         }

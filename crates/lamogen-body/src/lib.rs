@@ -3,13 +3,13 @@
 //! ```text
 //! root, local rotations ──Kinematics──▶ joints ──▶ loss ──gradient──▶ root, local rotations
 //!
-//! Motion (bones stretch, feet slide) ──Fit──▶ Rotations (rigid bones, feet that stand, elbows that bend forward)
+//! Motion (bones stretch, feet slide) ──FitOptions──▶ Rotations (rigid bones, feet that stand, elbows that bend forward)
 //!                                      ▲
-//!                                    Goal: what guidance asks for
+//!                                    FitObjective: what guidance asks for
 //! ```
 //!
-//! [`Kinematics`] is forward kinematics as a differentiable function of tensors, with a gradient by hand for the CPU. A [`Fit`] finds the
-//! rotations of a body that are nearest to a motion over its whole length at once, and may draw them towards a [`Goal`]. Units are
+//! [`Kinematics`] is forward kinematics as a differentiable function of tensors, with a gradient by hand for the CPU. A [`FitOptions`] finds the
+//! rotations of a body that are nearest to a motion over its whole length at once, and may draw them towards a [`FitObjective`]. Units are
 //! metres, degrees where a name says so, and frames at 20 a second; Y points up.
 
 mod banded;
@@ -22,9 +22,9 @@ mod pose;
 mod snaps;
 mod track;
 
-pub use fit::{FitInput, FitProgress, Fitted, Goal, ground};
+pub use fit::{FitInput, FitObjective, FitProgress, FitResult, ground};
 pub use kinematics::{Kinematics, LinearizedKinematics};
-pub use options::{Fit, FitError};
+pub use options::{FitError, FitOptions};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

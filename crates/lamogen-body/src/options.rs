@@ -8,7 +8,7 @@ use lamogen_motion::Joint;
 /// frames and, where it is about joints, over these; a weight is what one unit of it costs: a metre, or a whole change of a
 /// quaternion's numbers. A weight of 0 leaves a term out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
+pub struct FitOptions {
     /// How often the terms are evaluated where there is no goal; it ends earlier where nothing is left to gain. Default: 60.
     pub evaluations: usize,
     /// The same where there is a goal. Default: 200.
@@ -20,13 +20,13 @@ pub struct Fit {
     /// Third difference of the joints' own positions. Default: 0.1.
     pub jerk: f64,
     /// Second difference of what a joint's quaternion is off the one [solved](lamogen_motion::Rotations::of) from the motion. The neck,
-    /// whose turns hardly move anything, counts [eighty times](Fit::neck). Default: 5.
+    /// whose turns hardly move anything, counts [eighty times](FitOptions::neck). Default: 5.
     pub turning: f64,
     /// How many times as much as another joint's the neck's turning counts. Default: 80.
     pub neck: f64,
     /// Second difference of a joint's quaternion. Default: 0.05.
     pub rotation: f64,
-    /// How much the quaternions of two frames differ beyond a turn by [`fastest`](Fit::fastest). Default: 200.
+    /// How much the quaternions of two frames differ beyond a turn by [`fastest`](FitOptions::fastest). Default: 200.
     pub haste: f64,
     /// Degrees that a joint may turn in its parent's frame from one frame to the next. Default: 26, which is 520 degrees a second.
     pub fastest: f64,
@@ -42,13 +42,13 @@ pub struct Fit {
     pub plane: f64,
     /// Difference of a joint's quaternion from the one solved. It settles twists that no position tells. Default: 0.002.
     pub prior: f64,
-    /// What a [`Goal`](crate::Goal) is multiplied by. Default: 15.
+    /// What a [`FitObjective`](crate::FitObjective) is multiplied by. Default: 15.
     pub goal: f64,
 }
 
-impl Default for Fit {
+impl Default for FitOptions {
     fn default() -> Self {
-        Fit {
+        FitOptions {
             evaluations: 60,
             goal_evaluations: 200,
             nearness: 4.0,
@@ -70,7 +70,7 @@ impl Default for Fit {
     }
 }
 
-/// A number of a [`Fit`] that makes no sense.
+/// A number of a [`FitOptions`] that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("fit: expected {expected}, found {field} = {found}")]
 #[allow(missing_docs)]
@@ -80,7 +80,7 @@ pub struct FitError {
     pub found: f64,
 }
 
-impl Fit {
+impl FitOptions {
     /// Whether the numbers make sense.
     ///
     /// # Errors
@@ -148,23 +148,23 @@ mod tests {
 
     #[test]
     fn numbers_that_make_no_sense_are_named() {
-        assert_eq!(Fit::default().check(), Ok(()));
+        assert_eq!(FitOptions::default().check(), Ok(()));
         let broken = [
-            Fit {
+            FitOptions {
                 stand: f64::NAN,
-                ..Fit::default()
+                ..FitOptions::default()
             },
-            Fit {
+            FitOptions {
                 nearness: 0.0,
-                ..Fit::default()
+                ..FitOptions::default()
             },
-            Fit {
+            FitOptions {
                 evaluations: 0,
-                ..Fit::default()
+                ..FitOptions::default()
             },
-            Fit {
+            FitOptions {
                 fastest: 0.0,
-                ..Fit::default()
+                ..FitOptions::default()
             },
         ];
         let names = ["stand", "nearness", "evaluations", "fastest"];

@@ -4,10 +4,10 @@ use glam::{DQuat, DVec3};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
 
 use crate::banded::Banded;
-use crate::contacts::{FEET, Stand, clearance, stands};
+use crate::contacts::{FEET, FootContact, clearance, stands};
 use crate::descent::Descent;
 use crate::fit::FitInput;
-use crate::options::Fit;
+use crate::options::FitOptions;
 use crate::pose::{Bones, DRIVEN, Pose, of_quaternion};
 use crate::snaps::{bridge, is_believed, trust};
 
@@ -27,7 +27,7 @@ struct Hinge {
 
 /// One motion on its way.
 pub(crate) struct Track {
-    fit: Fit,
+    fit: FitOptions,
     rest: RestPose,
     bones: Bones,
     hinges: [Hinge; 4],
@@ -37,7 +37,7 @@ pub(crate) struct Track {
     solved: Vec<[DQuat; JOINTS]>,
     /// How much each frame is to be believed.
     trust: Vec<f64>,
-    stands: Vec<Stand>,
+    stands: Vec<FootContact>,
     /// How high the ball of each foot is to be at least.
     clearance: Vec<[f64; 2]>,
     ground: f64,
@@ -64,7 +64,7 @@ impl Trial {
 }
 
 impl Track {
-    pub(crate) fn new(input: &FitInput<'_>, fit: Fit) -> Track {
+    pub(crate) fn new(input: &FitInput<'_>, fit: FitOptions) -> Track {
         let FitInput {
             motion,
             body: rest,
@@ -335,7 +335,7 @@ impl Track {
 
     /// How the value bends along the root and along every driven joint, each by itself: what a step is divided by.
     fn curvatures(&self) -> Vec<Banded> {
-        let Fit {
+        let FitOptions {
             nearness,
             smoothness,
             jerk,

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lamogen_body::{Fit, FitInput, Goal, ground};
+use lamogen_body::{FitInput, FitObjective, FitOptions, ground};
 use lamogen_motion::{
     BoneDrift, FRAMES_PER_SECOND, FootSliding, JOINTS, Joint, JointTurning, Motion, RestPose,
     Rotations, npy,
@@ -62,11 +62,11 @@ fn standing() -> f32 {
     -leg.iter().map(|joint| rest.offset(*joint)[1]).sum::<f32>()
 }
 
-fn fit(motion: &Motion, fit: &Fit) -> Motion {
+fn fit(motion: &Motion, fit: &FitOptions) -> Motion {
     fit_on(motion, &RestPose::humanml3d(), fit)
 }
 
-fn fit_on(motion: &Motion, body: &RestPose, fit: &Fit) -> Motion {
+fn fit_on(motion: &Motion, body: &RestPose, fit: &FitOptions) -> Motion {
     let input = FitInput {
         motion,
         body,
@@ -103,7 +103,7 @@ fn largest_slide(motion: &Motion, foot: Joint, frames: std::ops::Range<usize>) -
 #[test]
 fn a_captured_clip_of_rigid_bones_is_reproduced_to_a_millimetre() {
     // Without the terms that want more than nearness.
-    let near = Fit {
+    let near = FitOptions {
         evaluations: 300,
         jerk: 0.0,
         rotation: 0.0,
@@ -114,7 +114,7 @@ fn a_captured_clip_of_rigid_bones_is_reproduced_to_a_millimetre() {
         plane: 0.0,
         hinge: 0.0,
         prior: 1e-6,
-        ..Fit::default()
+        ..FitOptions::default()
     };
     let motion = captured();
     let fitted = fit_on(&motion, &RestPose::of(&motion), &near);
@@ -131,7 +131,7 @@ fn feet_that_stand_stop_sliding_and_the_body_stays_where_it_is() {
     let height = standing() - 0.06;
     let drifting = body(|frame| [0.0, height, 0.01 * frame as f32], |_, _| ());
     assert!(FootSliding::of(&drifting).speed > 0.19);
-    let fitted = fit(&drifting, &Fit::default());
+    let fitted = fit(&drifting, &FitOptions::default());
     let sliding = FootSliding::of(&fitted);
     assert!(sliding.speed < 0.02, "{sliding:?}");
     for foot in [Joint::LeftFoot, Joint::RightFoot] {
@@ -152,7 +152,7 @@ fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
         },
         |_, _| (),
     );
-    let fitted = fit(&jump, &Fit::default());
+    let fitted = fit(&jump, &FitOptions::default());
     for foot in [Joint::LeftFoot, Joint::RightFoot] {
         let [before, after] = [&jump, &fitted].map(|motion| motion.position(FRAMES / 2, foot)[1]);
         assert!((before - after).abs() < 0.01, "{before} became {after}");
@@ -162,7 +162,7 @@ fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
         |_| [0.0, standing(), 0.0],
         |_, pose| pose[Joint::LeftHip.index()] = turn(0, -1.2),
     );
-    let fitted = fit(&held, &Fit::default());
+    let fitted = fit(&held, &FitOptions::default());
     let foot = fitted.position(30, Joint::LeftFoot)[1];
     assert!((foot - held.position(30, Joint::LeftFoot)[1]).abs() < 0.01);
 }
@@ -181,7 +181,7 @@ fn a_body_that_lies_or_never_touches_the_ground_keeps_its_pose() {
         },
     );
     for (motion, bound) in [(lying, 0.05), (swimming, 0.01)] {
-        let fitted = fit(&motion, &Fit::default());
+        let fitted = fit(&motion, &FitOptions::default());
         assert!(
             fitted.distance(&motion) < bound,
             "{}",
@@ -206,7 +206,7 @@ fn elbows_and_knees_bend_one_way_only() {
             }
         },
     );
-    let fitted = fit(&overstretched, &Fit::default());
+    let fitted = fit(&overstretched, &FitOptions::default());
     let rotations = fitted.rotations();
     for (joint, axis) in [(Joint::LeftKnee, 0), (Joint::RightElbow, 1)] {
         for pose in rotations.local() {
@@ -229,7 +229,7 @@ fn a_body_that_snaps_round_turns_like_one_that_has_weight() {
             .degrees
     };
     assert!(pelvis(&snapping) > 170.0);
-    let fitted = fit(&snapping, &Fit::default());
+    let fitted = fit(&snapping, &FitOptions::default());
     assert!(pelvis(&fitted) < 45.0, "{}", pelvis(&fitted));
     let far = [0, FRAMES - 1].map(|frame| {
         let [a, b] = [&fitted, &snapping].map(|motion| motion.position(frame, Joint::LeftWrist));
@@ -243,11 +243,11 @@ fn motions_of_a_frame_or_three_and_bodies_without_bones_are_fitted_too() {
     let whole = captured();
     for frames in 1..5 {
         let short = Motion::from_joints(whole.joints()[..frames].to_vec()).unwrap();
-        let fitted = fit(&short, &Fit::default());
+        let fitted = fit(&short, &FitOptions::default());
         assert_eq!(fitted.frames(), frames);
     }
     let point = Motion::from_joints(vec![[[0.1, 0.2, 0.3]; JOINTS]; 8]).unwrap();
-    let fitted = fit_on(&point, &RestPose::of(&point), &Fit::default());
+    let fitted = fit_on(&point, &RestPose::of(&point), &FitOptions::default());
     assert!(largest_gap(&fitted, &point) < 1e-3);
 }
 
@@ -262,7 +262,7 @@ fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() 
     };
     let run = |inputs: &[FitInput<'_>], threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let run = || Fit::default().run(inputs, None, &mut |_| ControlFlow::Continue(()));
+        let run = || FitOptions::default().run(inputs, None, &mut |_| ControlFlow::Continue(()));
         pool.build().unwrap().install(run).rotations
     };
     let together = run(&[input(&long), input(&short)], 4);
@@ -273,7 +273,7 @@ fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() 
 /// Wants the right wrist at a height.
 struct Reach(f32);
 
-impl Goal for Reach {
+impl FitObjective for Reach {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
@@ -305,9 +305,9 @@ fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
     let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
     let before = still.position(30, Joint::RightWrist)[1];
     let asked = before + 0.2;
-    let fit = Fit {
+    let fit = FitOptions {
         goal: 100.0,
-        ..Fit::default()
+        ..FitOptions::default()
     };
     let whole = fit.run(&[input], Some(&mut Reach(asked)), &mut |_| {
         ControlFlow::Continue(())

@@ -7,10 +7,10 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::attention::{self, Context};
 use crate::chunk::Chunk;
-use crate::decoder::{Block, Decoder, Input, LAYERS, on_the_pool};
+use crate::decoder::{Decoder, DecoderBlock, DecoderInput, LAYERS, on_the_pool};
 use crate::forward::gelu;
 use crate::math;
 use crate::stylization::{Gathered, Style};
@@ -18,7 +18,7 @@ use crate::tape::{Keep, Passage, Record, Tape};
 
 /// What the way back through a block leaves for others.
 struct Trace {
-    /// Gradients of scale and shift of each layer, granule after granule.
+    /// DecoderGradients of scale and shift of each layer, granule after granule.
     modulations: [Vec<f32>; LAYERS],
     /// Gradient of the self-attention's output.
     y: Vec<f32>,
@@ -43,14 +43,14 @@ struct After {
     traces: Vec<Trace>,
 }
 
-impl<S: Numbers> Decoder<S> {
+impl<S: FloatStorage> Decoder<S> {
     /// The gradient with respect to the condition, `[batch, condition]`, from the gradient of the
     /// output, `[batch, frames, features]`, of the evaluation that was recorded with the same input.
     ///
     /// # Panics
     ///
     /// If the tape is of another input.
-    pub fn backward(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+    pub fn backward(&self, input: DecoderInput<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
         on_the_pool(|| {
             let modulations = self.modulation_gradient(input, tape, gradient);
@@ -67,7 +67,7 @@ impl<S: Numbers> Decoder<S> {
     /// As [`backward`](Self::backward).
     pub fn backward_to_modulation(
         &self,
-        input: Input<'_>,
+        input: DecoderInput<'_>,
         tape: Tape,
         gradient: &[f32],
     ) -> Vec<f32> {
@@ -75,7 +75,12 @@ impl<S: Numbers> Decoder<S> {
         on_the_pool(|| self.modulation_gradient(input, tape, gradient))
     }
 
-    fn modulation_gradient(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+    fn modulation_gradient(
+        &self,
+        input: DecoderInput<'_>,
+        tape: Tape,
+        gradient: &[f32],
+    ) -> Vec<f32> {
         let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
         self.unroll(input, tape, gradient, &mut nobody, &mut []).0
     }
@@ -86,7 +91,12 @@ impl<S: Numbers> Decoder<S> {
     /// # Panics
     ///
     /// If the tape is of another input, or was not recorded for training.
-    pub fn backward_to_motion(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
+    pub fn backward_to_motion(
+        &self,
+        input: DecoderInput<'_>,
+        tape: Tape,
+        gradient: &[f32],
+    ) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
         assert!(
             tape.keep == Keep::ForWeights,
@@ -113,7 +123,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// Panics where tape or gradient are not of this input.
-    pub(crate) fn check_tape(&self, input: Input<'_>, tape: &Tape, gradient: &[f32]) {
+    pub(crate) fn check_tape(&self, input: DecoderInput<'_>, tape: &Tape, gradient: &[f32]) {
         self.check(input);
         let mut lengths = vec![0; input.lengths.len()];
         for passage in &tape.passages {
@@ -138,7 +148,7 @@ impl<S: Numbers> Decoder<S> {
     /// the passages; then `texts` has a vector for each block, to which the gradient of its text is written.
     pub(crate) fn unroll(
         &self,
-        input: Input<'_>,
+        input: DecoderInput<'_>,
         tape: Tape,
         gradient: &[f32],
         ledgers: &mut [Ledger],
@@ -210,7 +220,7 @@ impl<S: Numbers> Decoder<S> {
     fn leave_backward(
         &self,
         passage: &mut Passage,
-        input: Input<'_>,
+        input: DecoderInput<'_>,
         gradient: &[f32],
         ledger: &mut Ledger,
     ) {
@@ -221,7 +231,7 @@ impl<S: Numbers> Decoder<S> {
         self.output.weight.pull(gradient, &mut passage.hidden);
     }
 
-    fn enter_backward(&self, passage: &Passage, input: Input<'_>, ledger: &mut Ledger) {
+    fn enter_backward(&self, passage: &Passage, input: DecoderInput<'_>, ledger: &mut Ledger) {
         let Passage { chunk, hidden, .. } = passage;
         if let Some(ledger) = ledger {
             let x_t = &input.x_t[self.place(chunk, input)];
@@ -267,13 +277,13 @@ impl<S: Numbers> Decoder<S> {
             .output
             .backward(gradient, third, style, &mut y, chunk, sums);
         let mut wide = vec![0.0; record.expanded.len()];
-        if let Some(Block { feed_forward, .. }) = &mut gathered {
+        if let Some(DecoderBlock { feed_forward, .. }) = &mut gathered {
             gelu(&record.expanded, &mut wide);
             feed_forward.contract.gather(&wide, &y);
         }
         layers.contract.weight.pull(&y, &mut wide);
         gelu_backward(&record.expanded, &mut wide);
-        if let Some(Block { feed_forward, .. }) = &mut gathered {
+        if let Some(DecoderBlock { feed_forward, .. }) = &mut gathered {
             let input = &record.feed_forward_input;
             feed_forward.expand.gather(input, &wide);
         }
@@ -297,7 +307,7 @@ impl<S: Numbers> Decoder<S> {
         let mut query = vec![0.0; gradient.len()];
         heads.apply_transposed(&y, text, &mut query);
         heads.softmax_backward(&record.cross_query, &mut query);
-        if let Some(Block {
+        if let Some(DecoderBlock {
             cross_attention, ..
         }) = &mut gathered
         {
@@ -305,7 +315,7 @@ impl<S: Numbers> Decoder<S> {
             cross_attention.query.gather(&y, &query);
         }
         attention.query.weight.pull(&query, &mut y);
-        if let Some(Block {
+        if let Some(DecoderBlock {
             cross_attention, ..
         }) = &mut gathered
         {
@@ -403,7 +413,7 @@ impl<S: Numbers> Decoder<S> {
             .backward(&mut normed, &self_attention.norm, &mut passage.hidden);
     }
 
-    /// Gradients of the contexts, for each motion.
+    /// DecoderGradients of the contexts, for each motion.
     fn context_gradients(
         &self,
         passages: &[Passage],

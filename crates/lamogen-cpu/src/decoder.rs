@@ -1,10 +1,10 @@
 //! Weights of a decoder, and what can be done with them.
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::attention::Heads;
 use crate::chunk::Chunk;
 use crate::linear::Linear;
-use crate::norm::Norm;
+use crate::norm::LayerNorm;
 use crate::stylization::Stylization;
 use crate::tape::{Keep, Tape};
 
@@ -20,14 +20,14 @@ pub struct Decoder<S> {
     /// Scales and shifts of all stylization layers, in the order of blocks and layers.
     pub modulations: Linear<S>,
     /// One after another.
-    pub blocks: Vec<Block<S>>,
+    pub blocks: Vec<DecoderBlock<S>>,
     /// From the hidden state to pose features.
     pub output: Linear<S>,
 }
 
 /// Weights of one block.
 #[derive(Clone, Debug)]
-pub struct Block<S> {
+pub struct DecoderBlock<S> {
     /// Frames to each other.
     pub self_attention: SelfAttention<S>,
     /// Frames to the text.
@@ -40,7 +40,7 @@ pub struct Block<S> {
 #[derive(Clone, Debug)]
 pub struct SelfAttention<S> {
     /// Before the projections.
-    pub norm: Norm<S>,
+    pub norm: LayerNorm<S>,
     /// Softmax over channels.
     pub query: Linear<S>,
     /// Softmax over frames.
@@ -51,11 +51,11 @@ pub struct SelfAttention<S> {
     pub output: Stylization<S>,
 }
 
-/// Attention of the frames to the text, whose side is part of the [`Input`].
+/// Attention of the frames to the text, whose side is part of the [`DecoderInput`].
 #[derive(Clone, Debug)]
 pub struct CrossAttention<S> {
     /// Before the projection.
-    pub norm: Norm<S>,
+    pub norm: LayerNorm<S>,
     /// Softmax over channels.
     pub query: Linear<S>,
     /// After the attention.
@@ -75,7 +75,7 @@ pub struct FeedForward<S> {
 
 /// What a decoder is evaluated on.
 #[derive(Clone, Copy, Debug)]
-pub struct Input<'a> {
+pub struct DecoderInput<'a> {
     /// Noisy motions, `[batch, frames, features]`.
     pub x_t: &'a [f32],
     /// Embedded timestep plus sentence embedding, `[batch, condition]`.
@@ -93,13 +93,13 @@ pub struct Input<'a> {
 /// Stylization layers of a block.
 pub(crate) const LAYERS: usize = 3;
 
-impl<S: Numbers> Decoder<S> {
+impl<S: FloatStorage> Decoder<S> {
     /// The network's output `[batch, frames, features]`; zeros past a motion's length.
     ///
     /// # Panics
     ///
     /// If the sizes of weights and input do not belong together.
-    pub fn evaluate(&self, input: Input<'_>) -> Vec<f32> {
+    pub fn evaluate(&self, input: DecoderInput<'_>) -> Vec<f32> {
         self.check(input);
         on_the_pool(|| self.forward(input, for_threads(input), Keep::Nothing).0)
     }
@@ -109,7 +109,7 @@ impl<S: Numbers> Decoder<S> {
     /// # Panics
     ///
     /// As [`evaluate`](Self::evaluate).
-    pub fn record(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
+    pub fn record(&self, input: DecoderInput<'_>) -> (Vec<f32>, Tape) {
         self.check(input);
         on_the_pool(|| self.forward(input, for_threads(input), Keep::ForCondition))
     }
@@ -120,7 +120,7 @@ impl<S: Numbers> Decoder<S> {
     /// # Panics
     ///
     /// As [`evaluate`](Self::evaluate).
-    pub fn record_for_training(&self, input: Input<'_>) -> (Vec<f32>, Tape) {
+    pub fn record_for_training(&self, input: DecoderInput<'_>) -> (Vec<f32>, Tape) {
         self.check(input);
         // Whole motions wherever it can be: sums over frames must not depend on the number of threads.
         let chunks = Chunk::cut(input.lengths, 1);
@@ -129,7 +129,7 @@ impl<S: Numbers> Decoder<S> {
 
     /// Panics where the sizes of weights and input do not belong together: a slice too long or too short
     /// would be read as something else.
-    pub(crate) fn check(&self, input: Input<'_>) {
+    pub(crate) fn check(&self, input: DecoderInput<'_>) {
         let (width, motions) = (self.width(), input.lengths.len());
         let features = self.pose_embedding.weight.inputs();
         let blocks = self.blocks.len();
@@ -208,7 +208,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// Where the pose features of a chunk stand in the batch.
-    pub(crate) fn place(&self, chunk: &Chunk, input: Input<'_>) -> std::ops::Range<usize> {
+    pub(crate) fn place(&self, chunk: &Chunk, input: DecoderInput<'_>) -> std::ops::Range<usize> {
         let features = self.pose_embedding.weight.inputs();
         let start = (chunk.motion * input.frames + chunk.first) * features;
         start..start + chunk.frames() * features
@@ -216,7 +216,7 @@ impl<S: Numbers> Decoder<S> {
 }
 
 /// Chunks that keep all threads busy.
-fn for_threads(input: Input<'_>) -> Vec<Chunk> {
+fn for_threads(input: DecoderInput<'_>) -> Vec<Chunk> {
     Chunk::cut(input.lengths, rayon::current_num_threads())
 }
 
@@ -226,14 +226,14 @@ pub(crate) fn on_the_pool<R: Send>(task: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| task())
 }
 
-impl<S> Block<S> {
-    fn norms(&self) -> impl Iterator<Item = &Norm<S>> {
+impl<S> DecoderBlock<S> {
+    fn norms(&self) -> impl Iterator<Item = &LayerNorm<S>> {
         let first = [&self.self_attention.norm, &self.cross_attention.norm];
         first.into_iter().chain(self.styled_norms())
     }
 
     /// Normalizations of the stylization layers.
-    pub(crate) fn styled_norms(&self) -> [&Norm<S>; LAYERS] {
+    pub(crate) fn styled_norms(&self) -> [&LayerNorm<S>; LAYERS] {
         [
             &self.self_attention.output.norm,
             &self.cross_attention.output.norm,
@@ -242,7 +242,7 @@ impl<S> Block<S> {
     }
 }
 
-impl<'a> Input<'a> {
+impl<'a> DecoderInput<'a> {
     /// What a block attends to in the text of a motion, `[width, d]`.
     pub(crate) fn text(&self, block: usize, motion: usize) -> &'a [f32] {
         let all = self.text[block];

@@ -3,19 +3,19 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::attention::Context;
 use crate::chunk::Chunk;
-use crate::decoder::{Decoder, Input, LAYERS};
+use crate::decoder::{Decoder, DecoderInput, LAYERS};
 use crate::math;
 use crate::stylization::Style;
 use crate::tape::{Keep, Passage, Record, Styles, Tape};
 
-impl<S: Numbers> Decoder<S> {
+impl<S: FloatStorage> Decoder<S> {
     /// The output, and a tape that can be used only if everything is kept.
     pub(crate) fn forward(
         &self,
-        input: Input<'_>,
+        input: DecoderInput<'_>,
         chunks: Vec<Chunk>,
         keep: Keep,
     ) -> (Vec<f32>, Tape) {
@@ -60,7 +60,7 @@ impl<S: Numbers> Decoder<S> {
         (out, tape)
     }
 
-    fn styles(&self, input: Input<'_>) -> Styles {
+    fn styles(&self, input: DecoderInput<'_>) -> Styles {
         let mut modulations = self.modulations.modulate(input.condition);
         if let Some(added) = input.modulation {
             math::add(&mut modulations, added);
@@ -78,7 +78,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// From pose features to the hidden state.
-    fn enter(&self, passage: &mut Passage, input: Input<'_>) {
+    fn enter(&self, passage: &mut Passage, input: DecoderInput<'_>) {
         let x_t = &input.x_t[self.place(&passage.chunk, input)];
         self.pose_embedding.forward(x_t, &mut passage.hidden);
         let first = passage.chunk.first * self.width();
@@ -201,7 +201,7 @@ impl<S: Numbers> Decoder<S> {
     }
 
     /// The outputs of all chunks at their places in the batch.
-    fn output(&self, passages: &[Passage], input: Input<'_>) -> Vec<f32> {
+    fn output(&self, passages: &[Passage], input: DecoderInput<'_>) -> Vec<f32> {
         let features = self.output.weight.outputs();
         let mut out = vec![0.0; input.lengths.len() * input.frames * features];
         for passage in passages {

@@ -1,14 +1,14 @@
-//! Gradients of everything that training moves.
+//! DecoderGradients of everything that training moves.
 
 use rayon::prelude::*;
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::backward::Ledger;
-use crate::decoder::{Block, CrossAttention, FeedForward, SelfAttention};
-use crate::decoder::{Decoder, Input, on_the_pool};
+use crate::decoder::{CrossAttention, DecoderBlock, FeedForward, SelfAttention};
+use crate::decoder::{Decoder, DecoderInput, on_the_pool};
 use crate::linear::{Linear, product, rows, rows_mut};
 use crate::math;
-use crate::norm::Norm;
+use crate::norm::LayerNorm;
 use crate::stylization::Stylization;
 use crate::tape::{Keep, Tape};
 
@@ -16,7 +16,7 @@ use faer::Accum;
 
 /// The gradient of a loss with respect to all that a decoder computed its output from.
 #[derive(Clone, Debug)]
-pub struct Gradients {
+pub struct DecoderGradients {
     /// Of each weight, in the place of the weight, input by input.
     pub weights: Decoder<Vec<f32>>,
     /// Of the condition, `[batch, condition]`.
@@ -28,14 +28,19 @@ pub struct Gradients {
 /// Passages that share a ledger: few enough to keep many threads busy, enough for ledgers to be few.
 const SHARING: usize = 8;
 
-impl<S: Numbers> Decoder<S> {
+impl<S: FloatStorage> Decoder<S> {
     /// The gradients from that of the output, `[batch, frames, features]`, of the evaluation that was
     /// [recorded](Self::record_for_training) with the same input. What stands past a motion's length does not count.
     ///
     /// # Panics
     ///
     /// If the tape is of another input, or was not recorded for training.
-    pub fn gradients(&self, input: Input<'_>, tape: Tape, gradient: &[f32]) -> Gradients {
+    pub fn gradients(
+        &self,
+        input: DecoderInput<'_>,
+        tape: Tape,
+        gradient: &[f32],
+    ) -> DecoderGradients {
         self.check_tape(input, &tape, gradient);
         assert!(
             tape.keep == Keep::ForWeights,
@@ -51,7 +56,7 @@ impl<S: Numbers> Decoder<S> {
             let (modulations, _) = self.unroll(input, tape, gradient, &mut ledgers, &mut text);
             let mut weights = total(ledgers);
             self.gather_modulations(input.condition, &modulations, &mut weights.modulations);
-            Gradients {
+            DecoderGradients {
                 weights,
                 condition: self
                     .modulations
@@ -63,16 +68,16 @@ impl<S: Numbers> Decoder<S> {
 
     /// Zeros, one for each weight; none for those of the modulations, which no passage has to do with.
     fn zeros(&self) -> Decoder<Vec<f32>> {
-        let blocks = self.blocks.iter().map(|block| Block {
+        let blocks = self.blocks.iter().map(|block| DecoderBlock {
             self_attention: SelfAttention {
-                norm: Norm::zeros_like(&block.self_attention.norm),
+                norm: LayerNorm::zeros_like(&block.self_attention.norm),
                 query: Linear::zeros_like(&block.self_attention.query),
                 key: Linear::zeros_like(&block.self_attention.key),
                 value: Linear::zeros_like(&block.self_attention.value),
                 output: Stylization::zeros_like(&block.self_attention.output),
             },
             cross_attention: CrossAttention {
-                norm: Norm::zeros_like(&block.cross_attention.norm),
+                norm: LayerNorm::zeros_like(&block.cross_attention.norm),
                 query: Linear::zeros_like(&block.cross_attention.query),
                 output: Stylization::zeros_like(&block.cross_attention.output),
             },

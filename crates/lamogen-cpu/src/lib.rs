@@ -3,9 +3,9 @@
 //!
 //! ```text
 //! Decoder (weights) ──┐
-//! Input ──────────────┴─▶ evaluate ─▶ output
+//! DecoderInput ──────────────┴─▶ evaluate ─▶ output
 //!                     ├─▶ record ───▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
-//!                     └─▶ record_for_training ▶ output, Tape ──gradients(gradient of output)──▶ Gradients of everything
+//!                     └─▶ record_for_training ▶ output, Tape ──gradients(gradient of output)──▶ DecoderGradients of everything
 //! ```
 //!
 //! What a frame costs is spent once and in one place:
@@ -34,18 +34,18 @@ mod norm;
 mod stylization;
 mod tape;
 
-pub use decoder::{Block, CrossAttention, FeedForward, SelfAttention};
-pub use decoder::{Decoder, Input};
-pub use gradients::Gradients;
-pub use linear::{Layout, Linear, Matrix};
-pub use norm::Norm;
+pub use decoder::{CrossAttention, DecoderBlock, FeedForward, SelfAttention};
+pub use decoder::{Decoder, DecoderInput};
+pub use gradients::DecoderGradients;
+pub use linear::{Linear, Matrix, WeightLayout};
+pub use norm::LayerNorm;
 pub use stylization::Stylization;
 pub use tape::Tape;
 
 /// Where numbers lie: borrowed or shared memory that threads may read.
-pub trait Numbers: AsRef<[f32]> + Sync {}
+pub trait FloatStorage: AsRef<[f32]> + Sync {}
 
-impl<T: AsRef<[f32]> + Sync> Numbers for T {}
+impl<T: AsRef<[f32]> + Sync> FloatStorage for T {}
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

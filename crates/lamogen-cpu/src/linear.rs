@@ -3,13 +3,13 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::math;
 
 /// How a matrix `[inputs, outputs]` lies in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
-    /// Input by input: all weights of the first input first.
+pub enum WeightLayout {
+    /// DecoderInput by input: all weights of the first input first.
     ByInput,
     /// Output by output, as PyTorch stores linear layers.
     ByOutput,
@@ -21,16 +21,16 @@ pub struct Matrix<S> {
     numbers: S,
     inputs: usize,
     outputs: usize,
-    layout: Layout,
+    layout: WeightLayout,
 }
 
-impl<S: Numbers> Matrix<S> {
+impl<S: FloatStorage> Matrix<S> {
     /// A matrix over numbers.
     ///
     /// # Panics
     ///
     /// If there are not `inputs · outputs` numbers.
-    pub fn new(numbers: S, inputs: usize, outputs: usize, layout: Layout) -> Self {
+    pub fn new(numbers: S, inputs: usize, outputs: usize, layout: WeightLayout) -> Self {
         assert_eq!(numbers.as_ref().len(), inputs * outputs);
         Matrix {
             numbers,
@@ -48,7 +48,7 @@ impl<S: Numbers> Matrix<S> {
         self.outputs
     }
 
-    pub(crate) fn layout(&self) -> Layout {
+    pub(crate) fn layout(&self) -> WeightLayout {
         self.layout
     }
 
@@ -59,8 +59,12 @@ impl<S: Numbers> Matrix<S> {
     fn view(&self) -> MatRef<'_, f32> {
         let numbers = self.numbers.as_ref();
         match self.layout {
-            Layout::ByInput => MatRef::from_row_major_slice(numbers, self.inputs, self.outputs),
-            Layout::ByOutput => MatRef::from_column_major_slice(numbers, self.inputs, self.outputs),
+            WeightLayout::ByInput => {
+                MatRef::from_row_major_slice(numbers, self.inputs, self.outputs)
+            }
+            WeightLayout::ByOutput => {
+                MatRef::from_column_major_slice(numbers, self.inputs, self.outputs)
+            }
         }
     }
 
@@ -102,7 +106,7 @@ pub struct Linear<S> {
     pub(crate) bias: S,
 }
 
-impl<S: Numbers> Linear<S> {
+impl<S: FloatStorage> Linear<S> {
     /// A layer with weights `[inputs, outputs]` and a bias `[outputs]`.
     ///
     /// # Panics
@@ -134,7 +138,7 @@ impl<S: Numbers> Linear<S> {
 
 impl Linear<Vec<f32>> {
     /// Zeros, one for each weight of another layer, input by input.
-    pub(crate) fn zeros_like<S: Numbers>(layer: &Linear<S>) -> Self {
+    pub(crate) fn zeros_like<S: FloatStorage>(layer: &Linear<S>) -> Self {
         let (inputs, outputs) = (layer.weight.inputs, layer.weight.outputs);
         Linear::by_input(vec![0.0; inputs * outputs], vec![0.0; outputs])
     }
@@ -159,7 +163,10 @@ impl Linear<Vec<f32>> {
     /// A layer from weights input by input.
     pub(crate) fn by_input(numbers: Vec<f32>, bias: Vec<f32>) -> Self {
         let (inputs, outputs) = (numbers.len() / bias.len().max(1), bias.len());
-        Linear::new(Matrix::new(numbers, inputs, outputs, Layout::ByInput), bias)
+        Linear::new(
+            Matrix::new(numbers, inputs, outputs, WeightLayout::ByInput),
+            bias,
+        )
     }
 
     /// Adds weights and biases to a list.
@@ -199,7 +206,7 @@ mod tests {
             (0..count).map(|i| (i as f32 * seed).sin()).collect()
         };
         for (inputs, outputs) in [(512, 64), (16, 16), (263, 128), (128, 263), (1024, 96)] {
-            for layout in [Layout::ByInput, Layout::ByOutput] {
+            for layout in [WeightLayout::ByInput, WeightLayout::ByOutput] {
                 let weight = Matrix::new(numbers(inputs * outputs, 0.7), inputs, outputs, layout);
                 let x = numbers(196 * inputs, 1.3);
                 let mut whole = vec![0.0; 196 * outputs];

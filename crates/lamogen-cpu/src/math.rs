@@ -93,7 +93,7 @@ fn erf(x: f32) -> f32 {
     x * above / below
 }
 
-/// Numbers that are summed side by side before they are added up: a vector register's.
+/// FloatStorage that are summed side by side before they are added up: a vector register's.
 const LANES: usize = 16;
 
 /// The sum of `term(a[i], b[i])`, in an order that depends on the rows' length alone.

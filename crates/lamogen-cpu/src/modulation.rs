@@ -4,8 +4,8 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::Numbers;
-use crate::linear::{Layout, Linear, Matrix};
+use crate::FloatStorage;
+use crate::linear::{Linear, Matrix, WeightLayout};
 use crate::math;
 
 /// Rows of weights that are read by one thread.
@@ -14,7 +14,7 @@ const STRETCH: usize = 512;
 /// Conditions that share one reading of the weights.
 const AT_ONCE: usize = 8;
 
-impl<S: Numbers> Linear<S> {
+impl<S: FloatStorage> Linear<S> {
     /// `silu(condition) · W + b` for every row of `condition`.
     pub(crate) fn modulate(&self, condition: &[f32]) -> Vec<f32> {
         let active: Vec<f32> = condition.iter().copied().map(math::silu).collect();
@@ -23,8 +23,8 @@ impl<S: Numbers> Linear<S> {
         let rows = active.chunks(AT_ONCE * self.weight.inputs());
         for (x, out) in rows.zip(out.chunks_mut(AT_ONCE * outputs)) {
             match self.weight.layout() {
-                Layout::ByOutput => dots(&self.weight, self.weight.inputs(), x, out),
-                Layout::ByInput => blends(&self.weight, outputs, x, out),
+                WeightLayout::ByOutput => dots(&self.weight, self.weight.inputs(), x, out),
+                WeightLayout::ByInput => blends(&self.weight, outputs, x, out),
             }
         }
         for row in out.chunks_exact_mut(outputs) {
@@ -40,8 +40,8 @@ impl<S: Numbers> Linear<S> {
         let rows = gradient.chunks(AT_ONCE * outputs);
         for (g, out) in rows.zip(out.chunks_mut(AT_ONCE * inputs)) {
             match self.weight.layout() {
-                Layout::ByOutput => blends(&self.weight, inputs, g, out),
-                Layout::ByInput => dots(&self.weight, outputs, g, out),
+                WeightLayout::ByOutput => blends(&self.weight, inputs, g, out),
+                WeightLayout::ByInput => dots(&self.weight, outputs, g, out),
             }
         }
         for (g, x) in out.iter_mut().zip(condition) {
@@ -52,7 +52,7 @@ impl<S: Numbers> Linear<S> {
 }
 
 /// For each vector, its product with every row of `width` weights.
-fn dots<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
+fn dots<S: FloatStorage>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
     let weights = weights.numbers();
     let rows = weights.len() / width;
     let stretches: Vec<Vec<f32>> = weights
@@ -66,7 +66,7 @@ fn dots<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mu
 }
 
 /// For each vector, the sum of the rows of `width` weights, each times one of its numbers.
-fn blends<S: Numbers>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
+fn blends<S: FloatStorage>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
     let all = weights.numbers();
     let rows = all.len() / width;
     let stretches: Vec<Vec<f32>> = all
@@ -152,7 +152,11 @@ mod tests {
             .map(|i| by_input[i % inputs * outputs + i / inputs])
             .collect();
         let bias = numbers(outputs, 0.11);
-        [(by_input, Layout::ByInput), (by_output, Layout::ByOutput)].map(|(weights, layout)| {
+        [
+            (by_input, WeightLayout::ByInput),
+            (by_output, WeightLayout::ByOutput),
+        ]
+        .map(|(weights, layout)| {
             Linear::new(Matrix::new(weights, inputs, outputs, layout), bias.clone())
         })
     }

@@ -2,12 +2,12 @@
 
 use multiversion::multiversion;
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::math;
 
 /// Layer normalization over the channels of a frame.
 #[derive(Clone, Debug)]
-pub struct Norm<S> {
+pub struct LayerNorm<S> {
     /// Scale of each channel.
     pub gamma: S,
     /// Shift of each channel.
@@ -23,7 +23,7 @@ pub(crate) struct Normalized {
     scale: Vec<f32>,
 }
 
-impl<S: Numbers> Norm<S> {
+impl<S: FloatStorage> LayerNorm<S> {
     pub(crate) fn width(&self) -> usize {
         self.gamma.as_ref().len()
     }
@@ -47,10 +47,10 @@ impl<S: Numbers> Norm<S> {
     }
 }
 
-impl Norm<Vec<f32>> {
+impl LayerNorm<Vec<f32>> {
     /// Zeros, one for each weight of another normalization.
-    pub(crate) fn zeros_like<S: Numbers>(norm: &Norm<S>) -> Self {
-        Norm {
+    pub(crate) fn zeros_like<S: FloatStorage>(norm: &LayerNorm<S>) -> Self {
+        LayerNorm {
             gamma: vec![0.0; norm.width()],
             beta: vec![0.0; norm.width()],
             epsilon: norm.epsilon,
@@ -70,8 +70,8 @@ impl Norm<Vec<f32>> {
 }
 
 impl Normalized {
-    /// The rows with scale and shift, as [`Norm::forward`] gave them.
-    pub(crate) fn output<S: Numbers>(&self, norm: &Norm<S>, out: &mut [f32]) {
+    /// The rows with scale and shift, as [`LayerNorm::forward`] gave them.
+    pub(crate) fn output<S: FloatStorage>(&self, norm: &LayerNorm<S>, out: &mut [f32]) {
         scale_and_shift(&self.rows, norm.gamma.as_ref(), norm.beta.as_ref(), out);
     }
 

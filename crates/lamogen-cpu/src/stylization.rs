@@ -2,17 +2,17 @@
 
 use multiversion::multiversion;
 
-use crate::Numbers;
+use crate::FloatStorage;
 use crate::chunk::Chunk;
 use crate::linear::Linear;
 use crate::math;
-use crate::norm::{Norm, Normalized};
+use crate::norm::{LayerNorm, Normalized};
 
 /// `out = W · silu(norm(h) · (1 + scale) + shift)`.
 #[derive(Clone, Debug)]
 pub struct Stylization<S> {
     /// Normalization of the hidden state.
-    pub norm: Norm<S>,
+    pub norm: LayerNorm<S>,
     /// The layer after the activation.
     pub output: Linear<S>,
 }
@@ -36,7 +36,7 @@ pub(crate) struct Gathered<'a> {
 
 impl Style {
     /// `modulation`: scale, then shift.
-    pub(crate) fn new<S: Numbers>(norm: &Norm<S>, modulation: &[f32]) -> Self {
+    pub(crate) fn new<S: FloatStorage>(norm: &LayerNorm<S>, modulation: &[f32]) -> Self {
         let (scale, shift) = modulation.split_at(norm.width());
         let (gamma, beta) = (norm.gamma.as_ref(), norm.beta.as_ref());
         let gain: Vec<f32> = scale.iter().map(|s| 1.0 + s).collect();
@@ -52,9 +52,9 @@ impl Style {
 
 impl Stylization<Vec<f32>> {
     /// Zeros, one for each weight of another layer.
-    pub(crate) fn zeros_like<S: Numbers>(layer: &Stylization<S>) -> Self {
+    pub(crate) fn zeros_like<S: FloatStorage>(layer: &Stylization<S>) -> Self {
         Stylization {
-            norm: Norm::zeros_like(&layer.norm),
+            norm: LayerNorm::zeros_like(&layer.norm),
             output: Linear::zeros_like(&layer.output),
         }
     }
@@ -66,7 +66,7 @@ impl Stylization<Vec<f32>> {
     }
 }
 
-impl<S: Numbers> Stylization<S> {
+impl<S: FloatStorage> Stylization<S> {
     /// Adds the output to `x`. `hidden` is used up.
     pub(crate) fn forward(
         &self,

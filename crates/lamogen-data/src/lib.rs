@@ -41,7 +41,7 @@ pub use options::{LoadOptions, Progress};
 pub use pack::{PackOptions, pack, pack_all};
 pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};
-pub use variations::Variation;
+pub use variations::MotionVariation;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -8,7 +8,7 @@ use crate::entry::Entry;
 
 /// A variation of a motion.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Variation {
+pub struct MotionVariation {
     /// Which entry it is a variation of.
     pub entry: usize,
     /// Its pose features, as many rows as that entry has.
@@ -25,10 +25,13 @@ impl Dataset {
     /// # Panics
     ///
     /// If there is no such entry, it is a mirror image or a variation itself, or has another number of rows.
-    pub fn with_variations(mut self, variations: impl IntoIterator<Item = Variation>) -> Self {
+    pub fn with_variations(
+        mut self,
+        variations: impl IntoIterator<Item = MotionVariation>,
+    ) -> Self {
         let siblings = Siblings::of(&self.entries);
         let mut counts = vec![0; self.entries.len()];
-        for Variation { entry, rows, note } in variations {
+        for MotionVariation { entry, rows, note } in variations {
             let original = &self.entries[entry];
             assert!(
                 !original.mirror && original.variation_of.is_none(),

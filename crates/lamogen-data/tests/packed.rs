@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{clip, error, open, rows, write};
-use lamogen_data::{Dataset, Entry, PackOptions, ProblemKind, Split, Variation, pack};
+use lamogen_data::{Dataset, Entry, MotionVariation, PackOptions, ProblemKind, Split, pack};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
 use safetensors::tensor::{Dtype, TensorView};
 
@@ -438,7 +438,7 @@ fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
     std::fs::create_dir(&source).unwrap();
     humanml3d(&source);
     let data = packed(&source, &out, &PackOptions::default());
-    let of = |value: f32| Variation {
+    let of = |value: f32| MotionVariation {
         entry: 0,
         rows: vec![[value; POSE_FEATURES]; data.entries()[0].frames],
         note: "Weight times 2".into(),

@@ -1,13 +1,13 @@
-//! Motions with what is said of them, as a judge sees both.
+//! Motions with what is said of them, as an evaluator sees both.
 
 use std::collections::HashSet;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::{Batches, Embeddings, Judge, JudgeError, MatchingScore, MetricError};
+use crate::{Embeddings, Evaluator, EvaluatorError, MatchingScore, MetricError, RetrievalBatches};
 
-/// Motions and all of their captions in a judge's space, to be compared in different pairs again and again.
+/// Motions and all of their captions in an evaluator's space, to be compared in different pairs again and again.
 #[derive(Clone, Debug)]
 pub struct CaptionedMotions {
     /// `[motion][caption]`
@@ -26,23 +26,23 @@ pub(crate) struct Drawn {
 }
 
 impl CaptionedMotions {
-    /// Embeds motions, each with at least one caption. Features are as [`Judge::motions`] takes them, and are let go as soon
+    /// Embeds motions, each with at least one caption. Features are as [`Evaluator::motions`] takes them, and are let go as soon
     /// as they are embedded.
     ///
     /// # Errors
     ///
-    /// If the judge cannot embed a motion or a text.
+    /// If the evaluator cannot embed a motion or a text.
     ///
     /// # Panics
     ///
     /// If a motion has no caption.
     pub fn embed(
-        judge: &Judge,
+        evaluator: &Evaluator,
         motions: impl IntoIterator<Item = (Vec<String>, Vec<f32>)>,
-    ) -> Result<Self, JudgeError> {
+    ) -> Result<Self, EvaluatorError> {
         /// Motions that are in memory together; many, so that batches can be made of similar lengths.
         const AT_ONCE: usize = 512;
-        let width = judge.evaluator().config().dim_coemb_hidden;
+        let width = evaluator.network().config().dim_coemb_hidden;
         let none = Embeddings::new(Vec::new(), width)?;
         let mut captioned = CaptionedMotions {
             captions: Vec::new(),
@@ -55,8 +55,8 @@ impl CaptionedMotions {
             let (captions, features): (Vec<_>, Vec<_>) = motions.by_ref().take(AT_ONCE).unzip();
             let texts = captions.concat();
             let mut first = captioned.texts.len();
-            captioned.texts.extend(&judge.texts(&texts)?)?;
-            captioned.motions.extend(&judge.motions(&features)?)?;
+            captioned.texts.extend(&evaluator.texts(&texts)?)?;
+            captioned.motions.extend(&evaluator.motions(&features)?)?;
             for captions in captions {
                 assert!(
                     !captions.is_empty(),
@@ -85,7 +85,7 @@ impl CaptionedMotions {
         &self.motions
     }
 
-    /// R-precision and distance in [batches](Batches::distinct) of `size` pairs; the seed decides which caption stands for each
+    /// R-precision and distance in [batches](RetrievalBatches::distinct) of `size` pairs; the seed decides which caption stands for each
     /// motion, and who meets whom.
     ///
     /// # Errors
@@ -107,14 +107,14 @@ impl CaptionedMotions {
             .collect();
         let captions = self.captions.iter().zip(&chosen);
         let captions: Vec<&str> = captions.map(|(all, &one)| all[one].as_str()).collect();
-        let Batches { batches, .. } = Batches::distinct(&captions, size, seed);
+        let RetrievalBatches { batches, .. } = RetrievalBatches::distinct(&captions, size, seed);
         if batches.is_empty() {
             return Err(MetricError::TooFew {
                 metric: "R-precision",
                 what: "motions with captions that differ",
                 needed: size,
                 found: { captions.iter() }
-                    .map(|caption| Batches::words(caption))
+                    .map(|caption| RetrievalBatches::words(caption))
                     .collect::<HashSet<_>>()
                     .len(),
             });

@@ -5,7 +5,7 @@ use std::path::Path;
 use lamogen_motion::placeholder;
 use serde::{Deserialize, Serialize};
 
-use crate::EvaluatorError;
+use crate::EvaluatorNetworkError;
 use crate::vocabulary::PartOfSpeech;
 
 /// Sizes of the text-motion matching network. The names are those of the public code's options.
@@ -105,9 +105,9 @@ impl EvaluatorConfig {
     /// # Errors
     ///
     /// If the file cannot be read, is not such a config, or its sizes make no network.
-    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, EvaluatorError> {
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, EvaluatorNetworkError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|reason| EvaluatorError::Io {
+        let bytes = std::fs::read(path).map_err(|reason| EvaluatorNetworkError::Io {
             path: path.to_owned(),
             reason,
         })?;
@@ -119,22 +119,22 @@ impl EvaluatorConfig {
     /// # Errors
     ///
     /// If the content is not such a config, or its sizes make no network.
-    pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, EvaluatorError> {
+    pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, EvaluatorNetworkError> {
         let path = name.as_ref();
         if let Some(problem) = placeholder(json) {
-            return Err(EvaluatorError::Sizes {
+            return Err(EvaluatorNetworkError::Sizes {
                 path: path.to_owned(),
                 problem: problem.to_owned(),
             });
         }
         let config: Self =
-            serde_json::from_slice(json).map_err(|reason| EvaluatorError::Config {
+            serde_json::from_slice(json).map_err(|reason| EvaluatorNetworkError::Config {
                 path: path.to_owned(),
                 reason,
             })?;
         match config.problem() {
             None => Ok(config),
-            Some(problem) => Err(EvaluatorError::Sizes {
+            Some(problem) => Err(EvaluatorNetworkError::Sizes {
                 path: path.to_owned(),
                 problem,
             }),

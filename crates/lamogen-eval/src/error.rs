@@ -11,7 +11,7 @@ use crate::MetricError;
 
 /// What can go wrong when an evaluator is loaded or saved.
 #[derive(Debug, thiserror::Error)]
-pub enum EvaluatorError {
+pub enum EvaluatorNetworkError {
     /// A file cannot be read or written.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
@@ -32,12 +32,12 @@ pub enum EvaluatorError {
     Weights(#[from] CheckpointError),
 }
 
-/// What can go wrong with a judge.
+/// What can go wrong with an evaluator.
 #[derive(Debug, thiserror::Error)]
-pub enum JudgeError {
+pub enum EvaluatorError {
     /// The network cannot be loaded or saved.
     #[error(transparent)]
-    Evaluator(#[from] EvaluatorError),
+    EvaluatorNetwork(#[from] EvaluatorNetworkError),
     /// The tokenizer cannot be read, is not the network's, or cannot encode a text.
     #[error(transparent)]
     Tokenizer(#[from] TokenizerError),

@@ -1,88 +1,152 @@
-//! The whole network, and its files.
+//! An evaluator with all that its inputs need.
 
 use std::collections::HashMap;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
+use std::sync::Arc;
 
-use burn::module::Module;
-use burn::tensor::{Device, Tensor};
-use lamogen_model::{Checkpoint, Keyed, Keys, Precision};
-use lamogen_motion::{frame_mask, write_atomically};
+use burn::tensor::{Device, Tensor, TensorData};
+use lamogen_model::{Precision, Tokenizer, TokenizerError, Tokens};
+use lamogen_motion::{Normalization, npy, write_atomically};
 
-use crate::network::{Dropout, MotionEncoder, MovementEncoder, TextEncoder};
-use crate::{EvaluatorConfig, EvaluatorError, TextBatch};
+use crate::{
+    Embeddings, EvaluatorConfig, EvaluatorError, EvaluatorNetwork, EvaluatorNetworkError,
+    TextBatch, TextForm,
+};
 
-/// The text-motion matching network of Guo et al. 2022 (CVPR; public code `EricGuo5513/text-to-motion`): texts and
-/// motions as points of one space, near each other where they belong together.
+/// An [`EvaluatorNetwork`] that reads tokens, its tokenizer, and the mean and standard deviation of the motions that it was
+/// trained on: texts and motions as they are become [`Embeddings`].
 ///
-/// As a burn module it is trained on an autodiff device, or after [`Module::train`].
-#[derive(Module, Debug)]
+/// ```text
+/// FOLDER/model.safetensors   the weights
+///        config.json         the sizes
+///        tokenizer.json      how texts are read; without it as by CLIP's tokenizer
+///        mean.npy, std.npy   how features are normalised
+/// ```
+///
+/// Cloning is cheap.
+#[derive(Clone, Debug)]
 pub struct Evaluator {
-    movement: MovementEncoder,
-    motion: MotionEncoder,
-    text: TextEncoder,
-    #[module(skip)]
-    config: EvaluatorConfig,
+    network: EvaluatorNetwork,
+    device: Device,
+    tokenizer: Tokenizer,
+    normalization: Normalization,
+    files: Arc<Files>,
 }
 
-/// Keys of the three networks in `finest.tar`.
-const PARTS: [&str; 3] = ["movement_encoder", "motion_encoder", "text_encoder"];
+/// What the folder holds beside the network.
+#[derive(Debug)]
+struct Files {
+    tokenizer: Option<Vec<u8>>,
+    mean: Vec<f32>,
+    std: Vec<f32>,
+}
 
-const CONFIG: &str = "config.json";
-const WEIGHTS: &str = "model.safetensors";
+const TOKENIZER: &str = "tokenizer.json";
+const MEAN: &str = "mean.npy";
+const STD: &str = "std.npy";
+
+/// Texts, and motions, that go through the network together.
+const TEXTS: usize = 128;
+const MOTIONS: usize = 32;
 
 impl Evaluator {
-    /// A network with fresh weights, distributed as the public code starts them and drawn from the device's generator.
-    ///
-    /// # Panics
-    ///
-    /// If the sizes make no network (see [`EvaluatorConfig::problem`]).
-    pub fn new(config: &EvaluatorConfig, device: &Device) -> Self {
-        if let Some(problem) = config.problem() {
-            panic!("{problem}");
-        }
-        Evaluator {
-            movement: MovementEncoder::new(config, device),
-            motion: MotionEncoder::new(config, device),
-            text: TextEncoder::new(config, device),
-            config: config.clone(),
-        }
-    }
-
-    /// Reads the weights of a network of the given sizes: the public `finest.tar`, or safetensors with the same keys
-    /// after `movement_encoder.`, `motion_encoder.` and `text_encoder.`.
+    /// An evaluator from its parts: a network on `device`, the content of a `tokenizer.json` (without one CLIP's tokenizer), and one
+    /// mean and one standard deviation a feature.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, lacks one of the three networks, or its tensors do not fit the sizes.
-    ///
-    /// # Panics
-    ///
-    /// If the sizes make no network (see [`EvaluatorConfig::problem`]).
-    pub fn load(
-        weights: impl AsRef<Path>,
-        config: &EvaluatorConfig,
+    /// If the network reads no tokens, the tokenizer is not made for its vocabulary, or the statistics are not of as many
+    /// features as it reads or make no sense.
+    pub fn new(
+        network: EvaluatorNetwork,
+        tokenizer_json: Option<&[u8]>,
+        [mean, std]: [&[f32]; 2],
         device: &Device,
-    ) -> Result<Self, EvaluatorError> {
-        let checkpoint = Checkpoint::open_parts(weights, &PARTS)?;
-        let mut evaluator = Self::new(config, device);
-        checkpoint.fill(&mut evaluator, device)?;
-        Ok(evaluator)
+    ) -> Result<Evaluator, EvaluatorError> {
+        let files = Files {
+            tokenizer: tokenizer_json.map(<[u8]>::to_vec),
+            mean: mean.to_vec(),
+            std: std.to_vec(),
+        };
+        Self::of(network, files, Path::new(TOKENIZER), device)
     }
 
-    /// Reads `config.json` and `model.safetensors` from a folder, as [`save`](Self::save) writes them.
+    /// Reads a folder as [`save`](Self::save) writes it.
     ///
     /// # Errors
     ///
     /// If a file cannot be read, or they do not belong together.
-    pub fn from_folder(folder: impl AsRef<Path>, device: &Device) -> Result<Self, EvaluatorError> {
+    pub fn load(folder: impl AsRef<Path>, device: &Device) -> Result<Evaluator, EvaluatorError> {
         let folder = folder.as_ref();
-        let config = EvaluatorConfig::from_file(folder.join(CONFIG))?;
-        Self::load(folder.join(WEIGHTS), &config, device)
+        let network = EvaluatorNetwork::from_folder(folder, device)?;
+        let path = folder.join(TOKENIZER);
+        let tokenizer = match std::fs::read(&path) {
+            Ok(json) => Some(json),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(reason) => return Err(TokenizerError::Io { path, reason }.into()),
+        };
+        let [mean, std] = [MEAN, STD].map(|name| folder.join(name));
+        // Checked here, where an error can name the file.
+        Normalization::from_files(&mean, &std, network.config().dim_pose, device)?;
+        let files = Files {
+            tokenizer,
+            mean: npy::read(mean)?.values,
+            std: npy::read(std)?.values,
+        };
+        Self::of(network, files, &path, device)
     }
 
-    /// Writes `config.json` and `model.safetensors` into a folder that is there. `metadata` is free text that travels
-    /// with the weights, such as `license`. Each file appears whole or not at all.
+    fn of(
+        network: EvaluatorNetwork,
+        files: Files,
+        tokenizer: &Path,
+        device: &Device,
+    ) -> Result<Evaluator, EvaluatorError> {
+        let config = network.config();
+        let TextForm::Tokens {
+            vocab_size,
+            context_length,
+            ..
+        } = config.text
+        else {
+            return Err(EvaluatorError::Words);
+        };
+        if files.mean.len() != config.dim_pose {
+            return Err(EvaluatorError::Features {
+                expected: config.dim_pose,
+                found: files.mean.len(),
+            });
+        }
+        let tokenizer = match &files.tokenizer {
+            Some(json) => Tokenizer::from_json(json, tokenizer, vocab_size, context_length)?,
+            None => Tokenizer::clip(context_length),
+        };
+        if files.tokenizer.is_none() && tokenizer.vocab_size() != vocab_size {
+            return Err(EvaluatorError::NoTokenizer {
+                vocab_size,
+                clip: tokenizer.vocab_size(),
+            });
+        }
+        Ok(Evaluator {
+            tokenizer,
+            normalization: Normalization::from_slices(&files.mean, &files.std, device)?,
+            device: device.clone(),
+            files: Arc::new(files),
+            network,
+        })
+    }
+
+    /// The same with another network of the same sizes on the same device, such as one that has learned more.
+    pub fn with(&self, network: EvaluatorNetwork) -> Evaluator {
+        Evaluator {
+            network,
+            ..self.clone()
+        }
+    }
+
+    /// Writes the files that [`load`](Self::load) reads into a folder that is there. `metadata` travels with the
+    /// weights. Each file appears whole or not at all.
     ///
     /// # Errors
     ///
@@ -94,104 +158,113 @@ impl Evaluator {
         metadata: HashMap<String, String>,
     ) -> Result<(), EvaluatorError> {
         let folder = folder.as_ref();
-        Checkpoint::write(self, folder.join(WEIGHTS), precision, metadata)?;
-        let path = folder.join(CONFIG);
-        let json = serde_json::to_vec_pretty(&self.config).expect("sizes are JSON");
-        write_atomically(&path, |file| {
-            file.write_all(&json)?;
-            file.write_all(b"\n")
-        })
-        .map_err(|reason| EvaluatorError::Io { path, reason })
-    }
-
-    /// Sizes of the network.
-    pub fn config(&self) -> &EvaluatorConfig {
-        &self.config
-    }
-
-    /// Texts as points, `[batch, dim_coemb_hidden]`.
-    ///
-    /// # Panics
-    ///
-    /// If the texts are not in the form that the network reads ([`EvaluatorConfig::text`]), have another width or
-    /// ids beyond the vocabulary, or a length is 0 or above the padded one.
-    pub fn embed_text(&self, texts: &TextBatch) -> Tensor<2> {
-        self.text.forward(texts)
-    }
-
-    /// Motions as points, `[batch, dim_coemb_hidden]`. A batch gives what its members give alone.
-    ///
-    /// A motion counts up to its last whole four frames; what is past that plays no part. `dropout` is for training
-    /// and acts on the movements.
-    ///
-    /// # Shapes
-    ///
-    /// - `features`: `[batch, frames, dim_pose - 4]`: pose features without foot contacts, normalised by the evaluator's
-    ///   own mean and standard deviation, which need not be the denoiser's
-    /// - `lengths`: frames of each motion
-    ///
-    /// # Panics
-    ///
-    /// If the features have another width, there are more frames than `max_motion_length`, there are not as many
-    /// lengths as motions, or a length is below 4 or above the number of frames.
-    pub fn embed_motion(
-        &self,
-        features: Tensor<3>,
-        lengths: &[usize],
-        dropout: Option<Dropout<'_>>,
-    ) -> Tensor<2> {
-        let unit = EvaluatorConfig::FRAMES_PER_MOVEMENT;
-        let [batch, frames, width] = features.dims();
-        let longest = self.config.max_motion_length.min(frames);
-        assert_eq!(
-            width,
-            self.config.movement_features(),
-            "pose features without foot contacts"
-        );
-        assert!(
-            frames <= self.config.max_motion_length,
-            "expected at most {} frames, found {frames}",
-            self.config.max_motion_length
-        );
-        assert!(
-            lengths.len() == batch && lengths.iter().all(|l| (unit..=longest).contains(l)),
-            "expected {batch} lengths from {unit} to {longest}, found {lengths:?}"
-        );
-        let movements: Vec<usize> = lengths.iter().map(|length| length / unit).collect();
-        let whole: Vec<usize> = movements.iter().map(|count| count * unit).collect();
-        let features = self.followed_by_zeros(features, &whole);
-        let encoded = self.movement.forward(features, dropout);
-        self.motion.forward(encoded, &movements)
-    }
-
-    /// Motions of the given lengths with zeros after them.
-    ///
-    /// The public code fills up to the longest motion there may be. The last movement sees four frames of that at most,
-    /// so as many are enough; a motion that leaves no room has none.
-    fn followed_by_zeros(&self, features: Tensor<3>, lengths: &[usize]) -> Tensor<3> {
-        let [batch, frames, width] = features.dims();
-        let longest = lengths.iter().copied().max().unwrap_or_default();
-        let needed =
-            (longest + EvaluatorConfig::FRAMES_PER_MOVEMENT).min(self.config.max_motion_length);
-        let features = match needed.checked_sub(frames) {
-            Some(missing @ 1..) => {
-                let zeros = Tensor::zeros([batch, missing, width], &features.device());
-                Tensor::cat(vec![features, zeros], 1)
-            }
-            _ => features.narrow(1, 0, needed),
-        };
-        match frame_mask(lengths, needed, &features.device()) {
-            // Not by a product: padding may hold anything, and 0 times NaN is NaN.
-            Some(mask) => features.mask_fill(mask.equal_elem(0.0).repeat_dim(2, width), 0.0),
-            None => features,
+        self.network.save(folder, precision, metadata)?;
+        for (name, numbers) in [(MEAN, &self.files.mean), (STD, &self.files.std)] {
+            npy::write(folder.join(name), numbers, &[numbers.len()])?;
         }
+        if let Some(json) = &self.files.tokenizer {
+            let path = folder.join(TOKENIZER);
+            write_atomically(&path, |file| file.write_all(json))
+                .map_err(|reason| EvaluatorNetworkError::Io { path, reason })?;
+        }
+        Ok(())
     }
-}
 
-impl Keyed for Evaluator {
-    fn keys(&mut self, keys: &mut Keys) {
-        keys.nested(PARTS[0], &mut self.movement);
-        keys.nested(PARTS[1], &mut self.motion);
-        keys.nested(PARTS[2], &mut self.text);
+    /// The network.
+    pub fn network(&self) -> &EvaluatorNetwork {
+        &self.network
+    }
+
+    /// Its tokenizer.
+    pub fn tokenizer(&self) -> &Tokenizer {
+        &self.tokenizer
+    }
+
+    /// Texts as points, one each in their order.
+    ///
+    /// # Errors
+    ///
+    /// If a text has no token that the network knows, or the network gives numbers that are not finite.
+    pub fn texts(&self, texts: &[impl AsRef<str>]) -> Result<Embeddings, EvaluatorError> {
+        let encode = |text: &_| self.tokenizer.encode(AsRef::as_ref(text));
+        let tokens: Result<Vec<Tokens>, _> = texts.iter().map(encode).collect();
+        let tokens = tokens?;
+        self.in_batches(
+            TEXTS,
+            &mut |place| tokens[place].own,
+            tokens.len(),
+            |places| {
+                let batch: Vec<Tokens> = places.iter().map(|&i| tokens[i].clone()).collect();
+                let batch = TextBatch::tokens(&batch, &self.device);
+                self.network.embed_text(&batch)
+            },
+        )
+    }
+
+    /// Motions as points, one each in their order.
+    ///
+    /// A motion is its pose features frame by frame, foot contacts included, as they are: not normalised. Frames after its
+    /// last whole four play no part.
+    ///
+    /// # Errors
+    ///
+    /// If a motion has not as many frames as the network reads (4 to [`EvaluatorConfig::max_motion_length`], and up to 3
+    /// more), or the network gives numbers that are not finite.
+    pub fn motions(&self, motions: &[impl AsRef<[f32]>]) -> Result<Embeddings, EvaluatorError> {
+        let config = self.network.config();
+        let unit = EvaluatorConfig::FRAMES_PER_MOVEMENT;
+        let features = config.dim_pose;
+        let frames = |motion: &[f32]| motion.len() / features / unit * unit;
+        for (place, motion) in motions.iter().enumerate() {
+            let motion = motion.as_ref();
+            let known = (unit..=config.max_motion_length).contains(&frames(motion));
+            if !known || !motion.len().is_multiple_of(features) {
+                return Err(EvaluatorError::Motion {
+                    motion: place,
+                    shortest: unit,
+                    longest: config.max_motion_length,
+                    features,
+                    found: motion.len(),
+                });
+            }
+        }
+        let frames = |place: usize| frames(motions[place].as_ref());
+        self.in_batches(MOTIONS, &mut { frames }, motions.len(), |places| {
+            let lengths: Vec<usize> = places.iter().map(|&place| frames(place)).collect();
+            let longest = *lengths.iter().max().expect("a batch has members");
+            let mut numbers = vec![0.0; places.len() * longest * features];
+            let rows = numbers.chunks_exact_mut(longest * features);
+            for ((row, &place), length) in rows.zip(places).zip(&lengths) {
+                let whole = length * features;
+                row[..whole].copy_from_slice(&motions[place].as_ref()[..whole]);
+            }
+            let shape = [places.len(), longest, features];
+            let x = Tensor::<3>::from_data(TensorData::new(numbers, shape), &self.device);
+            let x = self.normalization.normalize(x);
+            let x = x.narrow(2, 0, config.movement_features());
+            self.network.embed_motion(x, &lengths, None)
+        })
+    }
+
+    /// Embeds batches of things of about the same length, and puts the points into the order of the things.
+    fn in_batches(
+        &self,
+        size: usize,
+        length: &mut dyn FnMut(usize) -> usize,
+        count: usize,
+        embed: impl Fn(&[usize]) -> Tensor<2>,
+    ) -> Result<Embeddings, EvaluatorError> {
+        let width = self.network.config().dim_coemb_hidden;
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&place| length(place));
+        let mut found = Embeddings::new(Vec::new(), width)?;
+        for places in order.chunks(size) {
+            found.extend(&Embeddings::from_tensor(embed(places))?)?;
+        }
+        let mut rows = vec![0; count];
+        for (row, place) in order.into_iter().enumerate() {
+            rows[place] = row;
+        }
+        Ok(found.select(rows))
     }
 }

@@ -3,9 +3,9 @@
 use burn::tensor::Device;
 use lamogen_model::initialize;
 
-use crate::{Evaluator, EvaluatorConfig};
+use crate::{EvaluatorConfig, EvaluatorNetwork};
 
-impl Evaluator {
+impl EvaluatorNetwork {
     /// A network to be trained. Its weights are distributed as those of [`new`](Self::new), but drawn on the host, so that a
     /// seed means the same network on every device.
     ///
@@ -13,7 +13,7 @@ impl Evaluator {
     ///
     /// If the sizes make no network (see [`EvaluatorConfig::problem`]).
     pub fn initial(config: &EvaluatorConfig, seed: u64, device: &Device) -> Self {
-        let network = Evaluator::new(config, device);
+        let network = EvaluatorNetwork::new(config, device);
         initialize(network, seed, |path, shape, draw| {
             let count = shape.iter().product();
             match *path {

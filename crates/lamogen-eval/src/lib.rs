@@ -6,18 +6,18 @@
 //! pose features, lengths ────────────────────embed_motion────┘
 //! ```
 //!
-//! [`Evaluator`] is the text-motion matching network of Guo et al. 2022 ("Generating Diverse and Natural
+//! [`EvaluatorNetwork`] is the text-motion matching network of Guo et al. 2022 ("Generating Diverse and Natural
 //! 3D Human Motions from Text", CVPR 2022), which puts texts and motions into one space: a text lies near the
 //! motions that it describes. Its public weights load as they are, and smaller networks of the same kind can be
-//! trained with [`contrastive_loss`]. A [`Judge`] is such a network with all that its inputs need. The metrics are distances in that space; what each means stands in
+//! trained with [`contrastive_loss`]. A [`Evaluator`] is such a network with all that its inputs need. The metrics are distances in that space; what each means stands in
 //! `docs/evaluation.md`.
 
 mod captioned;
 mod config;
 mod error;
 mod evaluator;
+mod evaluator_network;
 mod initial;
-mod judge;
 mod loss;
 mod metrics;
 mod network;
@@ -28,13 +28,13 @@ mod vocabulary;
 
 pub use captioned::CaptionedMotions;
 pub use config::{EvaluatorConfig, TextForm};
-pub use error::{EvaluatorError, JudgeError};
+pub use error::{EvaluatorError, EvaluatorNetworkError};
 pub use evaluator::Evaluator;
-pub use judge::Judge;
+pub use evaluator_network::EvaluatorNetwork;
 pub use loss::{contrastive_loss, contrastive_loss_of_all, random_shift};
 pub use metrics::{
-    Batches, ChangeMatrix, Embeddings, Extremes, Gaussian, MatchingScore, MetricError, diversity,
-    fid, mean_distance, multimodality,
+    ChangeMatrix, ControlExtremes, Embeddings, Gaussian, MatchingScore, MetricError,
+    RetrievalBatches, diversity, fid, mean_distance, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, real_motions};

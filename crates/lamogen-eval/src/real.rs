@@ -1,6 +1,6 @@
-//! What a judge makes of real motions.
+//! What an evaluator makes of real motions.
 
-use crate::{Batches, CaptionedMotions, MetricError};
+use crate::{CaptionedMotions, MetricError, RetrievalBatches};
 
 /// How well real motions fit their own captions: what an evaluator is worth, and what generated motions are measured
 /// against.
@@ -13,7 +13,7 @@ pub struct RealMotions {
     pub distance: Estimate,
     /// Motions that there are.
     pub motions: usize,
-    /// Batches of 32 pairs over all repetitions.
+    /// RetrievalBatches of 32 pairs over all repetitions.
     pub batches: usize,
     /// How often captions and batches were drawn.
     pub repetitions: usize,
@@ -29,7 +29,7 @@ pub struct Estimate {
     pub interval: f64,
 }
 
-/// R-precision of real motions in [batches](Batches::distinct) of 32 pairs with distinct captions. Every repetition draws
+/// R-precision of real motions in [batches](RetrievalBatches::distinct) of 32 pairs with distinct captions. Every repetition draws
 /// captions and batches anew from a seed of its own: `seed`, `seed + 1`, ….
 ///
 /// # Errors
@@ -45,7 +45,8 @@ pub fn real_motions(
     seed: u64,
 ) -> Result<RealMotions, MetricError> {
     assert!(repetitions > 0, "expected at least one repetition");
-    let draw = |repetition| motions.draw(Batches::SIZE, seed.wrapping_add(repetition as u64));
+    let draw =
+        |repetition| motions.draw(RetrievalBatches::SIZE, seed.wrapping_add(repetition as u64));
     let drawn: Result<Vec<_>, _> = (0..repetitions).map(draw).collect();
     let drawn = drawn?;
     let matchings = drawn.iter().map(|drawn| drawn.matching);

@@ -7,7 +7,7 @@ use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Int, Tensor, TensorData, Tolerance};
 use lamogen_eval::{
-    Dropout, Evaluator, EvaluatorConfig, TextBatch, TextForm, contrastive_loss, random_shift,
+    Dropout, EvaluatorConfig, EvaluatorNetwork, TextBatch, TextForm, contrastive_loss, random_shift,
 };
 use lamogen_model::{Checkpoint, Precision, Tokenizer};
 use rand::SeedableRng;
@@ -24,8 +24,8 @@ fn config() -> EvaluatorConfig {
     EvaluatorConfig::from_file(golden("config.json")).unwrap()
 }
 
-fn public() -> Evaluator {
-    Evaluator::load(golden("finest.tar"), &config(), &Device::flex()).unwrap()
+fn public() -> EvaluatorNetwork {
+    EvaluatorNetwork::load(golden("finest.tar"), &config(), &Device::flex()).unwrap()
 }
 
 /// The inputs of the golden case, and what PyTorch made of them.
@@ -126,7 +126,7 @@ fn loss_and_gradients_are_pytorchs() {
 struct Gradients(GradientsParams);
 
 impl Gradients {
-    fn of(mut self, evaluator: Evaluator) -> Evaluator {
+    fn of(mut self, evaluator: EvaluatorNetwork) -> EvaluatorNetwork {
         evaluator.map(&mut self)
     }
 }
@@ -227,7 +227,7 @@ fn a_tokenizers_texts_end_at_their_end_token() {
         context_length: 16,
         dim_word: 4,
     });
-    let evaluator = Evaluator::new(&config, &Device::flex());
+    let evaluator = EvaluatorNetwork::new(&config, &Device::flex());
     let both = evaluator.embed_text(&batch);
     let cut: Vec<_> = texts
         .iter()
@@ -243,8 +243,8 @@ fn a_tokenizers_texts_end_at_their_end_token() {
 #[test]
 fn folders_keep_every_bit() {
     let device = Device::flex();
-    let evaluator = Evaluator::new(&tokens(), &device);
-    let save = |evaluator: &Evaluator| {
+    let evaluator = EvaluatorNetwork::new(&tokens(), &device);
+    let save = |evaluator: &EvaluatorNetwork| {
         let folder = tempfile::tempdir().unwrap();
         let licence = HashMap::from([("license".to_owned(), "CC0".to_owned())]);
         evaluator
@@ -254,7 +254,7 @@ fn folders_keep_every_bit() {
         (folder, weights)
     };
     let (folder, weights) = save(&evaluator);
-    let again = Evaluator::from_folder(folder.path(), &device).unwrap();
+    let again = EvaluatorNetwork::from_folder(folder.path(), &device).unwrap();
     assert_eq!(again.config(), evaluator.config());
     assert_eq!(save(&again).1, weights);
     let path = folder.path().join("model.safetensors");
@@ -262,7 +262,7 @@ fn folders_keep_every_bit() {
     assert_eq!(weights.metadata("license"), Some("CC0"));
 
     let (features, lengths, texts) = pairs();
-    let say = |evaluator: &Evaluator| {
+    let say = |evaluator: &EvaluatorNetwork| {
         let motions = evaluator.embed_motion(features.clone(), &lengths, None);
         Tensor::cat(vec![motions, evaluator.embed_text(&texts)], 0)
     };
@@ -276,7 +276,7 @@ fn half_the_bits_are_half_the_size_and_say_the_same() {
     evaluator
         .save(folder.path(), Precision::F16, HashMap::new())
         .unwrap();
-    let half = Evaluator::from_folder(folder.path(), &Device::flex()).unwrap();
+    let half = EvaluatorNetwork::from_folder(folder.path(), &Device::flex()).unwrap();
     let expected = case.data("text_embeddings");
     let found = half.embed_text(&case.texts()).into_data();
     let tolerance = Tolerance::<f32>::rel_abs(0.01, 0.01);
@@ -286,23 +286,31 @@ fn half_the_bits_are_half_the_size_and_say_the_same() {
 #[test]
 fn files_of_other_networks_are_refused() {
     let device = Device::flex();
-    let message = |result: Result<Evaluator, _>| match result {
+    let message = |result: Result<EvaluatorNetwork, _>| match result {
         Ok(_) => panic!("the file does not fit"),
-        Err(error) => lamogen_eval::EvaluatorError::to_string(&error),
+        Err(error) => lamogen_eval::EvaluatorNetworkError::to_string(&error),
     };
     let wider = EvaluatorConfig {
         dim_coemb_hidden: 10,
         ..config()
     };
-    let found = message(Evaluator::load(golden("finest.tar"), &wider, &device));
+    let found = message(EvaluatorNetwork::load(
+        golden("finest.tar"),
+        &wider,
+        &device,
+    ));
     assert!(
         found
             .contains("output_net.3.weight` has shape [9, 12]; the model config asks for [10, 12]"),
         "{found}"
     );
-    let found = message(Evaluator::load(golden("finest.tar"), &tokens(), &device));
+    let found = message(EvaluatorNetwork::load(
+        golden("finest.tar"),
+        &tokens(),
+        &device,
+    ));
     assert!(found.contains("do not fit"), "{found}");
-    let found = message(Evaluator::load(
+    let found = message(EvaluatorNetwork::load(
         golden("case.safetensors"),
         &config(),
         &device,
@@ -311,7 +319,11 @@ fn files_of_other_networks_are_refused() {
         found.contains("expected weights under the key `movement_encoder`"),
         "{found}"
     );
-    let found = message(Evaluator::load(golden("none.tar"), &config(), &device));
+    let found = message(EvaluatorNetwork::load(
+        golden("none.tar"),
+        &config(),
+        &device,
+    ));
     assert!(found.contains("none.tar"), "{found}");
 }
 
@@ -349,14 +361,14 @@ fn training_brings_texts_to_their_motions_and_can_be_repeated() {
 #[test]
 fn a_network_read_from_a_file_can_be_trained_on() {
     let folder = tempfile::tempdir().unwrap();
-    Evaluator::new(&tokens(), &Device::flex())
+    EvaluatorNetwork::new(&tokens(), &Device::flex())
         .save(folder.path(), Precision::F32, HashMap::new())
         .unwrap();
     let (features, lengths, texts) = pairs();
-    let plain = Evaluator::from_folder(folder.path(), &Device::flex())
+    let plain = EvaluatorNetwork::from_folder(folder.path(), &Device::flex())
         .unwrap()
         .train();
-    let on_tape = Evaluator::from_folder(folder.path(), &Device::flex().autodiff()).unwrap();
+    let on_tape = EvaluatorNetwork::from_folder(folder.path(), &Device::flex().autodiff()).unwrap();
     for evaluator in [plain, on_tape] {
         let motions = evaluator.embed_motion(features.clone(), &lengths, None);
         let loss = contrastive_loss(evaluator.embed_text(&texts), motions, 1, 10.0);

@@ -8,7 +8,7 @@ use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, placeholder_at};
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
 use crate::glb::{self, GlbOptions};
-use crate::import::{Imported, ReadOptions, import};
+use crate::import::{ImportedMotion, ReadOptions, import};
 use crate::npy;
 use crate::units::{Unit, Up};
 
@@ -26,7 +26,7 @@ use crate::units::{Unit, Up};
 ///
 /// If the name has another end; the file cannot be read or is damaged; its skeleton is unknown or has no
 /// human size; or there is more than an hour of motion.
-pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, ReadError> {
+pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
     if let Some(rate) = options.frames_per_second
         && !(1e-3..=1e4).contains(&rate)
@@ -52,7 +52,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Imported, R
                 ..options.clone()
             };
             let imported = import(&clip, &options, path)?;
-            Ok(Imported {
+            Ok(ImportedMotion {
                 other_animations,
                 ..imported
             })

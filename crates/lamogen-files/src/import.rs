@@ -8,13 +8,13 @@ use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, JointTurning, Motion};
 use crate::body::Body;
 use crate::clip::Clip;
 use crate::error::ReadError;
-use crate::mapping::Mapping;
+use crate::mapping::JointMapping;
 use crate::names::recognise;
-use crate::plausibility::{Notice, notices};
+use crate::plausibility::{ImportNotice, notices};
 use crate::units::{Unit, Up};
 
 /// What is known of a file beforehand. What is not said is guessed from the body, and
-/// [`Imported`] tells the guess.
+/// [`ImportedMotion`] tells the guess.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// What one unit of the file is.
@@ -22,7 +22,7 @@ pub struct ReadOptions {
     /// Which axis of the file points up.
     pub up: Option<Up>,
     /// Which joint has which name, if the skeleton is none that is known.
-    pub mapping: Option<Mapping>,
+    pub mapping: Option<JointMapping>,
     /// Which animation of a glTF to read, by its name, or which motion of an array of several, by its number from 0; the first if not said.
     pub animation: Option<String>,
     /// How many frames of the file are a second, where that is known better than the file says it: of a BVH, or of an array, which says nothing
@@ -32,7 +32,7 @@ pub struct ReadOptions {
 
 /// A motion from a file, and what was taken for granted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Imported {
+pub struct ImportedMotion {
     /// The motion, in metres, Y up, at 20 frames a second. It is where and faces where it does in
     /// the file.
     pub motion: Motion,
@@ -67,7 +67,7 @@ pub struct Imported {
     ///   end forward.
     pub placed: Vec<Joint>,
     /// What is strange about the motion, though it may be meant.
-    pub notices: Vec<Notice>,
+    pub notices: Vec<ImportNotice>,
 }
 
 /// The longest motion that is read, in seconds: an hour.
@@ -78,7 +78,7 @@ pub(crate) fn import(
     clip: &Clip,
     options: &ReadOptions,
     path: &Path,
-) -> Result<Imported, ReadError> {
+) -> Result<ImportedMotion, ReadError> {
     let (scheme, nodes) = match &options.mapping {
         Some(mapping) => {
             let nodes = mapping.nodes(clip).map_err(|reason| ReadError::Mapping {
@@ -131,7 +131,7 @@ pub(crate) fn import(
         path: path.to_owned(),
         reason,
     })?;
-    Ok(Imported {
+    Ok(ImportedMotion {
         notices: notices(&motion),
         motion,
         turning: Some(JointTurning::of_local(&turns)),

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! [`read`](read()) and [`write`](write()) choose the format by the end of the file's name. `read` recognises the
-//! skeleton by its joints' names, guesses unit and axes by the body, and [tells](Imported) what it
+//! skeleton by its joints' names, guesses unit and axes by the body, and [tells](ImportedMotion) what it
 //! took for granted; [`ReadOptions`] say it instead.
 
 mod body;
@@ -30,10 +30,10 @@ mod units;
 
 pub use error::{ReadError, WriteError};
 pub use format::{WriteOptions, read, write};
-pub use import::{Imported, ReadOptions};
-pub use mapping::{Mapping, MappingError};
+pub use import::{ImportedMotion, ReadOptions};
+pub use mapping::{JointMapping, MappingError};
 pub use names::UnknownSkeleton;
-pub use plausibility::Notice;
+pub use plausibility::ImportNotice;
 pub use units::{Unit, UnitError, Up, UpError};
 
 #[cfg(doctest)]

@@ -15,9 +15,9 @@ use crate::schemes::Nodes;
 ///
 /// As a file it is a JSON object from lamogen's joint names ([`Joint::name`]) to those of the file:
 /// `{"pelvis": "Root", "left_hip": "Thigh_L", …}`. Joints that are left out are placed as
-/// [`Imported::placed`](crate::Imported::placed) says.
+/// [`ImportedMotion::placed`](crate::ImportedMotion::placed) says.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Mapping {
+pub struct JointMapping {
     names: BTreeMap<&'static str, (Joint, String)>,
 }
 
@@ -68,19 +68,19 @@ pub enum MappingError {
     },
 }
 
-impl Mapping {
+impl JointMapping {
     /// Reads a mapping file.
     ///
     /// # Errors
     ///
     /// If it cannot be read, is not a JSON object of strings, or has a key that is no joint.
-    pub fn read(path: impl AsRef<Path>) -> Result<Mapping, MappingError> {
+    pub fn read(path: impl AsRef<Path>) -> Result<JointMapping, MappingError> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|reason| MappingError::Io {
             path: path.to_owned(),
             reason,
         })?;
-        Mapping::parse(&text, path)
+        JointMapping::parse(&text, path)
     }
 
     /// The mapping of a JSON text; `path` stands in error messages.
@@ -88,13 +88,13 @@ impl Mapping {
     /// # Errors
     ///
     /// As [`read`](Self::read).
-    pub fn parse(json: &str, path: &Path) -> Result<Mapping, MappingError> {
+    pub fn parse(json: &str, path: &Path) -> Result<JointMapping, MappingError> {
         let entries: BTreeMap<String, String> =
             serde_json::from_str(json).map_err(|reason| MappingError::Json {
                 path: path.to_owned(),
                 reason,
             })?;
-        let mut mapping = Mapping::default();
+        let mut mapping = JointMapping::default();
         for (found, name) in entries {
             let joint = Joint::from_name(&found).ok_or_else(|| MappingError::Joint {
                 path: path.to_owned(),
@@ -108,7 +108,7 @@ impl Mapping {
 
     /// The mapping with one more joint.
     #[must_use]
-    pub fn with(mut self, joint: Joint, name: impl Into<String>) -> Mapping {
+    pub fn with(mut self, joint: Joint, name: impl Into<String>) -> JointMapping {
         self.names.insert(joint.name(), (joint, name.into()));
         self
     }
@@ -173,8 +173,8 @@ mod tests {
         }
     }
 
-    fn parse(json: &str) -> Result<Mapping, String> {
-        Mapping::parse(json, Path::new("map.json")).map_err(|error| error.to_string())
+    fn parse(json: &str) -> Result<JointMapping, String> {
+        JointMapping::parse(json, Path::new("map.json")).map_err(|error| error.to_string())
     }
 
     #[test]

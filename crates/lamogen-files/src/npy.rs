@@ -6,13 +6,13 @@ use lamogen_motion::npy;
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
 
 use crate::error::ReadError;
-use crate::import::{Imported, ReadOptions, frames_of};
+use crate::import::{ImportedMotion, ReadOptions, frames_of};
 use crate::plausibility::notices;
 use crate::units::{Unit, Up};
 
 /// The motion of an array of joints or pose features. An array tells neither unit nor axes: they are
 /// HumanML3D's, metres and Y up at 20 frames a second, unless the options say otherwise.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadError> {
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let array = npy::read(path)?;
     if array.is_integer && options.unit.is_none() {
         return Err(ReadError::Integers {
@@ -58,7 +58,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadE
             motions - 1
         )],
     };
-    Ok(Imported {
+    Ok(ImportedMotion {
         source_frames: layout.frames,
         notices: notices(&motion),
         motion,
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use burn::tensor::{Device, Tensor, TensorData};
 
-    fn written(values: &[f32], shape: &[usize]) -> Result<Imported, String> {
+    fn written(values: &[f32], shape: &[usize]) -> Result<ImportedMotion, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npy");
         npy::write(&path, values, shape).unwrap();

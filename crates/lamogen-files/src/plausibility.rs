@@ -7,20 +7,20 @@ use lamogen_motion::{JOINTS, Joint, Motion};
 
 /// Something strange throughout a motion. The motion is read as it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Notice {
+pub enum ImportNotice {
     /// The head is below the pelvis and the ankles are above it.
     UpsideDown,
     /// Toes point and knees bend backwards: the motion is a mirror image whose joints kept their names.
     Mirrored,
 }
 
-impl fmt::Display for Notice {
+impl fmt::Display for ImportNotice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Notice::UpsideDown => {
+            ImportNotice::UpsideDown => {
                 "the body stands on its head throughout; if it should not, another axis points up, such as -y"
             }
-            Notice::Mirrored => {
+            ImportNotice::Mirrored => {
                 "toes point and knees bend backwards throughout: left and right may have been exchanged"
             }
         })
@@ -31,7 +31,7 @@ impl fmt::Display for Notice {
 const THROUGHOUT: f64 = 0.95;
 
 /// What is strange about a motion.
-pub(crate) fn notices(motion: &Motion) -> Vec<Notice> {
+pub(crate) fn notices(motion: &Motion) -> Vec<ImportNotice> {
     let poses = motion.joints();
     let throughout = |is_so: fn(&Pose) -> bool| {
         let count = poses.iter().filter(|pose| is_so(&Pose(pose))).count();
@@ -39,7 +39,7 @@ pub(crate) fn notices(motion: &Motion) -> Vec<Notice> {
     };
     let mut notices = Vec::new();
     if throughout(|pose| pose.is_upside_down()) {
-        notices.push(Notice::UpsideDown);
+        notices.push(ImportNotice::UpsideDown);
     }
     let bent = poses.iter().filter(|pose| Pose(pose).knees().is_some());
     let backwards = { bent.clone() }
@@ -47,7 +47,7 @@ pub(crate) fn notices(motion: &Motion) -> Vec<Notice> {
         .count();
     let knees_bend_backwards = backwards as f64 >= THROUGHOUT * bent.count() as f64;
     if throughout(|pose| pose.has_toes_behind()) && knees_bend_backwards {
-        notices.push(Notice::Mirrored);
+        notices.push(ImportNotice::Mirrored);
     }
     notices
 }
@@ -131,7 +131,7 @@ mod tests {
         vec![pose; 20]
     }
 
-    fn of(change: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<Notice> {
+    fn of(change: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<ImportNotice> {
         let poses = standing().into_iter().map(|pose| pose.map(&change));
         notices(&Motion::from_joints(poses.collect()).unwrap())
     }
@@ -146,11 +146,11 @@ mod tests {
 
     #[test]
     fn what_stands_on_its_head_or_in_a_mirror_is_noticed() {
-        assert_eq!(of(|[x, y, z]| [x, -y, -z]), [Notice::UpsideDown]);
-        assert_eq!(of(|[x, y, z]| [-x, y, z]), [Notice::Mirrored]);
+        assert_eq!(of(|[x, y, z]| [x, -y, -z]), [ImportNotice::UpsideDown]);
+        assert_eq!(of(|[x, y, z]| [-x, y, z]), [ImportNotice::Mirrored]);
         assert_eq!(
             of(|[x, y, z]| [x, -y, z]),
-            [Notice::UpsideDown, Notice::Mirrored]
+            [ImportNotice::UpsideDown, ImportNotice::Mirrored]
         );
     }
 

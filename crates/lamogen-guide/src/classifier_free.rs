@@ -1,7 +1,9 @@
 //! Classifier-free guidance: how strongly a network follows the sentence.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use lamogen_model::{Denoiser, DenoiserInput, LABAN_FEATURES, Linearized, Prediction, Prompt};
+use lamogen_model::{
+    Denoiser, DenoiserInput, LABAN_FEATURES, LinearizedEvaluation, Prediction, Prompt,
+};
 use lamogen_motion::FeatureGroup;
 
 use crate::error::GuideError;
@@ -29,7 +31,7 @@ struct Free {
 
 /// What a network keeps of a sentence, and of none.
 #[derive(Clone)]
-pub struct ToldAndFree<C> {
+pub struct ClassifierFreeContext<C> {
     told: C,
     free: Option<Prompt<C>>,
 }
@@ -57,7 +59,7 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
     fn unsaid<'c>(
         &self,
         input: &DenoiserInput,
-        context: &'c ToldAndFree<D::Context>,
+        context: &'c ClassifierFreeContext<D::Context>,
     ) -> Option<(DenoiserInput, &'c D::Context, Tensor<3>)> {
         let (free, prompt) = (self.free.as_ref()?, context.free.as_ref()?);
         let input = DenoiserInput {
@@ -72,7 +74,7 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
     fn free(
         &self,
         input: &DenoiserInput,
-        context: &ToldAndFree<D::Context>,
+        context: &ClassifierFreeContext<D::Context>,
     ) -> Option<(Tensor<3>, Tensor<3>)> {
         let (input, context, scales) = self.unsaid(input, context)?;
         Some((self.network.denoise(input, context), scales))
@@ -94,7 +96,7 @@ fn scaled(told: Tensor<3>, free: Tensor<3>, scales: Tensor<3>) -> Tensor<3> {
 }
 
 impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
-    type Context = ToldAndFree<D::Context>;
+    type Context = ClassifierFreeContext<D::Context>;
 
     fn prediction(&self) -> Prediction {
         self.network.prediction()
@@ -126,7 +128,7 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         let told = self.network.encode(tokens);
         Prompt {
             embedding: told.embedding,
-            context: ToldAndFree {
+            context: ClassifierFreeContext {
                 told: told.context,
                 free,
             },
@@ -150,13 +152,17 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         }
     }
 
-    fn linearize<'a>(&'a self, input: DenoiserInput, context: &'a Self::Context) -> Linearized<'a> {
+    fn linearize<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> LinearizedEvaluation<'a> {
         let free = self.free(&input, context);
         let told = self.network.linearize(input, &context.told);
         match free {
             Some((free, scales)) => {
                 let output = scaled(told.output.clone(), free, scales.clone());
-                Linearized::new(output, move |gradient| told.pull(gradient * scales))
+                LinearizedEvaluation::new(output, move |gradient| told.pull(gradient * scales))
             }
             None => told,
         }
@@ -170,7 +176,7 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         &'a self,
         input: DenoiserInput,
         context: &'a Self::Context,
-    ) -> Linearized<'a, 3> {
+    ) -> LinearizedEvaluation<'a, 3> {
         let unsaid = self.unsaid(&input, context);
         let Some((unsaid, free, scales)) = unsaid else {
             return self.network.linearize_motion(input, &context.told);
@@ -178,7 +184,7 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         let free = self.network.linearize_motion(unsaid, free);
         let told = self.network.linearize_motion(input, &context.told);
         let output = scaled(told.output.clone(), free.output.clone(), scales.clone());
-        Linearized::new(output, move |gradient: Tensor<3>| {
+        LinearizedEvaluation::new(output, move |gradient: Tensor<3>| {
             let rest: Tensor<3> = 1.0 - scales.clone();
             told.pull(gradient.clone() * scales) + free.pull(gradient * rest)
         })

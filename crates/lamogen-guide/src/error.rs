@@ -17,7 +17,7 @@ pub enum GuideError {
     /// A smoothing that makes no sense.
     #[error("expected a smoothing by 0.01 to 100 frames, found {found}")]
     #[allow(missing_docs)]
-    Coherence { found: f32 },
+    TemporalSmoothing { found: f32 },
     /// A guidance option that makes no sense.
     #[error("guidance: {0}")]
     Guidance(String),
@@ -33,7 +33,7 @@ pub enum GuideError {
     NoLabanCondition,
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
-    Stopped(Box<Stopped>),
+    Stopped(Box<StoppedPass>),
     /// Numbers left the range of 32-bit floats, or were never in it.
     #[error(
         "the {quantity} of {component} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}); lower the learning rate or ask for a smaller change",
@@ -58,7 +58,7 @@ pub enum GuideError {
 impl GuideError {
     /// The end of a pass after a step, with the losses of the steps until then.
     pub(crate) fn stopped(step: &Step<'_>, loss: &[Vec<f32>]) -> Self {
-        GuideError::Stopped(Box::new(Stopped {
+        GuideError::Stopped(Box::new(StoppedPass {
             pass: step.pass,
             index: step.index,
             steps: step.steps,
@@ -96,7 +96,7 @@ impl fmt::Display for Quantity {
 
 /// What a stopped run has.
 #[derive(Clone, Debug)]
-pub struct Stopped {
+pub struct StoppedPass {
     /// The pass that was stopped.
     pub pass: Pass,
     /// The last step that was made, from 0.

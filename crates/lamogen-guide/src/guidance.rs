@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 use std::str::FromStr;
 
-use lamogen_body::Fit;
-use lamogen_laban::{COMPONENTS, Divisor, LabanOptions};
+use lamogen_body::FitOptions;
+use lamogen_laban::{COMPONENTS, LabanOptions, LossDivisor};
 
 use crate::error::GuideError;
 use crate::schedule::TRAINING_STEPS;
@@ -22,7 +22,7 @@ pub enum Body {
 
 /// When a step's update of the embedding or modulation takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Update {
+pub enum UpdateTiming {
     /// At once: the network is evaluated again with what was updated (paper, section "Step 2").
     #[default]
     Immediate,
@@ -33,7 +33,7 @@ pub enum Update {
 
 /// What guidance moves so that the motion reaches its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Moved {
+pub enum GuidanceVariable {
     /// The sentence embedding, by Adam at every DDIM step of a second pass: the paper's method.
     #[default]
     Embedding,
@@ -61,7 +61,7 @@ pub enum Moved {
 }
 
 /// How the finished motion is moved by what is left to its target: by Adam and without the network, as
-/// [`Moved::Motion`] does it, but after something else has come near. Little is left then, and little is done to the motion.
+/// [`GuidanceVariable::Motion`] does it, but after something else has come near. Little is left then, and little is done to the motion.
 /// Adam's betas are 0.9 and 0.999.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finish {
@@ -86,15 +86,15 @@ impl Default for Finish {
 }
 
 impl Finish {
-    /// The same updates with nothing before them: they move the motion of the first pass. Divisor, emphasis and what
+    /// The same updates with nothing before them: they move the motion of the first pass. LossDivisor, emphasis and what
     /// is measured are those of `others`.
     pub fn alone(self, others: &Guidance) -> Guidance {
         Guidance {
-            moved: Moved::Motion {
+            variable: GuidanceVariable::Motion {
                 iterations: self.iterations,
             },
             learning_rate: self.learning_rate,
-            last_learning_rate: Some(0.0),
+            final_learning_rate: Some(0.0),
             betas: [0.9, 0.999],
             epsilon: self.epsilon,
             body: Body::Network,
@@ -108,12 +108,12 @@ impl Finish {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guidance {
     /// What is moved.
-    pub moved: Moved,
-    /// Adam's learning rate; for [`Moved::Prediction`] the factor on the gradient.
+    pub variable: GuidanceVariable,
+    /// Adam's learning rate; for [`GuidanceVariable::Prediction`] the factor on the gradient.
     pub learning_rate: f64,
     /// What it becomes at the last step, on half a cosine; none where it stays. Where it rises, the first steps, which decide what
     /// the motion is, are left more to the sentence, and the last ones, which decide how it is done, follow more exactly.
-    pub last_learning_rate: Option<f64>,
+    pub final_learning_rate: Option<f64>,
     /// Adam's decay of the first and second moment, which carry over from step to step.
     pub betas: [f32; 2],
     /// Adam's epsilon. What has gradients far below it hardly moves; a tiny one moves all numbers alike, those too that
@@ -122,9 +122,9 @@ pub struct Guidance {
     /// Updates of the embedding, modulation or prediction at each DDIM step (the paper's K).
     pub updates_per_step: usize,
     /// When those of the embedding or modulation take effect.
-    pub update: Update,
+    pub update: UpdateTiming,
     /// What the loss divides by.
-    pub divisor: Divisor,
+    pub divisor: LossDivisor,
     /// Weight in the loss of components that shall change at any moment, in the order of
     /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
     /// other components move more.
@@ -135,7 +135,7 @@ pub struct Guidance {
     /// Whose motion is measured and given: that of a rigid body by default, the network's in the paper.
     pub body: Body,
     /// How the network's motion becomes that of a rigid body and, where there are goals, reaches them on it; with [`Body::Rig`] only.
-    pub fit: Fit,
+    pub fit: FitOptions,
     /// What is done to the network's finished motion after the last step; nothing in the paper. With [`Body::Network`] only: on a rigid
     /// body the fit does it.
     pub finish: Option<Finish>,
@@ -211,18 +211,18 @@ impl Guidance {
     /// The paper's numbers (appendix, section "Hyperparameters"); meant for 1000 DDIM steps.
     pub fn paper() -> Self {
         Guidance {
-            moved: Moved::Embedding,
+            variable: GuidanceVariable::Embedding,
             learning_rate: 0.005,
-            last_learning_rate: None,
+            final_learning_rate: None,
             betas: [0.7, 0.9],
             epsilon: 1e-8,
             updates_per_step: 1,
-            update: Update::Immediate,
-            divisor: Divisor::Frame,
+            update: UpdateTiming::Immediate,
+            divisor: LossDivisor::Frame,
             emphasis: [1.0; COMPONENTS],
             laban_condition: false,
             body: Body::Network,
-            fit: Fit::default(),
+            fit: FitOptions::default(),
             finish: None,
             laban: LabanOptions::default(),
         }
@@ -232,7 +232,7 @@ impl Guidance {
     pub fn fast() -> Self {
         Guidance {
             learning_rate: 0.05,
-            divisor: Divisor::Mean,
+            divisor: LossDivisor::Mean,
             body: Body::Rig,
             ..Guidance::paper()
         }
@@ -242,9 +242,9 @@ impl Guidance {
     /// and Flow where they are asked for; and then the finished motion by what is left. Meant for 50 DDIM steps.
     pub fn precise() -> Self {
         Guidance {
-            moved: Moved::Modulation,
+            variable: GuidanceVariable::Modulation,
             learning_rate: 0.005,
-            last_learning_rate: Some(0.02),
+            final_learning_rate: Some(0.02),
             epsilon: 0.04,
             emphasis: [1.0, 3.0, 3.0, 1.0],
             finish: Some(Finish::default()),
@@ -256,7 +256,7 @@ impl Guidance {
     /// step.
     pub fn classifier() -> Self {
         Guidance {
-            moved: Moved::Prediction,
+            variable: GuidanceVariable::Prediction,
             ..Guidance::paper()
         }
     }
@@ -264,7 +264,7 @@ impl Guidance {
     /// The paper's rival "raw frame update" with the paper's numbers: 100 updates of the finished motion, learning rate 0.05.
     pub fn raw_frame_update() -> Self {
         Guidance {
-            moved: Moved::Motion { iterations: 100 },
+            variable: GuidanceVariable::Motion { iterations: 100 },
             learning_rate: 0.05,
             ..Guidance::paper()
         }
@@ -273,7 +273,7 @@ impl Guidance {
     /// The start noise, 100 times by a learning rate of 0.05 and the loss of [`fast`](Guidance::fast); meant for 10 DDIM steps.
     pub fn start_noise() -> Self {
         Guidance {
-            moved: Moved::Noise { iterations: 100 },
+            variable: GuidanceVariable::Noise { iterations: 100 },
             betas: [0.9, 0.999],
             body: Body::Network,
             ..Guidance::fast()
@@ -282,9 +282,14 @@ impl Guidance {
 
     /// How many steps a guided pass of the network has beside a first pass of so many DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
-        let moves = match self.moved {
-            Moved::Embedding | Moved::Modulation | Moved::Prediction | Moved::Nothing => ddim,
-            Moved::Motion { iterations } | Moved::Noise { iterations } => iterations,
+        let moves = match self.variable {
+            GuidanceVariable::Embedding
+            | GuidanceVariable::Modulation
+            | GuidanceVariable::Prediction
+            | GuidanceVariable::Nothing => ddim,
+            GuidanceVariable::Motion { iterations } | GuidanceVariable::Noise { iterations } => {
+                iterations
+            }
         };
         moves + self.network_finish().map_or(0, |finish| finish.iterations)
     }
@@ -297,7 +302,7 @@ impl Guidance {
     /// The learning rate at a step, from 0, of so many.
     pub(crate) fn rate(&self, step: usize, steps: usize) -> f64 {
         let first = self.learning_rate;
-        let last = self.last_learning_rate.unwrap_or(first);
+        let last = self.final_learning_rate.unwrap_or(first);
         let way = step as f64 / steps.saturating_sub(1).max(1) as f64;
         first + (last - first) * 0.5 * (1.0 - (PI * way).cos())
     }
@@ -313,7 +318,7 @@ impl Guidance {
                 "expected {expected}, found {found:?}"
             )))
         };
-        let rates = [Some(self.learning_rate), self.last_learning_rate];
+        let rates = [Some(self.learning_rate), self.final_learning_rate];
         let makes_sense = |rate: &f64| rate.is_finite() && *rate >= 0.0;
         if let Some(rate) = rates.iter().flatten().find(|rate| !makes_sense(rate)) {
             return problem("a finite learning rate of at least 0", rate);
@@ -328,11 +333,12 @@ impl Guidance {
             let expected = format!("1 to {MOST_UPDATES} updates a step");
             return problem(&expected, &self.updates_per_step);
         }
-        if let Moved::Motion { iterations } | Moved::Noise { iterations } = self.moved
+        if let GuidanceVariable::Motion { iterations } | GuidanceVariable::Noise { iterations } =
+            self.variable
             && !(1..=MOST_UPDATES).contains(&iterations)
         {
             let expected = format!("1 to {MOST_UPDATES} iterations");
-            return problem(&expected, &self.moved);
+            return problem(&expected, &self.variable);
         }
         let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
         if !self.emphasis.iter().all(makes_sense) {
@@ -382,7 +388,7 @@ mod tests {
         assert!((0..100).all(|step| fast.rate(step, 100) == 0.05));
         let rising = Guidance {
             learning_rate: 0.01,
-            last_learning_rate: Some(0.05),
+            final_learning_rate: Some(0.05),
             ..fast
         };
         let rates: Vec<f64> = (0..5).map(|step| rising.rate(step, 5)).collect();

@@ -7,7 +7,7 @@
 //!                                            so that the predicted motion's features reach it
 //! ```
 //!
-//! The same pass moves something else where [`Guidance::moved`] says so: the scales and shifts that `e` becomes in every layer (the most exact,
+//! The same pass moves something else where [`Guidance::variable`] says so: the scales and shifts that `e` becomes in every layer (the most exact,
 //! [`Preset::Precise`]), the predicted motion, the finished motion, the start noise.
 //!
 //! What users get is the motion of a rigid body, unless [`Guidance::body`] says otherwise:
@@ -21,7 +21,6 @@
 //! deterministic: the same noise gives the same motion.
 
 mod classifier_free;
-mod coherence;
 mod error;
 mod guidance;
 mod guided;
@@ -31,19 +30,20 @@ mod prompt_editing;
 mod rig;
 mod sampler;
 mod schedule;
+mod temporal_smoothing;
 
-pub use classifier_free::{ClassifierFree, ToldAndFree, feature_scales};
-pub use coherence::Coherence;
-pub use error::{GuideError, Quantity, Stopped};
-pub use guidance::{Body, Finish, Guidance, Moved, Preset, PresetError, Update};
-pub use guided::{Guided, Reached};
-pub use lamogen_body::{Fit, FitError, FitProgress};
+pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales};
+pub use error::{GuideError, Quantity, StoppedPass};
+pub use guidance::{Body, Finish, Guidance, GuidanceVariable, Preset, PresetError, UpdateTiming};
+pub use guided::{Guided, LabanComparison};
+pub use lamogen_body::{FitError, FitOptions, FitProgress};
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};
 pub use prompt_editing::edited_prompt;
 pub use rig::{Rig, RigGuided};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
+pub use temporal_smoothing::TemporalSmoothing;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

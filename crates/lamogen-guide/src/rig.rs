@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use lamogen_body::{FitInput, FitProgress, Goal};
+use lamogen_body::{FitInput, FitObjective, FitProgress};
 use lamogen_laban::{COMPONENTS, Component, Goals};
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
-use crate::guided::{Reached, Targets};
+use crate::guided::{LabanComparison, Targets};
 
 /// How much more a component that shall change counts on the body than [`Guidance::emphasis`] says. The body's motion can follow where the
 /// network's would leave what the sentence says.
@@ -34,9 +34,9 @@ pub struct RigGuided {
     /// Whether the observer stopped the fit; what is here is the best until then.
     pub is_stopped: bool,
     /// Laban features of the whole body.
-    pub whole: Reached,
+    pub whole: LabanComparison,
     /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
-    pub parts: Vec<Reached>,
+    pub parts: Vec<LabanComparison>,
 }
 
 impl<'a> Rig<'a> {
@@ -88,7 +88,7 @@ impl<'a> Rig<'a> {
             ..self.guidance.clone()
         };
         let targets = Targets::new(&self.tensor(&baselines), &lengths, goals, &guidance);
-        let mut goal = LabanGoal {
+        let mut goal = LabanObjective {
             rig: self,
             targets: &targets,
             is_first: true,
@@ -143,7 +143,7 @@ impl<'a> Rig<'a> {
 }
 
 /// The Laban loss as what a fit makes small.
-struct LabanGoal<'g> {
+struct LabanObjective<'g> {
     rig: &'g Rig<'g>,
     targets: &'g Targets,
     /// Whether no trial was evaluated yet. Later ones may be too bold, and are stepped back from.
@@ -152,7 +152,7 @@ struct LabanGoal<'g> {
     broken: Option<(usize, Component)>,
 }
 
-impl Goal for LabanGoal<'_> {
+impl FitObjective for LabanObjective<'_> {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],

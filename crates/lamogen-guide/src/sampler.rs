@@ -2,13 +2,13 @@
 
 use burn::tensor::Tensor;
 use lamogen_laban::Window;
-use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Linearized, Prediction, Prompt};
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prediction, Prompt};
 use lamogen_motion::Normalization;
 
-use crate::coherence::Coherence;
 use crate::error::GuideError;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
+use crate::temporal_smoothing::TemporalSmoothing;
 
 /// A deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
 /// Generation").
@@ -17,7 +17,7 @@ pub struct Sampler<'a, D> {
     pub(crate) normalization: &'a Normalization,
     steps: Vec<DdimStep>,
     time: Tensor<2>,
-    coherence: Option<Coherence>,
+    temporal_smoothing: Option<TemporalSmoothing>,
 }
 
 /// What the motions of a batch start from.
@@ -61,7 +61,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             normalization,
             time: model.embed_timesteps(&timesteps),
             steps,
-            coherence: None,
+            temporal_smoothing: None,
         })
     }
 
@@ -69,12 +69,18 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Errors
     ///
-    /// If the numbers make no sense (see [`Coherence::check`]).
-    pub fn with_coherence(self, coherence: Option<Coherence>) -> Result<Self, GuideError> {
-        if let Some(coherence) = coherence {
-            coherence.check()?;
+    /// If the numbers make no sense (see [`TemporalSmoothing::check`]).
+    pub fn with_temporal_smoothing(
+        self,
+        temporal_smoothing: Option<TemporalSmoothing>,
+    ) -> Result<Self, GuideError> {
+        if let Some(temporal_smoothing) = temporal_smoothing {
+            temporal_smoothing.check()?;
         }
-        Ok(Sampler { coherence, ..self })
+        Ok(Sampler {
+            temporal_smoothing,
+            ..self
+        })
     }
 
     /// The steps of a pass.
@@ -132,8 +138,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             modulation: None,
             context: &batch.prompt.context,
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
-            window: { self.coherence }
-                .map(|coherence| coherence.window(&batch.lengths, frames, &batch.noise.device())),
+            window: { self.temporal_smoothing }.map(|temporal_smoothing| {
+                temporal_smoothing.window(&batch.lengths, frames, &batch.noise.device())
+            }),
         }
     }
 
@@ -143,8 +150,8 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         latent: &'b Latent<'_, D::Context>,
         step: &DdimStep,
     ) -> Option<&'b Window> {
-        let coherence = self.coherence?;
-        (step.timestep >= coherence.until).then_some(latent.window.as_ref())?
+        let temporal_smoothing = self.temporal_smoothing?;
+        (step.timestep >= temporal_smoothing.until).then_some(latent.window.as_ref())?
     }
 
     /// The network's output at a step.
@@ -159,7 +166,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         latent: &Latent<'_, D::Context>,
         context: &'b D::Context,
         index: usize,
-    ) -> Linearized<'b, 3> {
+    ) -> LinearizedEvaluation<'b, 3> {
         self.model
             .linearize_motion(self.input(latent, index), context)
     }
@@ -169,7 +176,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         &'b self,
         latent: &'b Latent<'_, D::Context>,
         index: usize,
-    ) -> Linearized<'b> {
+    ) -> LinearizedEvaluation<'b> {
         self.model
             .linearize(self.input(latent, index), latent.context)
     }

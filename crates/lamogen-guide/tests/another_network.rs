@@ -5,7 +5,9 @@ mod toy;
 use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{Batch, Guidance, GuideError, Pass, Quantity, Sampler, Step, Update, noise};
+use lamogen_guide::{
+    Batch, Guidance, GuideError, Pass, Quantity, Sampler, Step, UpdateTiming, noise,
+};
 use lamogen_laban::{Component, Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput};
 use lamogen_motion::POSE_FEATURES;
@@ -86,7 +88,7 @@ fn guidance_lowers_the_loss_of_any_denoiser() {
     assert!(largest(baseline.clone().narrow(0, 1, 1) - network.swing.clone() * 2.0) < 1e-4);
     // Four times the Weight is twice the swing, which asks for more Time, Flow and Shape too; the
     // emphasis decides for Weight.
-    for update in [Update::Immediate, Update::Lagged] {
+    for update in [UpdateTiming::Immediate, UpdateTiming::Lagged] {
         let guidance = Guidance {
             emphasis: [1e4; 4],
             update,

@@ -3,7 +3,7 @@
 mod toy;
 
 use burn::tensor::{Device, Tensor};
-use lamogen_guide::{Batch, Guidance, Moved, Sampler, noise};
+use lamogen_guide::{Batch, Guidance, GuidanceVariable, Sampler, noise};
 use lamogen_laban::Scale;
 use lamogen_model::{DenoiserInput, Prediction, Prompt};
 use lamogen_motion::POSE_FEATURES;
@@ -123,10 +123,10 @@ fn so_do_they_whatever_is_moved() {
     let normalization = normalization(1.0);
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
     for (moved, learning_rate) in [
-        (Moved::Embedding, 0.05),
-        (Moved::Modulation, 0.05),
-        (Moved::Prediction, 1e-5),
-        (Moved::Noise { iterations: 3 }, 0.05),
+        (GuidanceVariable::Embedding, 0.05),
+        (GuidanceVariable::Modulation, 0.05),
+        (GuidanceVariable::Prediction, 1e-5),
+        (GuidanceVariable::Noise { iterations: 3 }, 0.05),
     ] {
         let motions = [Prediction::Sample, Prediction::Epsilon, Prediction::V].map(|prediction| {
             let network = Knowing::new(prediction, 0.5);
@@ -134,7 +134,7 @@ fn so_do_they_whatever_is_moved() {
             let batch = batch();
             let baseline = sampler.baseline(&batch, &mut ()).unwrap();
             let guidance = Guidance {
-                moved,
+                variable: moved,
                 learning_rate,
                 ..Guidance::fast()
             };

@@ -18,7 +18,7 @@ pub const TEMPORARY_PREFIX: &str = ".lamogen-";
 /// A file in a temporary folder that is locked while the folder is in use.
 const LOCK: &str = ".lock";
 
-/// Temporary files and folders of this process.
+/// TemporaryFile files and folders of this process.
 static UNDER_WAY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn under_way() -> MutexGuard<'static, BTreeSet<PathBuf>> {
@@ -27,22 +27,22 @@ fn under_way() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 
 /// A temporary file or folder that [`remove_temporaries`] removes as long as this lives.
 #[derive(Debug)]
-pub struct Temporary {
+pub struct TemporaryFile {
     path: PathBuf,
     /// Held so that other processes know it is in use.
     _lock: Option<File>,
 }
 
-impl Temporary {
+impl TemporaryFile {
     /// Lists a temporary folder, and locks it for as long as this lives: see [`remove_stale_temporaries`].
     ///
     /// # Errors
     ///
     /// If no file can be made in the folder.
-    pub fn folder(path: &Path) -> io::Result<Temporary> {
+    pub fn folder(path: &Path) -> io::Result<TemporaryFile> {
         let lock = File::create(path.join(LOCK))?;
         hold(&lock);
-        Ok(Temporary::list(path, Some(lock)))
+        Ok(TemporaryFile::list(path, Some(lock)))
     }
 
     /// Removes the lock of a folder that is not temporary any more.
@@ -54,16 +54,16 @@ impl Temporary {
         std::fs::remove_file(self.path.join(LOCK))
     }
 
-    fn list(path: &Path, lock: Option<File>) -> Temporary {
+    fn list(path: &Path, lock: Option<File>) -> TemporaryFile {
         under_way().insert(path.to_owned());
-        Temporary {
+        TemporaryFile {
             path: path.to_owned(),
             _lock: lock,
         }
     }
 }
 
-impl Drop for Temporary {
+impl Drop for TemporaryFile {
     fn drop(&mut self) {
         under_way().remove(&self.path);
     }
@@ -168,14 +168,14 @@ pub fn replace_atomically(
     let replaced = std::fs::metadata(path).ok().filter(|file| file.is_file());
     #[cfg(unix)]
     {
-        // Temporary files are private; the finished one should be as readable as any other.
+        // TemporaryFile files are private; the finished one should be as readable as any other.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
     let temporary = builder.tempfile_in(folder)?;
     let lock = temporary.as_file().try_clone()?;
     hold(&lock);
-    let _under_way = Temporary::list(temporary.path(), Some(lock));
+    let _under_way = TemporaryFile::list(temporary.path(), Some(lock));
     let permissions = match replaced {
         Some(replaced) => replaced.permissions(),
         None => temporary.as_file().metadata()?.permissions(),
@@ -275,7 +275,7 @@ mod tests {
         let temporary = |name: &str| {
             let path = folder.path().join(name);
             std::fs::create_dir(&path).unwrap();
-            let held = Temporary::folder(&path).unwrap();
+            let held = TemporaryFile::folder(&path).unwrap();
             { File::options().write(true).open(path.join(LOCK)) }
                 .unwrap()
                 .set_modified(old)

@@ -7,8 +7,8 @@ mod atomic;
 mod placeholder;
 
 pub use atomic::{
-    TEMPORARY_PREFIX, Temporary, remove_stale_temporaries, remove_temporaries, replace_atomically,
-    write_atomically,
+    TEMPORARY_PREFIX, TemporaryFile, remove_stale_temporaries, remove_temporaries,
+    replace_atomically, write_atomically,
 };
 pub use placeholder::{placeholder, placeholder_at};
 

@@ -31,12 +31,12 @@ use crate::tags::{Component, Tag};
 pub struct Factor {
     /// Until the first key.
     start: f32,
-    keys: Vec<Key>,
+    keys: Vec<FactorKey>,
 }
 
 /// A moment at which a factor over time is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Key {
+pub struct FactorKey {
     /// Seconds from the motion's start.
     pub seconds: f32,
     /// The factor at that moment.
@@ -97,10 +97,10 @@ pub(crate) fn words(component: &Component) -> String {
     tags.map(Tag::to_string).collect::<Vec<_>>().join(", ")
 }
 
-impl Key {
+impl FactorKey {
     /// A key whose factor holds until the next.
-    pub const fn hold(seconds: f32, factor: f32) -> Key {
-        Key {
+    pub const fn hold(seconds: f32, factor: f32) -> FactorKey {
+        FactorKey {
             seconds,
             factor,
             interpolation: Interpolation::Hold,
@@ -108,8 +108,8 @@ impl Key {
     }
 
     /// A key whose factor slides to the next one's.
-    pub const fn linear(seconds: f32, factor: f32) -> Key {
-        Key {
+    pub const fn linear(seconds: f32, factor: f32) -> FactorKey {
+        FactorKey {
             seconds,
             factor,
             interpolation: Interpolation::Linear,
@@ -152,7 +152,7 @@ impl Factor {
     ///
     /// If there are no keys, their times do not ascend, a time or factor is negative or not finite, or
     /// the last key slides.
-    pub fn keyed(keys: impl Into<Vec<Key>>) -> Result<Factor, FactorError> {
+    pub fn keyed(keys: impl Into<Vec<FactorKey>>) -> Result<Factor, FactorError> {
         let keys = keys.into();
         for key in &keys {
             if !key.seconds.is_finite() || key.seconds < 0.0 {
@@ -185,7 +185,7 @@ impl Factor {
         {
             return Factor::constant(value(component, constant)?);
         }
-        let mut keys: Vec<Key> = Vec::new();
+        let mut keys: Vec<FactorKey> = Vec::new();
         let mut slides = false;
         for part in parts {
             if part == "~" {
@@ -221,7 +221,7 @@ impl Factor {
     }
 
     /// The keys, in order of time; none if the factor is constant.
-    pub fn keys(&self) -> &[Key] {
+    pub fn keys(&self) -> &[FactorKey] {
         &self.keys
     }
 
@@ -261,11 +261,11 @@ fn check_value(found: f32) -> Result<(), FactorError> {
     }
 }
 
-fn key(component: Component, text: &str) -> Result<Key, FactorError> {
+fn key(component: Component, text: &str) -> Result<FactorKey, FactorError> {
     let no_key = || FactorError::Key { found: text.into() };
     let (seconds, factor) = text.split_once(':').ok_or_else(no_key)?;
     let seconds = seconds.parse().map_err(|_| no_key())?;
-    Ok(Key::hold(seconds, value(component, factor)?))
+    Ok(FactorKey::hold(seconds, value(component, factor)?))
 }
 
 fn value(component: Component, text: &str) -> Result<f32, FactorError> {
@@ -381,10 +381,10 @@ mod tests {
 
     #[test]
     fn keys_can_be_given_as_such() {
-        let keys = [Key::linear(0.0, 1.0), Key::hold(1.0, 1.5)];
+        let keys = [FactorKey::linear(0.0, 1.0), FactorKey::hold(1.0, 1.5)];
         assert_eq!(Factor::keyed(keys), weight("0:1 ~ 1:1.5"));
         assert_eq!(Factor::keyed([]), Err(FactorError::Empty));
-        let slides_away = [Key::hold(0.0, 1.0), Key::linear(1.0, 1.5)];
+        let slides_away = [FactorKey::hold(0.0, 1.0), FactorKey::linear(1.0, 1.5)];
         assert_eq!(Factor::keyed(slides_away), Err(FactorError::Slide));
     }
 

@@ -236,7 +236,7 @@ pub struct Goals {
 
 /// Goals of some end-effectors.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Term {
+pub struct EndEffectorGoals {
     /// Whose Weight, Time and Flow are meant.
     pub end_effectors: EndEffectors,
     /// What the components shall become.
@@ -345,8 +345,8 @@ impl Goals {
 
     /// What is asked of which end-effectors. The first term is that of the whole body, whose end-effectors are `all`; where
     /// parts have factors of their own, those of its Weight, Time and Flow are in a term of the rest.
-    pub fn terms(&self, all: &EndEffectors) -> Vec<Term> {
-        let mut terms = vec![Term {
+    pub fn terms(&self, all: &EndEffectors) -> Vec<EndEffectorGoals> {
+        let mut terms = vec![EndEffectorGoals {
             end_effectors: all.clone(),
             goals: self.whole.clone(),
         }];
@@ -371,7 +371,7 @@ impl Goals {
             if let Some(end_effectors) = rest {
                 let mut goals = nothing.clone();
                 efforts_as(&mut goals, &|component| self.of(component).clone());
-                terms.push(Term {
+                terms.push(EndEffectorGoals {
                     end_effectors,
                     goals,
                 });
@@ -383,7 +383,7 @@ impl Goals {
                 Some(factor) => Goal::Factor(factor.clone()),
                 None => self.of(component).clone(),
             });
-            terms.push(Term {
+            terms.push(EndEffectorGoals {
                 end_effectors: part.end_effectors().clone(),
                 goals,
             });

@@ -27,12 +27,12 @@ mod window;
 
 pub use curve::ScaleCurve;
 pub use effectors::{BodyPart, EffectorError, EndEffectors};
-pub use factor::{Factor, FactorError, Interpolation, Key};
+pub use factor::{Factor, FactorError, FactorKey, Interpolation};
 pub use features::{LabanFeatures, LabanOptions};
-pub use goals::{Goal, GoalError, Goals, Term};
-pub use loss::{Divisor, Target};
+pub use goals::{EndEffectorGoals, Goal, GoalError, Goals};
+pub use loss::{LossDivisor, Target};
 pub use parts::PartScale;
-pub use series::{LabanSeries, Summary};
+pub use series::{LabanSeries, TimeSummary};
 pub use smoothing::{Gaussian, GaussianError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};
 pub use window::Window;

@@ -11,7 +11,7 @@ const DELTA: f32 = 1e-6;
 
 /// What differences are divided by in the relative loss.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Divisor {
+pub enum LossDivisor {
     /// The baseline's value at the same frame (paper, equation "Laban loss"). Frames where the
     /// baseline rests weigh most.
     #[default]
@@ -48,7 +48,7 @@ impl Target {
         baseline: Tensor<3>,
         lengths: &[usize],
         goals: &[[Goal; COMPONENTS]],
-        divisor: Divisor,
+        divisor: LossDivisor,
         emphasis: [f32; COMPONENTS],
     ) -> Target {
         let [batch, frames, _] = baseline.dims();
@@ -106,7 +106,7 @@ impl Goal {
         &self,
         baseline: &[f32],
         target: &[f32],
-        divisor: Divisor,
+        divisor: LossDivisor,
         emphasis: f32,
     ) -> Vec<f32> {
         // The loss is squared, so the weight enters as its root.
@@ -122,8 +122,8 @@ impl Goal {
         };
         let divisors = baseline.iter().zip(target);
         let divisors: Vec<f32> = match divisor {
-            Divisor::Frame => divisors.map(|(b, t)| larger(*b, *t)).collect(),
-            Divisor::Mean => {
+            LossDivisor::Frame => divisors.map(|(b, t)| larger(*b, *t)).collect(),
+            LossDivisor::Mean => {
                 let [before, asked] = [baseline, target].map(|values| mean(values.iter().copied()));
                 vec![larger(before, asked); baseline.len()]
             }
@@ -162,7 +162,7 @@ mod tests {
     fn a_relative_loss_is_known_by_hand() {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0], [2.0, 1.0, 1.0, 8.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 0.5])];
-        for (divisor, shape) in [(Divisor::Frame, 0.5), (Divisor::Mean, 20.0 / 36.0)] {
+        for (divisor, shape) in [(LossDivisor::Frame, 0.5), (LossDivisor::Mean, 20.0 / 36.0)] {
             let target = Target::new(baseline.clone(), &[2], &scales, divisor, [1.0; COMPONENTS]);
             let loss = target.loss(baseline.clone()).into_data();
             let loss = loss.as_slice::<f32>().unwrap();
@@ -174,7 +174,7 @@ mod tests {
     }
 
     /// The loss of twice the baseline, with an emphasis of 1 and of 10.
-    fn emphasised(baseline: &Tensor<3>, goals: &[Goals], divisor: Divisor) -> [Vec<f32>; 2] {
+    fn emphasised(baseline: &Tensor<3>, goals: &[Goals], divisor: LossDivisor) -> [Vec<f32>; 2] {
         [1.0, 10.0].map(|emphasis| {
             let lengths = [baseline.dims()[1]];
             let emphasis = [emphasis; COMPONENTS];
@@ -188,7 +188,7 @@ mod tests {
     fn emphasis_weighs_what_the_scale_changes() {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 1.0])];
-        let [plain, heavy] = emphasised(&baseline, &scales, Divisor::Frame);
+        let [plain, heavy] = emphasised(&baseline, &scales, LossDivisor::Frame);
         assert!((heavy[0] / plain[0] - 10.0).abs() < 1e-3);
         assert_eq!(heavy[1..], plain[1..]);
     }
@@ -211,7 +211,7 @@ mod tests {
             baseline.clone(),
             &[30, 20],
             &scales,
-            Divisor::Frame,
+            LossDivisor::Frame,
             [1.0; COMPONENTS],
         );
         let [asked, baseline] =
@@ -239,7 +239,7 @@ mod tests {
     fn a_change_at_any_moment_is_emphasised_at_all() {
         let baseline = Tensor::<3>::ones([1, 40, COMPONENTS], &Device::flex());
         let scales = [over_time(Component::Time, "1:1.2")];
-        let [plain, heavy] = emphasised(&baseline, &scales, Divisor::Mean);
+        let [plain, heavy] = emphasised(&baseline, &scales, LossDivisor::Mean);
         // Half the frames ask for 1, the other half for 1.2, and all are at 2.
         assert!(
             (plain[1] - 20.0 * (1.0 + 0.8 * 0.8)).abs() < 1e-3,
@@ -258,7 +258,7 @@ mod tests {
         let mut asked = goals(ScaleCurve::default());
         asked[Component::Shape.index()] = Goal::Series(vec![3.0; 4]);
         asked[Component::Time.index()] = Goal::Any;
-        for divisor in [Divisor::Frame, Divisor::Mean] {
+        for divisor in [LossDivisor::Frame, LossDivisor::Mean] {
             let target = Target::new(
                 baseline.clone(),
                 &[4],
@@ -282,7 +282,7 @@ mod tests {
             still.clone(),
             &[5],
             &[goals(ScaleCurve::default())],
-            Divisor::Frame,
+            LossDivisor::Frame,
             [1.0; COMPONENTS],
         );
         assert_eq!(target.loss(still).sum().into_scalar::<f32>(), 0.0);
@@ -305,7 +305,7 @@ mod tests {
         };
         let features = LabanFeatures::new(&LabanOptions::default(), frames, &[frames], &device);
         let scales = [scale([1.5, 0.8, 1.2, 0.5])];
-        for divisor in [Divisor::Frame, Divisor::Mean] {
+        for divisor in [LossDivisor::Frame, LossDivisor::Mean] {
             let baseline = features.measure(joints(&positions));
             let target = Target::new(baseline, &[frames], &scales, divisor, [2.0; COMPONENTS]);
             let loss = |joints: Tensor<4>| target.loss(features.measure(joints)).sum();

@@ -10,7 +10,7 @@ use crate::tags::{COMPONENTS, Component};
 
 /// How a series becomes one number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Summary {
+pub enum TimeSummary {
     /// The largest value over time: the original definition of the Laban components (paper,
     /// section "Laban Effort and Shape Quantification").
     #[default]
@@ -83,12 +83,12 @@ impl LabanSeries {
     }
 
     /// One number a component.
-    pub fn summary(&self, summary: Summary) -> [f32; COMPONENTS] {
+    pub fn summary(&self, summary: TimeSummary) -> [f32; COMPONENTS] {
         Component::ALL.map(|component| {
             let values = self.component(component);
             match summary {
-                Summary::Maximum => values.fold(0.0, f32::max),
-                Summary::Mean => mean(values),
+                TimeSummary::Maximum => values.fold(0.0, f32::max),
+                TimeSummary::Mean => mean(values),
             }
         })
     }
@@ -111,8 +111,8 @@ mod tests {
             [3.0, 0.0, 0.0, 2.0],
             [3.0, 2.0, 2.0, 2.0],
         ]));
-        assert_eq!(series.summary(Summary::Maximum), [3.0, 2.0, 4.0, 2.0]);
-        assert_eq!(series.summary(Summary::Mean), [2.0, 1.0, 2.0, 2.0]);
+        assert_eq!(series.summary(TimeSummary::Maximum), [3.0, 2.0, 4.0, 2.0]);
+        assert_eq!(series.summary(TimeSummary::Mean), [2.0, 1.0, 2.0, 2.0]);
         let time: Vec<_> = series.component(Component::Time).collect();
         assert_eq!(time, [1.0, 0.0, 2.0]);
     }
@@ -141,7 +141,7 @@ mod tests {
         let series = LabanSeries::from_tensor(Tensor::from(rows));
         assert_eq!(series.section(1..3).frames(), &rows[1..]);
         assert_eq!(
-            series.section(1..3).summary(Summary::Mean),
+            series.section(1..3).summary(TimeSummary::Mean),
             [3.0, 1.0, 1.0, 2.0]
         );
         for beyond in [3..9, 7..9] {
@@ -155,7 +155,7 @@ mod tests {
         pose[15] = [1.0, 2.0, 0.5];
         let motion = Motion::from_joints(vec![pose; 10]).unwrap();
         let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
-        let summary = series.summary(Summary::Maximum);
+        let summary = series.summary(TimeSummary::Maximum);
         assert!((summary[3] - 1.0).abs() < 1e-5);
         assert!(summary[..3].iter().all(|&effort| effort < 1e-5));
     }

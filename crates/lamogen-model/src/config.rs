@@ -172,8 +172,8 @@ pub struct SamplingDefaults {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Frames by which predictions are smoothed along time; 0 is not at all.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub coherence: Option<f32>,
+    #[serde(alias = "coherence", skip_serializing_if = "Option::is_none")]
+    pub temporal_smoothing: Option<f32>,
     /// The scale of classifier-free guidance; 1 asks the network once a step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text_scale: Option<f64>,

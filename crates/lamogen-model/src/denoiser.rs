@@ -72,8 +72,12 @@ pub trait Denoiser {
     /// # Panics
     ///
     /// As [`denoise`](Denoiser::denoise).
-    fn linearize<'a>(&'a self, input: DenoiserInput, context: &'a Self::Context) -> Linearized<'a> {
-        Linearized::by_autodiff(input, |input| self.denoise(input, context))
+    fn linearize<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> LinearizedEvaluation<'a> {
+        LinearizedEvaluation::by_autodiff(input, |input| self.denoise(input, context))
     }
 
     /// How many scales and shifts a sentence and a timestep become on their way into the network, over all its stylization layers: what
@@ -92,24 +96,24 @@ pub trait Denoiser {
         &'a self,
         input: DenoiserInput,
         context: &'a Self::Context,
-    ) -> Linearized<'a, 3> {
-        Linearized::of_motion_by_autodiff(input, |input| self.denoise(input, context))
+    ) -> LinearizedEvaluation<'a, 3> {
+        LinearizedEvaluation::of_motion_by_autodiff(input, |input| self.denoise(input, context))
     }
 }
 
 /// An evaluation of a network with the derivative of its output: with respect to the embedding or modulation (`D` is 2) or to the
 /// noisy motion (3).
-pub struct Linearized<'a, const D: usize = 2> {
+pub struct LinearizedEvaluation<'a, const D: usize = 2> {
     /// As [`Denoiser::denoise`] returns it, `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
     shape: [usize; 3],
     pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<D> + 'a>,
 }
 
-impl<'a, const D: usize> Linearized<'a, D> {
+impl<'a, const D: usize> LinearizedEvaluation<'a, D> {
     /// An output, and what turns its gradient into that of the embedding, the modulation or the noisy motion.
     pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<D> + 'a) -> Self {
-        Linearized {
+        LinearizedEvaluation {
             shape: output.dims(),
             output,
             pullback: Box::new(pullback),
@@ -120,7 +124,7 @@ impl<'a, const D: usize> Linearized<'a, D> {
     fn followed(point: Tensor<D>, evaluate: impl FnOnce(Tensor<D>) -> Tensor<3>) -> Self {
         let leaf = point.autodiff().require_grad();
         let output = evaluate(leaf.clone());
-        Linearized::new(output.clone().inner(), move |gradient| {
+        LinearizedEvaluation::new(output.clone().inner(), move |gradient| {
             let along = (output * gradient.autodiff()).sum();
             let gradient = match along.is_tracked() {
                 true => leaf.grad_remove(&mut along.backward()),
@@ -148,7 +152,7 @@ impl<'a, const D: usize> Linearized<'a, D> {
     }
 }
 
-impl Linearized<'_> {
+impl LinearizedEvaluation<'_> {
     /// By autodiff through an evaluation, back to the embedding, or to the modulation where the input has one.
     pub fn by_autodiff(
         input: DenoiserInput,
@@ -169,7 +173,7 @@ impl Linearized<'_> {
     }
 }
 
-impl Linearized<'_, 3> {
+impl LinearizedEvaluation<'_, 3> {
     /// By autodiff through an evaluation, back to the noisy motion.
     pub fn of_motion_by_autodiff(
         input: DenoiserInput,

@@ -20,11 +20,13 @@ pub use config::{
     ClipTextConfig, ConfigError, LABAN_FEATURES, LabanCondition, ModelConfig, Prediction,
     SamplingDefaults,
 };
-pub use denoiser::{Denoiser, DenoiserInput, FrameMask, Linearized, Prompt};
-pub use lamogen_tokenizer::{KnownWords, Tokenizer, TokenizerError, Tokens, learn, words};
+pub use denoiser::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prompt};
+pub use lamogen_tokenizer::{
+    KnownWords, Tokenizer, TokenizerError, Tokens, train_tokenizer, words,
+};
 pub use network::{
-    CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, Trained, TrainingBatch,
-    initialize,
+    CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, TrainingBatch,
+    TrainingGradients, initialize,
 };
 
 #[cfg(doctest)]

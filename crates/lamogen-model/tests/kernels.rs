@@ -6,8 +6,8 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
-    Checkpoint, ClipTextConfig, Denoiser, DenoiserInput, FrameMask, Linearized, ModelConfig,
-    MotionDiffuse, Precision, Prediction, Prompt, TrainingBatch,
+    Checkpoint, ClipTextConfig, Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation,
+    ModelConfig, MotionDiffuse, Precision, Prediction, Prompt, TrainingBatch,
 };
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
@@ -68,7 +68,10 @@ fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Deno
 }
 
 /// Output and gradient of an evaluation, where frames belong to a motion.
-fn both<const D: usize>(linearized: Linearized<'_, D>, mask: &FrameMask) -> (Vec<f32>, Vec<f32>) {
+fn both<const D: usize>(
+    linearized: LinearizedEvaluation<'_, D>,
+    mask: &FrameMask,
+) -> (Vec<f32>, Vec<f32>) {
     let keep = mask.keep().unwrap();
     let output = linearized.output.clone() * keep.clone();
     let gradient = linearized.pull(numbers([4, FRAMES, 37], 0.377) * keep);
@@ -137,7 +140,8 @@ fn kernels_are_the_network_and_its_gradient() {
         let context = &prompt.context;
         let kernels = both(model.linearize(input.clone(), context), &input.mask);
         // Under autodiff the network runs in tensor operations.
-        let tensors = Linearized::by_autodiff(input.clone(), |input| model.denoise(input, context));
+        let tensors =
+            LinearizedEvaluation::by_autodiff(input.clone(), |input| model.denoise(input, context));
         let tensors = both(tensors, &input.mask);
         let (output, gradient) = (
             distance(&kernels.0, &tensors.0),
@@ -146,8 +150,9 @@ fn kernels_are_the_network_and_its_gradient() {
         assert!(output < 1e-5 && gradient < 1e-5, "{output} {gradient}");
         let kernels_to_motion = model.linearize_motion(input.clone(), context);
         let to_motion = both(kernels_to_motion, &input.mask);
-        let tensors =
-            Linearized::of_motion_by_autodiff(input.clone(), |input| model.denoise(input, context));
+        let tensors = LinearizedEvaluation::of_motion_by_autodiff(input.clone(), |input| {
+            model.denoise(input, context)
+        });
         let gradient = distance(&to_motion.1, &both(tensors, &input.mask).1);
         assert!(gradient < 1e-5, "of the noisy motion: {gradient}");
         assert_eq!(to_motion.0, kernels.0, "with one record and the other");
@@ -172,7 +177,7 @@ fn kernels_know_the_gradient_of_scales_and_shifts() {
     let moved = with(numbers([4, model.modulations()], 0.217) * 0.5);
     let kernels = both(model.linearize(moved.clone(), context), &moved.mask);
     let evaluate = |input| model.denoise(input, context);
-    let tensors = Linearized::by_autodiff(moved.clone(), evaluate);
+    let tensors = LinearizedEvaluation::by_autodiff(moved.clone(), evaluate);
     let tensors = both(tensors, &moved.mask);
     let (output, gradient) = (
         distance(&kernels.0, &tensors.0),

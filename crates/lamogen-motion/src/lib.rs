@@ -28,7 +28,7 @@ pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;
 pub use joints::joints;
 pub use lamogen_io::{
-    TEMPORARY_PREFIX, Temporary, placeholder, placeholder_at, remove_stale_temporaries,
+    TEMPORARY_PREFIX, TemporaryFile, placeholder, placeholder_at, remove_stale_temporaries,
     remove_temporaries, replace_atomically, write_atomically,
 };
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
@@ -37,7 +37,7 @@ pub use padding::frame_mask;
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};
-pub use turning::{JointTurning, Turn};
+pub use turning::{JointTurn, JointTurning};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

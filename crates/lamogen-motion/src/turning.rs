@@ -21,7 +21,7 @@ pub struct JointTurning {
 
 /// A joint that turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turn {
+pub struct JointTurn {
     /// How far from one frame to the next, in degrees.
     pub degrees: f32,
     /// The joint that does.
@@ -72,8 +72,8 @@ impl JointTurning {
     }
 
     /// Where a joint turns farthest from one frame to the next.
-    pub fn largest(&self, joint: Joint) -> Turn {
-        let still = Turn {
+    pub fn largest(&self, joint: Joint) -> JointTurn {
+        let still = JointTurn {
             degrees: 0.0,
             joint,
             frame: 0,
@@ -81,7 +81,7 @@ impl JointTurning {
         let steps = self.of_joint(joint).enumerate();
         steps.fold(still, |largest, (step, degrees)| {
             match degrees > largest.degrees {
-                true => Turn {
+                true => JointTurn {
                     degrees,
                     joint,
                     frame: step + 1,
@@ -98,7 +98,7 @@ impl JointTurning {
     }
 
     /// Where any joint but the pelvis turns farthest; the first of [`Joint::ALL`] where several do.
-    pub fn largest_but_pelvis(&self) -> Turn {
+    pub fn largest_but_pelvis(&self) -> JointTurn {
         let turns = OTHERS.iter().map(|&joint| self.largest(joint));
         let farthest = turns.reduce(|farthest, turn| match turn.degrees > farthest.degrees {
             true => turn,

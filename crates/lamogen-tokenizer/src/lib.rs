@@ -35,13 +35,13 @@ mod clean;
 mod clip;
 mod error;
 mod file;
-mod learn;
 mod tokenizer;
+mod train;
 mod words;
 
 pub use error::TokenizerError;
-pub use learn::learn;
 pub use tokenizer::{Tokenizer, Tokens};
+pub use train::train_tokenizer;
 pub use words::{KnownWords, words};
 
 #[cfg(doctest)]

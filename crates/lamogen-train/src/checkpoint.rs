@@ -14,7 +14,7 @@ use burn::module::Module;
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
-use crate::task::Task;
+use crate::task::TrainingTask;
 use crate::trainer::{State, Trainer, tracked};
 
 /// Checkpoints that are kept: the newest, and the one before in case the newest is damaged with the disk.
@@ -71,7 +71,7 @@ impl Checkpoints {
     }
 
     /// Writes a checkpoint under a temporary name, renames it, and removes old ones.
-    pub(crate) fn write<T: Task>(
+    pub(crate) fn write<T: TrainingTask>(
         &self,
         trainer: &Trainer<'_, T>,
         progress: &Progress,
@@ -128,7 +128,7 @@ pub(crate) fn progress(checkpoint: &Path) -> Result<Progress, TrainError> {
     })
 }
 
-impl<T: Task> Trainer<'_, T> {
+impl<T: TrainingTask> Trainer<'_, T> {
     /// Goes back to a checkpoint.
     pub(crate) fn restore(&mut self, checkpoint: &Path, step: u64) -> Result<(), TrainError> {
         let mut read = NETWORKS.into_iter().map(|name| {

@@ -8,8 +8,8 @@ use lamogen_motion::{POSE_FEATURES, placeholder};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::losses::Losses;
-use crate::optimization::Optimization;
+use crate::losses::LossWeights;
+use crate::optimization::OptimizerConfig;
 
 /// A denoiser and how it is trained.
 ///
@@ -29,7 +29,7 @@ pub struct TrainingConfig {
     pub denoising: DenoisingConfig,
     /// How its weights move.
     #[serde(default)]
-    pub optimization: Optimization,
+    pub optimization: OptimizerConfig,
 }
 
 /// What a denoiser sees, and what it makes small. What a file leaves out has the default.
@@ -65,7 +65,7 @@ pub struct DenoisingConfig {
     /// Weight of what it learns from them.
     pub sentence_weight: f64,
     /// Weights of losses beside that of the prediction.
-    pub losses: Losses,
+    pub losses: LossWeights,
 }
 
 impl Default for DenoisingConfig {
@@ -82,7 +82,7 @@ impl Default for DenoisingConfig {
             source_balance: 0.0,
             sentences_per_batch: 0,
             sentence_weight: 1.0,
-            losses: Losses::default(),
+            losses: LossWeights::default(),
         }
     }
 }

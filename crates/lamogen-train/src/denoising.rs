@@ -6,9 +6,10 @@ use std::path::Path;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::{Coherence, Preset, Schedule, feature_scales};
+use lamogen_guide::{Preset, Schedule, TemporalSmoothing, feature_scales};
 use lamogen_model::{
-    ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, Trained, TrainingBatch,
+    ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, TrainingBatch,
+    TrainingGradients,
 };
 use lamogen_motion::Normalization;
 
@@ -20,9 +21,9 @@ use crate::identity::first_difference;
 use crate::laban::TrainingLaban;
 use crate::losses::Truth;
 use crate::model_folder::{self, write};
-use crate::optimization::Optimization;
+use crate::optimization::OptimizerConfig;
 use crate::sentences::Sentences;
-use crate::task::{Lesson, Task};
+use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
 use crate::validation::Validation;
 
@@ -31,7 +32,7 @@ use crate::validation::Validation;
 /// ```text
 /// seed, step ──Batches──▶ visits ──Example──▶ noisy motions ──MotionDiffuse::gradients──▶ loss, gradients
 /// ```
-pub struct Denoising<'a> {
+pub struct DenoisingTask<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     config: TrainingConfig,
@@ -47,7 +48,7 @@ pub struct Denoising<'a> {
     start: Option<MotionDiffuse>,
 }
 
-impl<'a> Denoising<'a> {
+impl<'a> DenoisingTask<'a> {
     /// A task on a device.
     ///
     /// # Errors
@@ -84,7 +85,7 @@ impl<'a> Denoising<'a> {
         if let (Some(laban), true) = (&laban, laban_is_measured) {
             config.model.laban_condition = Some(laban.condition());
         }
-        Ok(Denoising {
+        Ok(DenoisingTask {
             batches,
             laban,
             laban_is_measured,
@@ -103,7 +104,7 @@ impl<'a> Denoising<'a> {
 
     /// Sets what travels with the weights in their file, such as `license` and `attribution`.
     pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
-        Denoising { metadata, ..self }
+        DenoisingTask { metadata, ..self }
     }
 
     /// Begins with the weights of this network instead of fresh ones. Its captions' tokens must be its own tokenizer's, and the data
@@ -135,15 +136,15 @@ impl<'a> Denoising<'a> {
             });
         }
         self.config.model.sampling = sampling;
-        Ok(Denoising {
+        Ok(DenoisingTask {
             start: Some(network),
             ..self
         })
     }
 
-    /// Lets the text encoder learn from sentences as well, as the config's `sentences_per_batch` and `sentence_weight` say.
+    /// Lets the text encoder compute_gradients from sentences as well, as the config's `sentences_per_batch` and `sentence_weight` say.
     pub fn with_sentences(self, sentences: &'a Sentences) -> Self {
-        Denoising {
+        DenoisingTask {
             sentences: Some(sentences),
             ..self
         }
@@ -195,16 +196,16 @@ fn usual_sampling(config: &ModelConfig) -> SamplingDefaults {
     let is_narrow = config.latent_dim < config.input_feats;
     SamplingDefaults {
         preset: Some(Preset::Precise.name().to_owned()),
-        coherence: is_narrow.then_some(Coherence::default().frames),
+        temporal_smoothing: is_narrow.then_some(TemporalSmoothing::default().frames),
         text_scale: None,
         stand_in: None,
     }
 }
 
-impl Task for Denoising<'_> {
+impl TrainingTask for DenoisingTask<'_> {
     type Network = MotionDiffuse;
 
-    fn optimization(&self) -> &Optimization {
+    fn optimization(&self) -> &OptimizerConfig {
         &self.config.optimization
     }
 
@@ -214,7 +215,7 @@ impl Task for Denoising<'_> {
         { self.start.clone() }.map_or_else(fresh, |network| network.to_device(device))
     }
 
-    fn learn(&self, network: &MotionDiffuse, step: u64) -> Lesson {
+    fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
         let visits = self.batches.draw(step);
         let Example { mut batch, truth } = Example::new(
             self.dataset,
@@ -237,7 +238,7 @@ impl Task for Denoising<'_> {
             )
         });
         let mut loss = None;
-        let Trained {
+        let TrainingGradients {
             loss: total_loss,
             sentence_loss,
             gradients,
@@ -248,7 +249,7 @@ impl Task for Denoising<'_> {
             loss = Some(parts.prediction.inner());
             parts.total
         });
-        Lesson {
+        StepGradients {
             loss: loss.expect("gradients ask for the loss"),
             total_loss: match sentence_loss {
                 Some(sentence_loss) => total_loss + sentence_loss * denoising.sentence_weight,

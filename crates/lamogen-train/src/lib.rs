@@ -1,9 +1,9 @@
 //! Training on motion capture with captions: text-to-motion denoisers, and the networks that judge them.
 //!
 //! ```text
-//! Dataset, CaptionTokens, TrainingConfig ───────────▶ Denoising ─┐
-//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ Matching ──┤
-//!                                                  Task::learn ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
+//! Dataset, CaptionTokens, TrainingConfig ───────────▶ DenoisingTask ─┐
+//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ MatchingTask ──┤
+//!                                                  TrainingTask::compute_gradients ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
 //! ```
 //!
 //! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
@@ -35,19 +35,19 @@ mod validation;
 mod variations;
 
 pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
-pub use denoising::Denoising;
+pub use denoising::DenoisingTask;
 pub use error::TrainError;
 pub use identity::{fingerprint, identity};
 pub use log::LogLine;
-pub use losses::Losses;
+pub use losses::LossWeights;
 pub use matching::{
-    EvaluatorTrainingConfig, Matching, MatchingConfig, MatchingError, Others, captioned,
+    EvaluatorTrainingConfig, MatchingConfig, MatchingError, MatchingTask, Negatives, captioned,
 };
-pub use optimization::Optimization;
+pub use optimization::OptimizerConfig;
 pub use paraphrases::Paraphrases;
-pub use run::{Ended, Length, Plan, RunObserver, RunProgress, run};
+pub use run::{RunLength, RunObserver, RunOutcome, RunPlan, RunProgress, run};
 pub use sentences::{Sentences, SentencesError};
-pub use task::{Lesson, Task};
+pub use task::{StepGradients, TrainingTask};
 pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};
 pub use validation::Validation;

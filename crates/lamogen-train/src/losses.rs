@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// about the clean motion that the prediction speaks of, and 0 turns them off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Losses {
+pub struct LossWeights {
     /// Squared error of the change from frame to frame, of normalised features: what a motion that jumps between poses, each
     /// right in itself, has much of.
     pub change: f64,
@@ -31,7 +31,7 @@ fn is_zero(weight: &f64) -> bool {
     *weight == 0.0
 }
 
-impl Losses {
+impl LossWeights {
     /// Which of them is no weight.
     pub(crate) fn problem(&self) -> Option<String> {
         let all = [
@@ -74,7 +74,7 @@ pub(crate) struct Parts {
     pub(crate) prediction: Tensor<1>,
 }
 
-impl Losses {
+impl LossWeights {
     /// The losses of a network's output `[batch, frames, features]`.
     pub(crate) fn of(
         &self,
@@ -100,7 +100,7 @@ impl Losses {
         let error = output.clone() - truth.target(prediction);
         let squared = mean(error.square(), frames, features, &keep);
         let mut total = squared.clone();
-        if *self == Losses::default() || count < 2 {
+        if *self == LossWeights::default() || count < 2 {
             return Parts {
                 prediction: squared,
                 total,
@@ -251,9 +251,9 @@ mod tests {
             Normalization::from_slices(&[0.0; POSE_FEATURES], &[1.0; POSE_FEATURES], &device)
                 .unwrap();
         let total = |root: f64| {
-            let losses = Losses {
+            let losses = LossWeights {
                 root,
-                ..Losses::default()
+                ..LossWeights::default()
             };
             let output = clean.clone() + off.clone();
             let parts = losses.of(output, &truth, Prediction::Sample, &normalization);

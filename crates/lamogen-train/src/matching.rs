@@ -1,11 +1,11 @@
-//! Training the judge of motions.
+//! Training the evaluator of motions.
 
 mod config;
 mod error;
 mod example;
 mod pairs;
 
-pub use config::{EvaluatorTrainingConfig, MatchingConfig, Others};
+pub use config::{EvaluatorTrainingConfig, MatchingConfig, Negatives};
 pub use error::MatchingError;
 
 use std::collections::HashMap;
@@ -15,15 +15,16 @@ use burn::optim::GradientsParams;
 use burn::tensor::Device;
 use lamogen_data::{Dataset, Split};
 use lamogen_eval::{
-    Batches, CaptionedMotions, Dropout, Evaluator, EvaluatorConfig, EvaluatorError, Judge,
-    JudgeError, contrastive_loss, contrastive_loss_of_all, random_shift,
+    CaptionedMotions, Dropout, Evaluator, EvaluatorConfig, EvaluatorError, EvaluatorNetwork,
+    EvaluatorNetworkError, RetrievalBatches, contrastive_loss, contrastive_loss_of_all,
+    random_shift,
 };
 use lamogen_model::Precision;
 use lamogen_motion::npy::NpyError;
 
 use crate::error::TrainError;
-use crate::optimization::Optimization;
-use crate::task::{Lesson, Task};
+use crate::optimization::OptimizerConfig;
+use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
 use example::Example;
 use pairs::{Draw, Pairs, lengths};
@@ -32,23 +33,23 @@ use pairs::{Draw, Pairs, lengths};
 /// together.
 ///
 /// ```text
-/// seed, step ──Pairs──▶ motions, a caption each ──Example──▶ tensors ──Evaluator──▶ points ──contrastive loss──▶ gradients
+/// seed, step ──Pairs──▶ motions, a caption each ──Example──▶ tensors ──EvaluatorNetwork──▶ points ──contrastive loss──▶ gradients
 /// ```
 ///
 /// It differs from the public trainer in three things: pairs that mean the same do not meet in a batch, a text is held
-/// against all others of its batch ([`Others`]), and the movement encoder learns with the rest.
-pub struct Matching<'a> {
+/// against all others of its batch ([`Negatives`]), and the movement encoder learns with the rest.
+pub struct MatchingTask<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     config: &'a EvaluatorTrainingConfig,
     pairs: Pairs,
     /// With the network before the first step.
-    judge: Judge,
+    evaluator: Evaluator,
     device: Device,
     metadata: HashMap<String, String>,
 }
 
-impl<'a> Matching<'a> {
+impl<'a> MatchingTask<'a> {
     /// A task on a device.
     ///
     /// # Errors
@@ -69,15 +70,16 @@ impl<'a> Matching<'a> {
             panic!("{problem}");
         }
         let seed = config.optimization.seed;
-        let evaluator = Evaluator::initial(&config.evaluator, seed, device);
+        let network = EvaluatorNetwork::initial(&config.evaluator, seed, device);
         let statistics = [dataset.mean(), dataset.std()];
-        let judge = Judge::new(evaluator, tokens.file(), statistics, device)?;
-        let [expected, found] = [judge.tokenizer(), tokens.tokenizer()].map(|t| t.context_length());
+        let evaluator = Evaluator::new(network, tokens.file(), statistics, device)?;
+        let [expected, found] =
+            [evaluator.tokenizer(), tokens.tokenizer()].map(|t| t.context_length());
         if expected != found {
             return Err(MatchingError::Context { expected, found });
         }
         let lengths = lengths(&config.evaluator);
-        Ok(Matching {
+        Ok(MatchingTask {
             pairs: Pairs::new(dataset, config).ok_or_else(|| MatchingError::NoPairs {
                 motions: dataset.split(Split::Train).count(),
                 shortest: *lengths.start(),
@@ -88,13 +90,13 @@ impl<'a> Matching<'a> {
             dataset,
             tokens,
             config,
-            judge,
+            evaluator,
         })
     }
 
     /// Sets what travels with the weights in their file, such as `license` and `attribution`.
     pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
-        Matching { metadata, ..self }
+        MatchingTask { metadata, ..self }
     }
 
     /// How many motions are trained on, mirrored ones included.
@@ -103,27 +105,27 @@ impl<'a> Matching<'a> {
     }
 
     /// A network with the tokenizer and the statistics of this task.
-    pub fn judge(&self, network: &Evaluator) -> Judge {
-        self.judge.with(network.clone())
+    pub fn evaluator(&self, network: &EvaluatorNetwork) -> Evaluator {
+        self.evaluator.with(network.clone())
     }
 }
 
-impl Task for Matching<'_> {
-    type Network = Evaluator;
+impl TrainingTask for MatchingTask<'_> {
+    type Network = EvaluatorNetwork;
 
-    fn optimization(&self) -> &Optimization {
+    fn optimization(&self) -> &OptimizerConfig {
         &self.config.optimization
     }
 
-    fn start(&self, device: &Device) -> Evaluator {
-        Evaluator::initial(
+    fn start(&self, device: &Device) -> EvaluatorNetwork {
+        EvaluatorNetwork::initial(
             &self.config.evaluator,
             self.config.optimization.seed,
             device,
         )
     }
 
-    fn learn(&self, network: &Evaluator, step: u64) -> Lesson {
+    fn compute_gradients(&self, network: &EvaluatorNetwork, step: u64) -> StepGradients {
         let Draw { pairs, mut stream } = self.pairs.draw(step);
         let Example {
             texts,
@@ -138,15 +140,15 @@ impl Task for Matching<'_> {
         let motions = network.embed_motion(features, &lengths, Some(dropout));
         let texts = network.embed_text(&texts);
         let loss = match config.others {
-            Others::All => contrastive_loss_of_all(texts, motions, config.margin),
-            Others::One => {
+            Negatives::All => contrastive_loss_of_all(texts, motions, config.margin),
+            Negatives::One => {
                 let shift = random_shift(lengths.len(), &mut stream);
                 contrastive_loss(texts, motions, shift, config.margin)
             }
         };
         let gradients = GradientsParams::from_grads(loss.backward(), network);
         let loss = loss.inner();
-        Lesson {
+        StepGradients {
             loss: loss.clone(),
             total_loss: loss,
             gradients,
@@ -156,26 +158,26 @@ impl Task for Matching<'_> {
     }
 
     /// 1 less the R-precision (mean of top 1, 2 and 3) of the validation split, over many draws of captions and batches that are
-    /// the same at every measurement. Batches of 32, or as many as the split has of captions that differ.
-    fn validate(&self, network: &Evaluator) -> Option<f64> {
+    /// the same at every measurement. Batches hold 32 pairs, or as many as the split has of captions that differ.
+    fn validate(&self, network: &EvaluatorNetwork) -> Option<f64> {
         let motions = captioned(self.dataset, Split::Validation, &self.config.evaluator);
         // A network that does not give numbers finds nothing.
-        match CaptionedMotions::embed(&self.judge(network), motions) {
+        match CaptionedMotions::embed(&self.evaluator(network), motions) {
             Ok(motions) => Some(1.0 - precision(&motions)?),
-            Err(JudgeError::Metric(_)) => Some(1.0),
+            Err(EvaluatorError::Metric(_)) => Some(1.0),
             Err(error) => unreachable!("captions and lengths were checked before: {error}"),
         }
     }
 
-    fn save(&self, network: &Evaluator, folder: &Path) -> Result<(), TrainError> {
-        let judge = self.judge(network);
-        let saved = judge.save(folder, Precision::F32, self.metadata.clone());
+    fn save(&self, network: &EvaluatorNetwork, folder: &Path) -> Result<(), TrainError> {
+        let evaluator = self.evaluator(network);
+        let saved = evaluator.save(folder, Precision::F32, self.metadata.clone());
         saved.map_err(|error| match error {
-            JudgeError::Evaluator(EvaluatorError::Io { path, reason })
-            | JudgeError::Statistics(NpyError::Io { path, reason }) => {
+            EvaluatorError::EvaluatorNetwork(EvaluatorNetworkError::Io { path, reason })
+            | EvaluatorError::Statistics(NpyError::Io { path, reason }) => {
                 TrainError::Io { path, reason }
             }
-            JudgeError::Evaluator(EvaluatorError::Weights(error)) => error.into(),
+            EvaluatorError::EvaluatorNetwork(EvaluatorNetworkError::Weights(error)) => error.into(),
             error => TrainError::io(folder, std::io::Error::other(error)),
         })
     }
@@ -193,7 +195,9 @@ fn precision(motions: &CaptionedMotions) -> Option<f64> {
         let sum: Result<f64, lamogen_eval::MetricError> = precisions.sum();
         Some(sum.ok()? / DRAWS as f64)
     };
-    (2..=Batches::SIZE.min(motions.len())).rev().find_map(of)
+    (2..=RetrievalBatches::SIZE.min(motions.len()))
+        .rev()
+        .find_map(of)
 }
 
 /// The motions of a split that an evaluator can read, with their captions, for [`CaptionedMotions::embed`]. Mirrored ones are

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How weights move. What a file leaves out has the default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Optimization {
+pub struct OptimizerConfig {
     /// Of the weights at the start, and of all that is drawn.
     pub seed: u64,
     /// Of AdamW (Loshchilov and Hutter 2019), after the warm-up.
@@ -14,7 +14,8 @@ pub struct Optimization {
     /// Steps over which the learning rate rises from 0.
     pub warm_up_steps: u64,
     /// The share of the learning rate that is left at the end of the cosine.
-    pub last_learning_rate: f64,
+    #[serde(alias = "last_learning_rate")]
+    pub final_learning_rate_ratio: f64,
     /// Of AdamW.
     pub betas: [f32; 2],
     /// Of AdamW; on matrices, not on biases, scales and embeddings.
@@ -25,13 +26,13 @@ pub struct Optimization {
     pub average_decay: f64,
 }
 
-impl Default for Optimization {
+impl Default for OptimizerConfig {
     fn default() -> Self {
-        Optimization {
+        OptimizerConfig {
             seed: 0,
             learning_rate: 6e-4,
             warm_up_steps: 200,
-            last_learning_rate: 0.01,
+            final_learning_rate_ratio: 0.01,
             betas: [0.9, 0.999],
             weight_decay: 0.01,
             gradient_norm: 1.0,
@@ -40,7 +41,7 @@ impl Default for Optimization {
     }
 }
 
-impl Optimization {
+impl OptimizerConfig {
     /// Which value makes no sense.
     pub(crate) fn problem(&self) -> Option<String> {
         for (name, found) in [
@@ -54,7 +55,7 @@ impl Optimization {
             }
         }
         for (name, found) in [
-            ("last_learning_rate", self.last_learning_rate),
+            ("final_learning_rate_ratio", self.final_learning_rate_ratio),
             ("betas", f64::from(self.betas[0])),
             ("betas", f64::from(self.betas[1])),
             ("average_decay", self.average_decay),
@@ -76,7 +77,7 @@ impl Optimization {
         let warm_up = (step + 1) as f64 / self.warm_up_steps.max(1) as f64;
         let done = steps.map_or(0.0, |steps| step as f64 / steps.max(1) as f64);
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos());
-        let last = self.last_learning_rate;
+        let last = self.final_learning_rate_ratio;
         self.learning_rate * warm_up.min(1.0) * (last + (1.0 - last) * cosine)
     }
 
@@ -120,11 +121,11 @@ mod tests {
 
     #[test]
     fn the_learning_rate_rises_then_falls_to_its_last_share() {
-        let optimization = Optimization {
+        let optimization = OptimizerConfig {
             learning_rate: 2.0,
             warm_up_steps: 10,
-            last_learning_rate: 0.1,
-            ..Optimization::default()
+            final_learning_rate_ratio: 0.1,
+            ..OptimizerConfig::default()
         };
         let rates: Vec<f64> = (0..=100)
             .map(|step| optimization.learning_rate(step, Some(100)))

@@ -20,14 +20,14 @@ use crate::checkpoint::{self, Checkpoints, Progress};
 use crate::error::TrainError;
 use crate::identity::{ClaimError, claim};
 use crate::log::{Log, LogLine};
-use crate::task::Task;
+use crate::task::TrainingTask;
 use crate::trainer::{StepReport, Trainer};
 
 /// How long a run is, and how often it stops to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct RunPlan {
     /// How long it is.
-    pub length: Length,
+    pub length: RunLength,
     /// Steps between two measurements on the validation split; the last step is always measured.
     pub validate_every: u64,
     /// Time between two checkpoints.
@@ -36,7 +36,7 @@ pub struct Plan {
 
 /// How long a run is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Length {
+pub enum RunLength {
     /// So many steps.
     Steps(u64),
     /// As many steps as fit into this time, going by the first ones. How many that are depends on the machine; from then on
@@ -49,7 +49,7 @@ const TIMED: u64 = 40;
 const UNTIMED: u64 = 10;
 
 /// What a run says of itself.
-pub trait RunObserver<T: Task> {
+pub trait RunObserver<T: TrainingTask> {
     /// After every step. A break stops the run, with a checkpoint.
     fn step(&mut self, report: &StepReport, progress: &RunProgress) -> ControlFlow<()>;
 
@@ -70,7 +70,7 @@ pub struct RunProgress {
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ended {
+pub struct RunOutcome {
     /// Where it is.
     pub progress: RunProgress,
     /// Whether all steps were made; if not, the same call goes on.
@@ -89,20 +89,20 @@ pub struct Ended {
 /// # Errors
 ///
 /// If a file cannot be read or written, the folder holds another run, or a loss is not finite.
-pub fn run<T: Task>(
+pub fn run<T: TrainingTask>(
     task: &T,
     folder: &Path,
     identity: &Value,
-    plan: &Plan,
+    plan: &RunPlan,
     device: &Device,
     observer: &mut dyn RunObserver<T>,
-) -> Result<Ended, TrainError> {
+) -> Result<RunOutcome, TrainError> {
     Run::open(task, folder, identity, plan, device)?.go_on(observer)
 }
 
-struct Run<'a, T: Task> {
+struct Run<'a, T: TrainingTask> {
     folder: PathBuf,
-    plan: Plan,
+    plan: RunPlan,
     trainer: Trainer<'a, T>,
     checkpoints: Checkpoints,
     log: Log,
@@ -113,12 +113,12 @@ struct Run<'a, T: Task> {
     _lock: File,
 }
 
-impl<'a, T: Task> Run<'a, T> {
+impl<'a, T: TrainingTask> Run<'a, T> {
     fn open(
         task: &'a T,
         folder: &Path,
         identity: &Value,
-        plan: &Plan,
+        plan: &RunPlan,
         device: &Device,
     ) -> Result<Self, TrainError> {
         fs::create_dir_all(folder).map_err(|reason| TrainError::io(folder, reason))?;
@@ -135,7 +135,7 @@ impl<'a, T: Task> Run<'a, T> {
             progress = checkpoint::progress(&newest)?;
             trainer.restore(&newest, progress.step)?;
         }
-        if let Length::Steps(steps) = plan.length {
+        if let RunLength::Steps(steps) = plan.length {
             match progress.steps {
                 Some(planned) if planned != steps => {
                     return Err(TrainError::OtherRun {
@@ -167,7 +167,7 @@ impl<'a, T: Task> Run<'a, T> {
         })
     }
 
-    fn go_on(mut self, observer: &mut dyn RunObserver<T>) -> Result<Ended, TrainError> {
+    fn go_on(mut self, observer: &mut dyn RunObserver<T>) -> Result<RunOutcome, TrainError> {
         let mut saved = Instant::now();
         let mut timed: Option<(u64, Instant)> = None;
         while self
@@ -195,7 +195,7 @@ impl<'a, T: Task> Run<'a, T> {
                 break;
             }
         }
-        Ok(Ended {
+        Ok(RunOutcome {
             progress: self.position(),
             finished: self.progress.steps == Some(self.progress.step),
             best: self.progress.best.map(f64::from),
@@ -205,7 +205,7 @@ impl<'a, T: Task> Run<'a, T> {
 
     /// Tells from the first steps of a sitting how many there will be, where the plan is one of time. Whether it is told now.
     fn plan_steps(&mut self, timed: &mut Option<(u64, Instant)>, step: u64) -> bool {
-        let (None, Length::Time(time)) = (self.progress.steps, self.plan.length) else {
+        let (None, RunLength::Time(time)) = (self.progress.steps, self.plan.length) else {
             return false;
         };
         let (first, start) = match *timed {

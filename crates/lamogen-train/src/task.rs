@@ -7,23 +7,23 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 
 use crate::error::TrainError;
-use crate::optimization::Optimization;
+use crate::optimization::OptimizerConfig;
 
-/// Something to learn: which network, from what, and how well it does.
+/// Something to compute_gradients: which network, from what, and how well it does.
 ///
 /// What a step sees must depend on the step's number alone: a run that goes on where it was stopped relies on it.
-pub trait Task {
+pub trait TrainingTask {
     /// What learns.
     type Network: Module;
 
     /// How its weights move.
-    fn optimization(&self) -> &Optimization;
+    fn optimization(&self) -> &OptimizerConfig;
 
     /// The network before the first step.
     fn start(&self, device: &Device) -> Self::Network;
 
     /// One step's loss and gradients. The network is followed by autodiff.
-    fn learn(&self, network: &Self::Network, step: u64) -> Lesson;
+    fn compute_gradients(&self, network: &Self::Network, step: u64) -> StepGradients;
 
     /// How well a network does on what it has not seen: smaller is better. `None` if there is nothing to measure on.
     fn validate(&self, network: &Self::Network) -> Option<f64>;
@@ -37,7 +37,7 @@ pub trait Task {
 }
 
 /// What a step finds.
-pub struct Lesson {
+pub struct StepGradients {
     /// The loss that is reported, one number, not tracked.
     pub loss: Tensor<1>,
     /// The loss that the gradients are of: with other losses, weighted.

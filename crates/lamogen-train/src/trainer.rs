@@ -8,14 +8,14 @@ use crate::adam::{self, Moments};
 use crate::average;
 use crate::error::TrainError;
 use crate::gradients;
-use crate::task::Task;
+use crate::task::TrainingTask;
 
 /// A network, the average of its weights, and the optimiser's moments: all that a step changes.
 ///
 /// ```text
-/// step ──Task::learn──▶ loss, gradients ──cut──▶ AdamW ──▶ weights ──▶ average
+/// step ──TrainingTask::compute_gradients──▶ loss, gradients ──cut──▶ AdamW ──▶ weights ──▶ average
 /// ```
-pub struct Trainer<'a, T: Task> {
+pub struct Trainer<'a, T: TrainingTask> {
     pub(crate) task: &'a T,
     pub(crate) state: State<T::Network>,
 }
@@ -40,7 +40,7 @@ pub struct StepReport {
     pub loss: f64,
     /// With the other losses, weighted; the same where there are none.
     pub total_loss: f64,
-    /// Length of the gradient before it was cut.
+    /// RunLength of the gradient before it was cut.
     pub gradient_norm: f64,
     /// Of AdamW.
     pub learning_rate: f64,
@@ -50,7 +50,7 @@ pub struct StepReport {
     pub frames: usize,
 }
 
-impl<'a, T: Task> Trainer<'a, T> {
+impl<'a, T: TrainingTask> Trainer<'a, T> {
     /// A fresh network.
     pub fn new(task: &'a T, device: &Device) -> Self {
         let average = task.start(device).valid();
@@ -83,10 +83,10 @@ impl<'a, T: Task> Trainer<'a, T> {
     pub fn advance(&mut self, steps: Option<u64>) -> Result<StepReport, TrainError> {
         let optimization = self.task.optimization();
         let step = self.state.step;
-        let lesson = self.task.learn(&self.state.network, step);
+        let found = self.task.compute_gradients(&self.state.network, step);
         let longest = optimization.gradient_norm;
-        let (norm, gradients) = gradients::cut(lesson.gradients, &self.state.network, longest);
-        let read = Tensor::cat(vec![lesson.loss, lesson.total_loss, norm], 0);
+        let (norm, gradients) = gradients::cut(found.gradients, &self.state.network, longest);
+        let read = Tensor::cat(vec![found.loss, found.total_loss, norm], 0);
         let read: Vec<f32> = read.try_into_vec_as().expect("floats convert to f32");
         let report = StepReport {
             step: step + 1,
@@ -94,8 +94,8 @@ impl<'a, T: Task> Trainer<'a, T> {
             total_loss: f64::from(read[1]),
             gradient_norm: f64::from(read[2]),
             learning_rate: optimization.learning_rate(step, steps),
-            motions: lesson.motions,
-            frames: lesson.frames,
+            motions: found.motions,
+            frames: found.frames,
         };
         if read.iter().any(|number| !number.is_finite()) {
             return Err(TrainError::NotFinite {

@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_data::{Dataset, Split, Variation};
+use lamogen_data::{Dataset, MotionVariation, Split};
 use lamogen_guide::{Guidance, GuideError, Rig};
 use lamogen_laban::{Component, Goals, Scale, ScaleError};
 use lamogen_motion::npy::{self, NpyError};
@@ -99,7 +99,7 @@ pub fn vary(
     work: &Path,
     device: &Device,
     observer: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
-) -> Result<Option<Vec<Variation>>, VariationError> {
+) -> Result<Option<Vec<MotionVariation>>, VariationError> {
     options.check()?;
     let entries = dataset.indices(Split::Train);
     let entries: Vec<usize> = entries
@@ -132,16 +132,17 @@ pub fn vary(
         Ok(finished.map(|motions| {
             let factors = draw(options, entry);
             let variations = motions.into_iter().zip(factors);
-            let variation = |(rows, factors): (Vec<_>, [f32; Component::ALL.len()])| Variation {
-                entry,
-                rows,
-                note: format!("Weight, Time, Flow, Shape times {factors:.2?}"),
-            };
+            let variation =
+                |(rows, factors): (Vec<_>, [f32; Component::ALL.len()])| MotionVariation {
+                    entry,
+                    rows,
+                    note: format!("Weight, Time, Flow, Shape times {factors:.2?}"),
+                };
             variations.map(variation).collect::<Vec<_>>()
         }))
     });
-    let made: Vec<Option<Vec<Variation>>> = made.collect::<Result<_, VariationError>>()?;
-    let made: Option<Vec<Vec<Variation>>> = made.into_iter().collect();
+    let made: Vec<Option<Vec<MotionVariation>>> = made.collect::<Result<_, VariationError>>()?;
+    let made: Option<Vec<Vec<MotionVariation>>> = made.into_iter().collect();
     Ok(made.map(|made| made.into_iter().flatten().collect()))
 }
 

@@ -11,8 +11,8 @@ use lamogen_data::{Dataset, LoadOptions};
 use lamogen_model::{Checkpoint, MotionDiffuse, Prediction};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES, npy};
 use lamogen_train::{
-    Denoising, Ended, Length, LogLine, Losses, Plan, StepReport, Task, TrainError, Trainer,
-    TrainingConfig, identity, run,
+    DenoisingTask, LogLine, LossWeights, RunLength, RunOutcome, RunPlan, StepReport, TrainError,
+    Trainer, TrainingConfig, TrainingTask, identity, run,
 };
 use serde_json::json;
 use sittings::{StopAfter, tokens};
@@ -73,13 +73,13 @@ fn sitting(
     out: &Path,
     stop: Option<u64>,
     every: Duration,
-) -> Result<Ended, TrainError> {
+) -> Result<RunOutcome, TrainError> {
     let dataset = dataset(data);
     let tokens = tokens(&dataset, 12);
     let device = Device::flex();
-    let task = Denoising::new(&dataset, &tokens, config, &device)?;
-    let plan = Plan {
-        length: Length::Steps(12),
+    let task = DenoisingTask::new(&dataset, &tokens, config, &device)?;
+    let plan = RunPlan {
+        length: RunLength::Steps(12),
         validate_every: 5,
         checkpoint_every: every,
     };
@@ -115,10 +115,10 @@ fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut config = config("sample");
-    config.denoising.losses = Losses {
+    config.denoising.losses = LossWeights {
         change: 0.5,
         velocity: 0.1,
-        ..Losses::default()
+        ..LossWeights::default()
     };
     let data = folder.join("data");
     let whole = folder.join("whole");
@@ -209,7 +209,7 @@ fn every_kind_of_prediction_learns_the_clean_motion() {
     let tokens = tokens(&dataset, 12);
     for prediction in ["sample", "v_prediction", "epsilon"] {
         let config = config(prediction);
-        let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let task = DenoisingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
         let mut trainer = Trainer::new(&task, &Device::flex());
         let before = task.validate(trainer.average()).unwrap();
         let mut losses = Vec::new();
@@ -231,32 +231,32 @@ fn losses_of_motion_fall_too() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset, 12);
-    let none = Losses::default();
+    let none = LossWeights::default();
     let parts = [
         (
             "change",
-            Losses {
+            LossWeights {
                 change: 1.0,
                 ..none
             },
         ),
         (
             "position",
-            Losses {
+            LossWeights {
                 position: 1.0,
                 ..none
             },
         ),
         (
             "velocity",
-            Losses {
+            LossWeights {
                 velocity: 100.0,
                 ..none
             },
         ),
         (
             "foot_contact",
-            Losses {
+            LossWeights {
                 foot_contact: 100.0,
                 ..none
             },
@@ -265,7 +265,7 @@ fn losses_of_motion_fall_too() {
     for (name, losses) in parts {
         let mut config = config("sample");
         config.denoising.losses = losses;
-        let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let task = DenoisingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
         let mut trainer = Trainer::new(&task, &Device::flex());
         let other = |report: &StepReport| report.total_loss - report.loss;
         let first = trainer.advance(Some(60)).unwrap();
@@ -294,7 +294,7 @@ fn what_a_run_leaves_is_a_model() {
     let network: MotionDiffuse = checkpoint.load(&sizes, &Device::flex()).unwrap();
     let dataset = dataset(&data);
     let tokens = tokens(&dataset, 12);
-    let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+    let task = DenoisingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
     let lines = LogLine::read(out.join("losses.jsonl")).unwrap();
     assert_eq!(lines.len(), 12 + 3);
     let last = lines.iter().rev().find_map(|line| match line {
@@ -313,7 +313,7 @@ fn motions_that_no_network_of_the_config_fits_are_an_error() {
     let tokens = tokens(&dataset, 12);
     let mut config = config("sample");
     (config.model.num_frames, config.model.min_frames) = (900, Some(800));
-    let Err(error) = Denoising::new(&dataset, &tokens, &config, &Device::flex()) else {
+    let Err(error) = DenoisingTask::new(&dataset, &tokens, &config, &Device::flex()) else {
         panic!("expected an error");
     };
     let message = error.to_string();
@@ -367,7 +367,7 @@ fn longer_motions_are_seen_in_parts() {
     let tokens = tokens(&dataset, 12);
     let mut config = config("sample");
     config.model.num_frames = 50;
-    let task = Denoising::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+    let task = DenoisingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
     assert_eq!(task.motions(), 12, "none is too long");
     let mut trainer = Trainer::new(&task, &Device::flex());
     let report = trainer.advance(None).unwrap();
@@ -407,12 +407,12 @@ fn conditions_are_learned_and_a_run_with_them_goes_on_where_it_was_stopped() {
     let tokens = tokens(&data, 12);
     let (config, device) = (with_conditions(), Device::flex());
     let sentences = sentences(folder, &tokens);
-    let task = Denoising::new(&data, &tokens, &config, &device).unwrap();
+    let task = DenoisingTask::new(&data, &tokens, &config, &device).unwrap();
     let task = task.with_sentences(&sentences);
     let condition = task.model().laban_condition.expect("measured");
     assert!(condition.std.iter().all(|std| *std > 0.0));
-    let plan = Plan {
-        length: Length::Steps(12),
+    let plan = RunPlan {
+        length: RunLength::Steps(12),
         validate_every: 5,
         checkpoint_every: NEVER,
     };
@@ -451,7 +451,7 @@ fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
     let mut config = config("sample");
     let first = MotionDiffuse::initial(&config.model, 5, &device);
     let loss_at = |config: &TrainingConfig| {
-        let task = Denoising::new(&data, &tokens, config, &device).unwrap();
+        let task = DenoisingTask::new(&data, &tokens, config, &device).unwrap();
         let task = task.with_start(first.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };
@@ -462,7 +462,7 @@ fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
     // One that tells sentences apart gets another target.
     let told = MotionDiffuse::new(&config.model, &device);
     let loss_at = |config: &TrainingConfig| {
-        let task = Denoising::new(&data, &tokens, config, &device).unwrap();
+        let task = DenoisingTask::new(&data, &tokens, config, &device).unwrap();
         let task = task.with_start(told.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };

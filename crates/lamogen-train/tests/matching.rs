@@ -10,11 +10,11 @@ use std::time::Duration;
 use burn::tensor::Device;
 use common::{Clip, packed};
 use lamogen_data::{Dataset, Split};
-use lamogen_eval::{CaptionedMotions, Judge, real_motions};
+use lamogen_eval::{CaptionedMotions, Evaluator, real_motions};
 use lamogen_motion::POSE_FEATURES;
 use lamogen_train::{
-    Ended, EvaluatorTrainingConfig, Length, Matching, MatchingError, Others, Plan, StepReport,
-    Task, TrainError, Trainer, captioned, identity, run,
+    EvaluatorTrainingConfig, MatchingError, MatchingTask, Negatives, RunLength, RunOutcome,
+    RunPlan, StepReport, TrainError, Trainer, TrainingTask, captioned, identity, run,
 };
 use serde_json::json;
 use sittings::{StopAfter, tokens};
@@ -70,10 +70,10 @@ fn motions_find_their_texts_and_a_judge_is_left() {
     let dataset = dataset(&folder.path().join("data"));
     let tokens = tokens(&dataset, 40);
     // One other motion a text teaches less than seven.
-    for (others, steps) in [(Others::All, 100), (Others::One, 300)] {
+    for (others, steps) in [(Negatives::All, 100), (Negatives::One, 300)] {
         let mut config = config();
         config.matching.others = others;
-        let task = Matching::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let task = MatchingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
         assert_eq!(task.motions(), 8 * (4 + 2));
         let mut trainer = Trainer::new(&task, &Device::flex());
         let before = task.validate(trainer.average()).unwrap();
@@ -93,10 +93,10 @@ fn motions_find_their_texts_and_a_judge_is_left() {
         );
 
         task.save(trainer.average(), folder.path()).unwrap();
-        let judge = Judge::load(folder.path(), &Device::flex()).unwrap();
-        let motions = || captioned(&dataset, Split::Validation, judge.evaluator().config());
-        let [saved, trained] = [&judge, &task.judge(trainer.average())]
-            .map(|judge| CaptionedMotions::embed(judge, motions()).unwrap());
+        let evaluator = Evaluator::load(folder.path(), &Device::flex()).unwrap();
+        let motions = || captioned(&dataset, Split::Validation, evaluator.network().config());
+        let [saved, trained] = [&evaluator, &task.evaluator(trainer.average())]
+            .map(|evaluator| CaptionedMotions::embed(evaluator, motions()).unwrap());
         let matching = saved.matching(8, 1).unwrap();
         let expected = trained.matching(8, 1).unwrap();
         assert_eq!(matching.r_precision, expected.r_precision);
@@ -115,7 +115,7 @@ fn a_seed_means_one_network() {
     let train = |seed: u64| {
         let mut config = config();
         config.optimization.seed = seed;
-        let task = Matching::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+        let task = MatchingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
         let mut trainer = Trainer::new(&task, &Device::flex());
         for _ in 0..4 {
             trainer.advance(Some(4)).unwrap();
@@ -129,12 +129,12 @@ fn a_seed_means_one_network() {
     assert!(first != train(2), "another seed gives the same weights");
 }
 
-fn sitting(data: &Path, out: &Path, stop: Option<u64>) -> Result<Ended, TrainError> {
+fn sitting(data: &Path, out: &Path, stop: Option<u64>) -> Result<RunOutcome, TrainError> {
     let (dataset, config) = (dataset(data), config());
     let tokens = tokens(&dataset, 40);
-    let task = Matching::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
-    let plan = Plan {
-        length: Length::Steps(10),
+    let task = MatchingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
+    let plan = RunPlan {
+        length: RunLength::Steps(10),
         validate_every: 4,
         checkpoint_every: Duration::from_secs(3600),
     };
@@ -176,7 +176,7 @@ fn what_cannot_be_learned_from_is_an_error() {
     let config = config();
     let problem = |dataset: &Dataset, context_length: usize| {
         let tokens = tokens(dataset, context_length);
-        let task = Matching::new(dataset, &tokens, &config, &Device::flex());
+        let task = MatchingTask::new(dataset, &tokens, &config, &Device::flex());
         task.err().unwrap()
     };
     let eight = dataset(&folder.path().join("eight"));

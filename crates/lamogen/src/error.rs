@@ -77,18 +77,21 @@ pub enum Error {
     /// A request makes no sense. Nothing has been run.
     #[error("{which}: {reason}")]
     #[allow(missing_docs)]
-    Request { which: Which, reason: RequestError },
+    Request {
+        which: RequestIndex,
+        reason: RequestError,
+    },
     /// The observer stopped the run.
     #[error("{0}")]
-    Stopped(Box<Stopped>),
+    Stopped(Box<StoppedRun>),
     /// A pass failed.
     #[error("{which}: {reason}", which = .0.which, reason = .0.reason)]
-    Failed(Box<Failed>),
+    Failed(Box<FailedRun>),
 }
 
 /// One of the requests of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Which {
+pub struct RequestIndex {
     /// Its place among the requests, from 0.
     pub index: usize,
     /// How many requests there are.
@@ -97,9 +100,9 @@ pub struct Which {
     pub prompt: String,
 }
 
-impl Which {
+impl RequestIndex {
     pub(crate) fn new(requests: &[Request], index: usize) -> Self {
-        Which {
+        RequestIndex {
             index,
             count: requests.len(),
             prompt: requests[index].prompt.clone(),
@@ -107,7 +110,7 @@ impl Which {
     }
 }
 
-impl fmt::Display for Which {
+impl fmt::Display for RequestIndex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const MOST: usize = 80;
         let mut prompt: String = self.prompt.chars().take(MOST).collect();
@@ -170,7 +173,7 @@ fn length(length: &Length) -> String {
 
 /// A run that the observer stopped, and what it has.
 #[derive(Clone, Debug)]
-pub struct Stopped {
+pub struct StoppedRun {
     /// The pass that was stopped.
     pub pass: Pass,
     /// The last step that was made, from 0.
@@ -178,23 +181,23 @@ pub struct Stopped {
     /// How many steps the pass has.
     pub steps: usize,
     /// What there is.
-    pub partial: Partial,
+    pub partial: PartialResults,
 }
 
 /// A run that failed, and what it has.
 #[derive(Debug)]
-pub struct Failed {
+pub struct FailedRun {
     /// The request that it failed at.
-    pub which: Which,
+    pub which: RequestIndex,
     /// Why.
-    pub reason: Failure,
+    pub reason: PassError,
     /// What there is.
-    pub partial: Partial,
+    pub partial: PartialResults,
 }
 
 /// How a pass fails.
 #[derive(Debug, thiserror::Error)]
-pub enum Failure {
+pub enum PassError {
     /// A loss or gradient of the guided pass is not finite.
     #[error(transparent)]
     Guide(#[from] GuideError),
@@ -206,16 +209,16 @@ pub enum Failure {
 
 /// What an interrupted run has.
 #[derive(Clone, Debug, Default)]
-pub struct Partial {
+pub struct PartialResults {
     /// Requests that were finished before, with their places among the requests, from 0.
     pub finished: Vec<(usize, Generation)>,
     /// Requests that were being worked on.
-    pub unfinished: Vec<Unfinished>,
+    pub unfinished: Vec<UnfinishedRequest>,
 }
 
 /// A request that was being worked on when a run ended early.
 #[derive(Clone, Debug)]
-pub struct Unfinished {
+pub struct UnfinishedRequest {
     /// Its place among the requests, from 0.
     pub request: usize,
     /// The motion of the text alone, if that pass was finished.
@@ -226,7 +229,7 @@ pub struct Unfinished {
     pub loss: Vec<f32>,
 }
 
-impl fmt::Display for Stopped {
+impl fmt::Display for StoppedRun {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 
 use burn::tensor::Device;
-use lamogen_guide::{ClassifierFree, Coherence, GuideError, Preset, Step};
+use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{Denoiser, KnownWords, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
-use crate::error::{Error, RequestError, Which};
+use crate::error::{Error, RequestError, RequestIndex};
 use crate::groups::{Group, assign, in_batches};
 use crate::licence::Licence;
 use crate::request::Request;
@@ -22,7 +22,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     licence: Option<Licence>,
     preset: Preset,
     batch_size: usize,
-    pub(crate) coherence: Option<Coherence>,
+    pub(crate) temporal_smoothing: Option<TemporalSmoothing>,
     pub(crate) text_scale: f64,
     pub(crate) known_words: Option<KnownWords>,
     stand_in: Option<String>,
@@ -116,7 +116,7 @@ impl<D: Denoiser> LaMoGen<D> {
             normalization,
             licence: None,
             preset: Preset::default(),
-            coherence: None,
+            temporal_smoothing: None,
             text_scale: 1.0,
             known_words: None,
             stand_in: None,
@@ -158,22 +158,28 @@ impl<D: Denoiser> LaMoGen<D> {
         LaMoGen { batch_size, ..self }
     }
 
-    /// Sets whether predictions are smoothed along time (see [`Coherence`]), which networks as small as the embedded one need; it is
+    /// Sets whether predictions are smoothed along time (see [`TemporalSmoothing`]), which networks as small as the embedded one need; it is
     /// off unless a model says otherwise.
     ///
     /// # Errors
     ///
     /// If the numbers make no sense.
-    pub fn with_coherence(self, coherence: Option<Coherence>) -> Result<Self, GuideError> {
-        if let Some(coherence) = coherence {
-            coherence.check()?;
+    pub fn with_temporal_smoothing(
+        self,
+        temporal_smoothing: Option<TemporalSmoothing>,
+    ) -> Result<Self, GuideError> {
+        if let Some(temporal_smoothing) = temporal_smoothing {
+            temporal_smoothing.check()?;
         }
-        Ok(LaMoGen { coherence, ..self })
+        Ok(LaMoGen {
+            temporal_smoothing,
+            ..self
+        })
     }
 
     /// How predictions are smoothed along time, if they are.
-    pub fn coherence(&self) -> Option<Coherence> {
-        self.coherence
+    pub fn temporal_smoothing(&self) -> Option<TemporalSmoothing> {
+        self.temporal_smoothing
     }
 
     /// Sets the words of the captions that the model was trained on, so that [generations](Generation::unseen_words) tell of others.
@@ -324,7 +330,7 @@ impl<D: Denoiser> LaMoGen<D> {
         for (index, request) in requests.iter().enumerate() {
             self.join(&mut groups, index, request)
                 .map_err(|reason| Error::Request {
-                    which: Which::new(requests, index),
+                    which: RequestIndex::new(requests, index),
                     reason,
                 })?;
         }

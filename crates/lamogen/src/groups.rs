@@ -1,4 +1,4 @@
-//! Which requests run together.
+//! RequestIndex requests run together.
 
 use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};

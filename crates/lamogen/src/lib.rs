@@ -1,15 +1,15 @@
 //! From a sentence and a few words of Laban movement analysis to human motion.
 //!
 //! ```no_run
-//! use lamogen::{Component, Device, LaMoGen, Request, Summary, Tag};
+//! use lamogen::{Component, Device, LaMoGen, Request, TimeSummary, Tag};
 //!
 //! fn main() -> Result<(), Box<dyn std::error::Error>> {
 //!     let model = LaMoGen::embedded(&Device::flex())?;
 //!     let request = Request::new("a person jumps").tags([Tag::Strong, Tag::Sudden]).seed(7);
 //!     let result = model.generate(&request)?;
 //!
-//!     let before = result.baseline_laban.summary(Summary::Maximum);
-//!     let after = result.guided_laban.summary(Summary::Maximum);
+//!     let before = result.baseline_laban.summary(TimeSummary::Maximum);
+//!     let after = result.guided_laban.summary(TimeSummary::Maximum);
 //!     println!("Weight {} -> {}", before[Component::Weight.index()], after[Component::Weight.index()]);
 //!     result.guided.save_joints("jump.npy")?;
 //!     Ok(())
@@ -25,7 +25,7 @@
 //! # The embedded model
 //!
 //! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it moves the scales and shifts of every layer over 50 DDIM steps, fits the
-//! result to a rigid body and finishes it there. Its predictions are smoothed along time by one frame ([`Coherence`]), and it follows
+//! result to a rigid body and finishes it there. Its predictions are smoothed along time by one frame ([`TemporalSmoothing`]), and it follows
 //! sentences by classifier-free guidance ([`ClassifierFree`]), which asks the network twice a step. It makes motions of 40 to 196
 //! frames at 20 frames a second of one body with 22 joints. Its weights are CC BY 4.0 and may be used in products that name the
 //! sources ([`LaMoGen::licence`]); the code is MIT or Apache 2.0. [`LaMoGen::load`] takes other models, among them the public MotionDiffuse.
@@ -53,7 +53,8 @@ mod run;
 
 pub use device::{DeviceError, DeviceName};
 pub use error::{
-    Error, Failed, Failure, LoadError, Partial, RequestError, Stopped, Unfinished, Which,
+    Error, FailedRun, LoadError, PartialResults, PassError, RequestError, RequestIndex, StoppedRun,
+    UnfinishedRequest,
 };
 pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress};
 pub use licence::Licence;
@@ -61,12 +62,13 @@ pub use request::{Length, Request};
 
 pub use burn::tensor::Device;
 pub use lamogen_guide::{
-    Body, ClassifierFree, Coherence, Finish, Fit, Guidance, Moved, Pass, Preset, Step, Update,
+    Body, ClassifierFree, Finish, FitOptions, Guidance, GuidanceVariable, Pass, Preset, Step,
+    TemporalSmoothing, UpdateTiming,
 };
 pub use lamogen_laban::{
-    BodyPart, COMPONENTS, Component, Divisor, EndEffectors, Factor, FactorError, Gaussian, Goal,
-    Goals, Interpolation, Key, LabanOptions, LabanSeries, PartScale, Scale, ScaleCurve, Smoothing,
-    Summary, Tag,
+    BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKey, Gaussian, Goal,
+    Goals, Interpolation, LabanOptions, LabanSeries, LossDivisor, PartScale, Scale, ScaleCurve,
+    Smoothing, Tag, TimeSummary,
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 

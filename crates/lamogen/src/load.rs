@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_guide::{Coherence, Preset, PresetError};
+use lamogen_guide::{Preset, PresetError, TemporalSmoothing};
 use lamogen_model::{Checkpoint, KnownWords, ModelConfig, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
@@ -15,7 +15,7 @@ use crate::licence::Licence;
 impl LaMoGen<MotionDiffuse> {
     /// The compact model that is part of the program. Its licence, CC BY 4.0, allows products that name its sources
     /// ([`licence`](Self::licence)). Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
-    /// along time ([`Coherence`]), as its `config.json` says.
+    /// along time ([`TemporalSmoothing`]), as its `config.json` says.
     ///
     /// # Errors
     ///
@@ -98,14 +98,14 @@ impl LaMoGen<MotionDiffuse> {
             Some(name) => name.parse().map_err(|error: PresetError| problem(&error))?,
             None => Preset::Paper,
         };
-        let frames = sampling.coherence.filter(|frames| *frames != 0.0);
-        let coherence = frames.map(|frames| Coherence {
+        let frames = sampling.temporal_smoothing.filter(|frames| *frames != 0.0);
+        let temporal_smoothing = frames.map(|frames| TemporalSmoothing {
             frames,
-            ..Coherence::default()
+            ..TemporalSmoothing::default()
         });
         self.with_preset(preset)
             .with_stand_in(sampling.stand_in)
-            .with_coherence(coherence)
+            .with_temporal_smoothing(temporal_smoothing)
             .and_then(|model| model.with_text_scale(sampling.text_scale.unwrap_or(1.0)))
             .map_err(|error| problem(&error))
     }

@@ -4,14 +4,16 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, FitProgress, GuideError, Guided, Pass, Reached, Rig, Sampler, Step,
-    noise,
+    Batch, ClassifierFree, FitProgress, GuideError, Guided, LabanComparison, Pass, Rig, Sampler,
+    Step, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
 use lamogen_motion::{Motion, MotionError, Rotations};
 
-use crate::error::{Error, Failed, Failure, Partial, Stopped, Unfinished, Which};
+use crate::error::{
+    Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
+};
 use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban};
 use crate::groups::Group;
 use crate::request::Request;
@@ -52,7 +54,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             .map_err(|error| self.interrupted(error, &[]))?;
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
-            .and_then(|sampler| sampler.with_coherence(self.model.coherence))
+            .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
             .map_err(|error| self.interrupted(error, &[]))?;
         let baseline = sampler
             .baseline(&batch, &mut watch)
@@ -207,7 +209,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
     ) -> Result<Vec<Motion>, Error> {
         let motion = |index| {
             self.motion(normalized, index)
-                .map_err(|reason| self.failed(index, Failure::Motion { pass, reason }, baselines))
+                .map_err(|reason| self.failed(index, PassError::Motion { pass, reason }, baselines))
         };
         (0..self.group.jobs.len()).map(motion).collect()
     }
@@ -222,7 +224,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let motions = rotations.into_iter().enumerate();
         let motions = motions.map(|(index, rotations)| {
             Motion::from_rotations(rotations)
-                .map_err(|reason| self.failed(index, Failure::Motion { pass, reason }, baselines))
+                .map_err(|reason| self.failed(index, PassError::Motion { pass, reason }, baselines))
         });
         motions.collect()
     }
@@ -237,8 +239,8 @@ impl<'a, D: Denoiser> Run<'a, D> {
     fn parts(
         &self,
         goals: &Goals,
-        whole: &Reached,
-        parts: &[Reached],
+        whole: &LabanComparison,
+        parts: &[LabanComparison],
         index: usize,
     ) -> Vec<PartLaban> {
         let all = &self.group.guidance.laban.end_effectors;
@@ -286,7 +288,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             unfinished.prediction = prediction(place);
             unfinished.loss = loss.iter().map(|losses| losses[place]).collect();
         }
-        Error::Stopped(Box::new(Stopped {
+        Error::Stopped(Box::new(StoppedRun {
             pass,
             index,
             steps,
@@ -294,23 +296,23 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }))
     }
 
-    fn failed(&self, index: usize, reason: Failure, baselines: &[Motion]) -> Error {
-        Error::Failed(Box::new(Failed {
-            which: Which::new(self.requests, self.group.jobs[index].request),
+    fn failed(&self, index: usize, reason: PassError, baselines: &[Motion]) -> Error {
+        Error::Failed(Box::new(FailedRun {
+            which: RequestIndex::new(self.requests, self.group.jobs[index].request),
             reason,
             partial: self.partial(baselines),
         }))
     }
 
-    fn partial(&self, baselines: &[Motion]) -> Partial {
+    fn partial(&self, baselines: &[Motion]) -> PartialResults {
         let jobs = self.group.jobs.iter().enumerate();
-        let unfinished = jobs.map(|(index, job)| Unfinished {
+        let unfinished = jobs.map(|(index, job)| UnfinishedRequest {
             request: job.request,
             baseline: baselines.get(index).cloned(),
             prediction: None,
             loss: Vec::new(),
         });
-        Partial {
+        PartialResults {
             finished: Vec::new(),
             unfinished: unfinished.collect(),
         }
@@ -328,8 +330,8 @@ struct OnBody<'r, 'w, D> {
 /// The guided motions of a group, and what they reached.
 struct Made {
     motions: Vec<Motion>,
-    whole: Reached,
-    parts: Vec<Reached>,
+    whole: LabanComparison,
+    parts: Vec<LabanComparison>,
 }
 
 impl<D: Denoiser> OnBody<'_, '_, D> {

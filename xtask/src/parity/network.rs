@@ -5,7 +5,7 @@ use std::path::Path;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{Batch, Guidance, Sampler, Schedule, Step, noise};
-use lamogen_laban::{Divisor, Goals, LabanFeatures, LabanOptions, Smoothing, Target};
+use lamogen_laban::{Goals, LabanFeatures, LabanOptions, LossDivisor, Smoothing, Target};
 use lamogen_model::{
     Checkpoint, CrossAttentionContext, Denoiser, DenoiserInput, FrameMask, ModelConfig,
     MotionDiffuse, Prompt,
@@ -266,7 +266,7 @@ pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError>
     actual.insert("out.laban", Actual::of(baseline.clone(), SINGLE));
 
     let goals = vec![Goals::from(case.scale()?).whole().clone(); batch];
-    let target = Target::new(baseline, &lengths, &goals, Divisor::Frame, [1.0; 4]);
+    let target = Target::new(baseline, &lengths, &goals, LossDivisor::Frame, [1.0; 4]);
     let leaf = (joints * 0.9).autodiff().require_grad();
     let loss = target.loss(features.measure(leaf.clone())).sum();
     let gradient = leaf

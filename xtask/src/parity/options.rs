@@ -4,7 +4,7 @@
 //! loss divided by the mean, learning rate 0.05, and one option changed; 20 iterations of raw frame update; and 5 of
 //! start noise.
 
-use lamogen_guide::{Guidance, Moved, Sampler, Update};
+use lamogen_guide::{Guidance, GuidanceVariable, Sampler, UpdateTiming};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
 
 use super::case::Case;
@@ -25,7 +25,7 @@ fn options() -> [(&'static str, Guidance); 6] {
         (
             "out.lagged",
             Guidance {
-                update: Update::Lagged,
+                update: UpdateTiming::Lagged,
                 ..fast()
             },
         ),
@@ -49,14 +49,14 @@ fn options() -> [(&'static str, Guidance); 6] {
         (
             "out.raw_update_20",
             Guidance {
-                moved: Moved::Motion { iterations: 20 },
+                variable: GuidanceVariable::Motion { iterations: 20 },
                 ..Guidance::raw_frame_update()
             },
         ),
         (
             "out.start_noise_5",
             Guidance {
-                moved: Moved::Noise { iterations: 5 },
+                variable: GuidanceVariable::Noise { iterations: 5 },
                 ..Guidance::start_noise()
             },
         ),

@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, Temporary, replace_atomically};
+use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, TemporaryFile, replace_atomically};
 use safetensors::Dtype;
 use safetensors::tensor::View;
 
@@ -41,7 +41,7 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
         builder.prefix(TEMPORARY_PREFIX);
         #[cfg(unix)]
         {
-            // Temporary folders are private; the finished one should be as readable as any other.
+            // TemporaryFile folders are private; the finished one should be as readable as any other.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o755));
         }
@@ -50,7 +50,7 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
             .map_err(DataError::write(&parent))
     };
     let new = temporary()?;
-    let under_way = Temporary::folder(new.path()).map_err(DataError::write(&parent))?;
+    let under_way = TemporaryFile::folder(new.path()).map_err(DataError::write(&parent))?;
     let used = Used::of(dataset);
     let path = new.path().join(MOTIONS);
     motions(dataset, &used, &path).map_err(DataError::write(&out.join(MOTIONS)))?;

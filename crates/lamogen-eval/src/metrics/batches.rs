@@ -1,4 +1,4 @@
-//! Batches in which every caption is another.
+//! RetrievalBatches in which every caption is another.
 
 use std::collections::HashMap;
 
@@ -10,14 +10,14 @@ use rand_chacha::ChaCha12Rng;
 ///
 /// A motion whose caption is the same as another's is as right an answer; so captions of one batch differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Batches {
+pub struct RetrievalBatches {
     /// Indices of pairs, batch by batch, all of one size.
     pub batches: Vec<Vec<usize>>,
     /// Indices of pairs that are in no batch, in ascending order: what a whole batch cannot be made of.
     pub dropped: Vec<usize>,
 }
 
-impl Batches {
+impl RetrievalBatches {
     /// Pairs in each batch of the public evaluation.
     pub const SIZE: usize = 32;
 
@@ -27,7 +27,7 @@ impl Batches {
     /// # Panics
     ///
     /// If the size is 0.
-    pub fn distinct(captions: &[impl AsRef<str>], size: usize, seed: u64) -> Batches {
+    pub fn distinct(captions: &[impl AsRef<str>], size: usize, seed: u64) -> RetrievalBatches {
         assert!(size > 0, "expected batches of at least one pair");
         let mut stream = ChaCha12Rng::seed_from_u64(seed);
         let mut groups = same_texts(captions);
@@ -57,7 +57,7 @@ impl Batches {
             dropped[pair] = false;
         }
         let dropped = (0..captions.len()).filter(|&pair| dropped[pair]).collect();
-        Batches { batches, dropped }
+        RetrievalBatches { batches, dropped }
     }
 
     /// The key under which captions are the same text for [`distinct`](Self::distinct): their words in small letters.
@@ -76,7 +76,7 @@ fn same_texts(captions: &[impl AsRef<str>]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut known = HashMap::new();
     for (index, caption) in captions.iter().enumerate() {
-        let words = Batches::words(caption.as_ref());
+        let words = RetrievalBatches::words(caption.as_ref());
         let group = *known.entry(words).or_insert(groups.len());
         if group == groups.len() {
             groups.push(Vec::new());
@@ -99,7 +99,7 @@ mod tests {
         captions.extend(vec!["a person  jumps".to_owned(); 3]);
         captions.extend(vec!["A person jumps!".to_owned(); 2]);
         captions.extend((0..22).map(|n| format!("a man turns {n} times")));
-        let made = Batches::distinct(&captions, 6, 1);
+        let made = RetrievalBatches::distinct(&captions, 6, 1);
         // 5 batches of 6: the first text can be used 5 times.
         assert_eq!(made.batches.len(), 5);
         assert_eq!(made.dropped.len(), 36 - 30);
@@ -116,14 +116,18 @@ mod tests {
         all.extend(&made.dropped);
         all.sort_unstable();
         assert_eq!(all, (0..36).collect::<Vec<_>>());
-        assert_eq!(made, Batches::distinct(&captions, 6, 1));
-        assert_ne!(made, Batches::distinct(&captions, 6, 2));
+        assert_eq!(made, RetrievalBatches::distinct(&captions, 6, 1));
+        assert_ne!(made, RetrievalBatches::distinct(&captions, 6, 2));
     }
 
     #[test]
     fn too_few_texts_make_no_batch() {
-        let made = Batches::distinct(&["one"; 50], 2, 0);
+        let made = RetrievalBatches::distinct(&["one"; 50], 2, 0);
         assert_eq!((made.batches.len(), made.dropped.len()), (0, 50));
-        assert!(Batches::distinct(&[""; 0], 2, 0).batches.is_empty());
+        assert!(
+            RetrievalBatches::distinct(&[""; 0], 2, 0)
+                .batches
+                .is_empty()
+        );
     }
 }

@@ -7,7 +7,7 @@ const COMPONENTS: usize = 4;
 
 /// What a motion's Laban features are when little of a component is asked for, and when much is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extremes {
+pub struct ControlExtremes {
     /// Of the motion with the small tag.
     pub small: [f64; COMPONENTS],
     /// Of the motion with the large tag.
@@ -31,14 +31,14 @@ impl ChangeMatrix {
     /// # Errors
     ///
     /// If a component has no motion that can be divided by, or a number is not finite.
-    pub fn of(asked: [&[Extremes]; COMPONENTS]) -> Result<Self, MetricError> {
+    pub fn of(asked: [&[ControlExtremes]; COMPONENTS]) -> Result<Self, MetricError> {
         let mut matrix = ChangeMatrix {
             mean: [[0.0; COMPONENTS]; COMPONENTS],
             std: [[0.0; COMPONENTS]; COMPONENTS],
             undefined: [[0; COMPONENTS]; COMPONENTS],
         };
         for (row, motions) in asked.into_iter().enumerate() {
-            let is_broken = |motion: &Extremes| {
+            let is_broken = |motion: &ControlExtremes| {
                 let mut numbers = motion.small.iter().chain(&motion.large);
                 numbers.any(|number| !number.is_finite())
             };
@@ -89,11 +89,11 @@ impl ChangeMatrix {
 mod tests {
     use super::*;
 
-    fn only(component: usize, factor: f64) -> Extremes {
+    fn only(component: usize, factor: f64) -> ControlExtremes {
         let small = [2.0, 3.0, 5.0, 7.0];
         let mut large = small;
         large[component] *= factor;
-        Extremes { small, large }
+        ControlExtremes { small, large }
     }
 
     #[test]
@@ -114,7 +114,7 @@ mod tests {
 
     #[test]
     fn motions_that_rest_are_counted_and_broken_ones_refused() {
-        let still = Extremes {
+        let still = ControlExtremes {
             small: [0.0, 1.0, 1.0, 1.0],
             large: [1.0; 4],
         };
@@ -125,7 +125,7 @@ mod tests {
         let all_still = [[still]; 4];
         let error = ChangeMatrix::of(all_still.each_ref().map(|row| &row[..])).unwrap_err();
         assert!(error.to_string().contains("does not rest"), "{error}");
-        let broken = [[Extremes {
+        let broken = [[ControlExtremes {
             large: [f64::NAN; 4],
             ..still
         }]; 4];

@@ -10,8 +10,8 @@ mod frechet;
 mod matching;
 mod spread;
 
-pub use batches::Batches;
-pub use control::{ChangeMatrix, Extremes};
+pub use batches::RetrievalBatches;
+pub use control::{ChangeMatrix, ControlExtremes};
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;

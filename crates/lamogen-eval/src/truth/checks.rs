@@ -54,7 +54,7 @@ impl Side {
 /// A way to travel, as the body faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub enum Way {
+pub enum Direction {
     Forward,
     Backward,
     Sideways(Side),
@@ -66,7 +66,7 @@ pub enum Way {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
     /// Goes a way, as the body faces step by step.
-    Travels(Way),
+    Travels(Direction),
     /// Goes as fast as one runs.
     Runs,
     /// Goes no faster than one walks slowly.
@@ -162,10 +162,10 @@ use Side::{Left, Right};
 impl Check {
     /// Every check with the words that stand for it.
     pub const ALL: &'static [(&'static str, Check)] = &[
-        ("travels forward", Check::Travels(Way::Forward)),
-        ("travels backward", Check::Travels(Way::Backward)),
-        ("travels left", Check::Travels(Way::Sideways(Left))),
-        ("travels right", Check::Travels(Way::Sideways(Right))),
+        ("travels forward", Check::Travels(Direction::Forward)),
+        ("travels backward", Check::Travels(Direction::Backward)),
+        ("travels left", Check::Travels(Direction::Sideways(Left))),
+        ("travels right", Check::Travels(Direction::Sideways(Right))),
         ("runs", Check::Runs),
         ("goes slowly", Check::GoesSlowly),
         ("stays", Check::Stays),
@@ -252,13 +252,13 @@ impl Check {
     fn terms(self, m: &Measurements) -> Vec<Term> {
         use limits::*;
         match self {
-            Check::Travels(Way::Forward) => {
+            Check::Travels(Direction::Forward) => {
                 vec![at_least("forward_speed", m.forward_speed, TRAVELS)]
             }
-            Check::Travels(Way::Backward) => {
+            Check::Travels(Direction::Backward) => {
                 vec![at_most("forward_speed", m.forward_speed, -TRAVELS)]
             }
-            Check::Travels(Way::Sideways(side)) => vec![
+            Check::Travels(Direction::Sideways(side)) => vec![
                 side.at_least("left_speed", m.left_speed, SIDESTEPS),
                 at_least("sideways_share", m.sideways_share, SIDEWAYS_SHARE),
             ],

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::checks::{Check, Side, Way};
+use super::checks::{Check, Direction, Side};
 use super::measurements::Measurements;
 use super::sentences::{Phrasing, Sentence};
 use super::{limits, sentences};
@@ -211,15 +211,15 @@ fn evidence_of(check: Check) -> Evidence {
         fails,
     };
     match check {
-        Check::Travels(Way::Forward) => evidence(
+        Check::Travels(Direction::Forward) => evidence(
             vec![clips(["walk", "run", "walk-turn-*", "run-turn-*"])],
             vec![clips(["walk-back", "run-back"]), on_the_spot()],
         ),
-        Check::Travels(Way::Backward) => evidence(
+        Check::Travels(Direction::Backward) => evidence(
             vec![clips(["walk-back", "run-back"])],
             vec![clips(["walk", "run"]), on_the_spot()],
         ),
-        Check::Travels(Way::Sideways(side)) => {
+        Check::Travels(Direction::Sideways(side)) => {
             let [this, other] = names(side);
             evidence(
                 vec![

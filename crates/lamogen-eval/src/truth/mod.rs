@@ -22,9 +22,9 @@ mod sentences;
 mod tests;
 mod trajectory;
 
-pub use checks::{Check, CheckError, Side, Term, Verdict, Way};
+pub use checks::{Check, CheckError, Direction, Side, Term, Verdict};
 pub use evidence::{Clip, Clips, Evidence, Validation, captioned, evidence};
 pub use measurements::Measurements;
 pub use phrasing::{Captions, Novelty};
-pub use report::{Quality, Report, Share, Trial};
+pub use report::{Quality, Report, SuccessRate, TruthTrial};
 pub use sentences::{Phrasing, Sentence, SentencesError, read_sentences, sentences};

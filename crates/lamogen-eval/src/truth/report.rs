@@ -11,7 +11,7 @@ use super::sentences::{Phrasing, Sentence};
 
 /// A motion that was generated from a sentence, judged.
 #[derive(Clone, Debug, Serialize)]
-pub struct Trial {
+pub struct TruthTrial {
     /// Which sentence, by its place in the report.
     pub sentence: usize,
     /// Seed of the start noise.
@@ -64,19 +64,19 @@ pub struct Report {
     /// The sentences.
     pub sentences: Vec<Sentence>,
     /// Their motions.
-    pub trials: Vec<Trial>,
+    pub trials: Vec<TruthTrial>,
 }
 
 /// How many motions of how many do what is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Share {
+pub struct SuccessRate {
     /// Motions that do.
     pub hold: usize,
     /// Motions in all.
     pub of: usize,
 }
 
-impl Share {
+impl SuccessRate {
     /// The share, 0 to 1; `None` of no motions.
     pub fn ratio(self) -> Option<f32> {
         (self.of > 0).then(|| self.hold as f32 / self.of as f32)
@@ -108,7 +108,7 @@ impl Report {
         let measured = Measurements::of(motion);
         let checks = self.sentences[sentence].checks.iter();
         let verdicts: Vec<Verdict> = checks.map(|check| check.judge(&measured)).collect();
-        self.trials.push(Trial {
+        self.trials.push(TruthTrial {
             sentence,
             seed,
             holds: verdicts.iter().all(Verdict::holds),
@@ -119,8 +119,8 @@ impl Report {
     }
 
     /// How many motions of some sentences do what is said.
-    pub fn share(&self, mut of: impl FnMut(&Sentence) -> bool) -> Share {
-        let mut share = Share::default();
+    pub fn share(&self, mut of: impl FnMut(&Sentence) -> bool) -> SuccessRate {
+        let mut share = SuccessRate::default();
         for trial in &self.trials {
             if of(&self.sentences[trial.sentence]) {
                 share.of += 1;
@@ -131,12 +131,12 @@ impl Report {
     }
 
     /// How many motions of all sentences do what is said.
-    pub fn overall(&self) -> Share {
+    pub fn overall(&self) -> SuccessRate {
         self.share(|_| true)
     }
 
     /// How many motions of a phrasing do what is said.
-    pub fn of_phrasing(&self, phrasing: Phrasing) -> Share {
+    pub fn of_phrasing(&self, phrasing: Phrasing) -> SuccessRate {
         self.share(|sentence| sentence.phrasing == phrasing)
     }
 
@@ -152,14 +152,14 @@ impl Report {
     }
 
     /// The motions of a sentence.
-    pub fn trials_of(&self, sentence: usize) -> impl Iterator<Item = &Trial> {
+    pub fn trials_of(&self, sentence: usize) -> impl Iterator<Item = &TruthTrial> {
         let trials = self.trials.iter();
         trials.filter(move |trial| trial.sentence == sentence)
     }
 
     /// How many motions of each sentence do what it says, by the sentence's place.
-    pub fn shares(&self) -> Vec<Share> {
-        let of = |sentence: usize| Share {
+    pub fn shares(&self) -> Vec<SuccessRate> {
+        let of = |sentence: usize| SuccessRate {
             hold: self.trials_of(sentence).filter(|trial| trial.holds).count(),
             of: self.trials_of(sentence).count(),
         };
@@ -268,7 +268,7 @@ impl Report {
 }
 
 /// What is not as it has to be in a motion; `None` where all is.
-fn faults(trial: &Trial) -> Option<String> {
+fn faults(trial: &TruthTrial) -> Option<String> {
     if trial.holds {
         return None;
     }
@@ -303,14 +303,14 @@ mod tests {
     #[test]
     fn shares_are_counted_by_group_and_phrasing() {
         let report = report();
-        assert_eq!(report.overall(), Share { hold: 3, of: 6 });
+        assert_eq!(report.overall(), SuccessRate { hold: 3, of: 6 });
         assert_eq!(
             report.of_phrasing(Phrasing::Training),
-            Share { hold: 1, of: 2 }
+            SuccessRate { hold: 1, of: 2 }
         );
         assert_eq!(
             report.of_phrasing(Phrasing::Novel),
-            Share { hold: 2, of: 4 }
+            SuccessRate { hold: 2, of: 4 }
         );
         assert_eq!(report.groups(), ["still", "run"]);
     }

@@ -8,7 +8,7 @@ mod write;
 use std::path::Path;
 
 use crate::error::ReadError;
-use crate::import::{Imported, ReadOptions, import};
+use crate::import::{ImportedMotion, ReadOptions, import};
 
 pub use cursor::BvhError;
 pub use write::{BvhNames, BvhOptions, text};
@@ -22,18 +22,22 @@ pub fn read_text(
     text: &str,
     options: &ReadOptions,
     path: impl AsRef<Path>,
-) -> Result<Imported, ReadError> {
+) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
     imported(&read::parse(text, path)?, options, path)
 }
 
 /// Reads a motion from a file.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Imported, ReadError> {
+pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     imported(&read::read(path)?, options, path)
 }
 
-fn imported(bvh: &read::Bvh, options: &ReadOptions, path: &Path) -> Result<Imported, ReadError> {
-    Ok(Imported {
+fn imported(
+    bvh: &read::Bvh,
+    options: &ReadOptions,
+    path: &Path,
+) -> Result<ImportedMotion, ReadError> {
+    Ok(ImportedMotion {
         announced_frames: Some(bvh.announced).filter(|n| *n != bvh.clip.frames),
         ..import(&bvh.clip, options, path)?
     })

@@ -1,7 +1,7 @@
 //! Skeletons of other programs come in as the same motion.
 
 use crate::figure::{Figure, Stance, at};
-use lamogen_files::{Imported, Mapping, ReadError, ReadOptions, Unit, Up, read};
+use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, Up, read};
 use lamogen_motion::Joint;
 
 const CENTIMETRE: f64 = 0.01;
@@ -59,7 +59,7 @@ fn tree(spine: &str, leg: [&str; 5], arm: [&str; 5]) -> String {
 
 /// Reads the figure and compares all joints that were not placed, and those that were with less
 /// rigour.
-fn check(figure: &Figure<'_>, options: &ReadOptions) -> Result<Imported, ReadError> {
+fn check(figure: &Figure<'_>, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.bvh");
     std::fs::write(&path, figure.text()).unwrap();
@@ -531,7 +531,7 @@ fn a_mapping_file_makes_an_unknown_skeleton_known() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mapping.json");
     std::fs::write(&path, &json).unwrap();
-    let mapping = Mapping::read(&path).unwrap();
+    let mapping = JointMapping::read(&path).unwrap();
     let options = ReadOptions {
         mapping: Some(mapping),
         ..ReadOptions::default()

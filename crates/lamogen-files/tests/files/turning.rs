@@ -4,7 +4,7 @@ use crate::figure::{Figure, Stance, at};
 use glam::{DQuat, DVec3};
 use lamogen_files::bvh::{self, BvhNames, BvhOptions, read_text};
 use lamogen_files::glb::{self, GlbOptions};
-use lamogen_files::{Imported, Mapping, ReadError, ReadOptions, Unit, read};
+use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, read};
 use lamogen_motion::{JOINTS, Joint, JointTurning, Motion, Rotations};
 
 /// A body that turns slowly, bends its limbs, and at one frame tilts its head.
@@ -108,7 +108,7 @@ pelvis Hips
    left_ankle %Foot";
 
 /// The figure bends its left elbow and its right knee by 1.1 and turns by 0.6 radians a second.
-fn figure(stance: Stance) -> Result<Imported, ReadError> {
+fn figure(stance: Stance) -> Result<ImportedMotion, ReadError> {
     let text = Figure {
         tree: TREE,
         sides: ["Left", "Right"],
@@ -144,7 +144,7 @@ fn figure(stance: Stance) -> Result<Imported, ReadError> {
     let path = folder.path().join("names.json");
     std::fs::write(&path, serde_json::to_string(&mapping).unwrap()).unwrap();
     let options = ReadOptions {
-        mapping: Some(Mapping::read(&path).unwrap()),
+        mapping: Some(JointMapping::read(&path).unwrap()),
         ..ReadOptions::default()
     };
     read_text(&text, &options, "figure.bvh")

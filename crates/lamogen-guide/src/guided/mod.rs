@@ -13,10 +13,10 @@ use lamogen_laban::Goals;
 use lamogen_model::Denoiser;
 
 use crate::error::GuideError;
-use crate::guidance::{Guidance, Moved};
+use crate::guidance::{Guidance, GuidanceVariable};
 use crate::observer::{Observer, Pass, Step};
 use crate::sampler::{Batch, Sampler};
-pub use objective::Reached;
+pub use objective::LabanComparison;
 pub(crate) use objective::Targets;
 use objective::{Broken, Objective};
 use subjects::{Condition, Subject, Told};
@@ -27,9 +27,9 @@ pub struct Guided {
     /// The motions, normalised, `[batch, frames, features]`.
     pub motion: Tensor<3>,
     /// Laban features of the whole body.
-    pub whole: Reached,
+    pub whole: LabanComparison,
     /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
-    pub parts: Vec<Reached>,
+    pub parts: Vec<LabanComparison>,
     /// The Laban loss of each motion at every step: `[step][motion]`.
     pub loss: Vec<Vec<f32>>,
 }
@@ -118,19 +118,19 @@ impl<D: Denoiser> Sampler<'_, D> {
         let condition = |told| -> Box<dyn Subject + 's> {
             Box::new(Condition::new(self, objective, batch, told, guidance))
         };
-        Ok(match guidance.moved {
-            Moved::Embedding => condition(Told::Embedding),
-            Moved::Modulation => match self.model.modulations() {
+        Ok(match guidance.variable {
+            GuidanceVariable::Embedding => condition(Told::Embedding),
+            GuidanceVariable::Modulation => match self.model.modulations() {
                 0 => return Err(GuideError::NoModulation),
                 _ => condition(Told::Modulation),
             },
-            Moved::Prediction | Moved::Nothing => {
+            GuidanceVariable::Prediction | GuidanceVariable::Nothing => {
                 Box::new(subjects::Prediction::new(self, objective, batch, guidance))
             }
-            Moved::Motion { iterations } => Box::new(subjects::Motion::new(
+            GuidanceVariable::Motion { iterations } => Box::new(subjects::Motion::new(
                 objective, motion, embedding, iterations, guidance,
             )),
-            Moved::Noise { iterations } => Box::new(subjects::Noise::new(
+            GuidanceVariable::Noise { iterations } => Box::new(subjects::Noise::new(
                 self, objective, batch, iterations, guidance,
             )),
         })

@@ -33,7 +33,7 @@ struct Term {
 
 /// Laban features of one set of end-effectors, before, asked for and after: `[batch, frames, 4]`.
 #[derive(Clone, Debug)]
-pub struct Reached {
+pub struct LabanComparison {
     /// The joints whose Weight, Time and Flow it is; Shape is that of the whole body.
     pub end_effectors: EndEffectors,
     /// Of the baseline.
@@ -124,10 +124,10 @@ impl Targets {
     }
 
     /// What became of it in finished motions: of the whole body first.
-    pub(crate) fn reached(self, joints: &Tensor<4>) -> Vec<Reached> {
+    pub(crate) fn reached(self, joints: &Tensor<4>) -> Vec<LabanComparison> {
         let terms = self.terms.into_iter();
         terms
-            .map(|term| Reached {
+            .map(|term| LabanComparison {
                 end_effectors: term.end_effectors,
                 baseline: term.baseline,
                 target: term.target.features(),
@@ -153,7 +153,7 @@ impl<'a> Objective<'a> {
     }
 
     /// What became of it in finished motions, normalised: of the whole body first.
-    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<Reached> {
+    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<LabanComparison> {
         let joints = joints(self.normalization.denormalize(motions));
         self.targets.reached(&joints)
     }

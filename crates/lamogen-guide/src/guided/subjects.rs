@@ -12,7 +12,7 @@ use lamogen_model::Denoiser;
 
 use super::objective::{Broken, Gradient, Objective, Way};
 use super::optimised::Optimised;
-use crate::guidance::{Guidance, Moved, Update};
+use crate::guidance::{Guidance, GuidanceVariable, UpdateTiming};
 use crate::sampler::{Batch, Latent, Sampler, mix};
 
 /// What a step made.
@@ -137,8 +137,8 @@ impl<D: Denoiser> Subject for Condition<'_, '_, D> {
         }
         self.move_down(found.gradient.clone(), index);
         let output = match self.guidance.update {
-            Update::Lagged => found.leaf,
-            Update::Immediate => self.sampler.evaluate(&self.latent, index),
+            UpdateTiming::Lagged => found.leaf,
+            UpdateTiming::Immediate => self.sampler.evaluate(&self.latent, index),
         };
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean(&self.latent, output.clone(), step);
@@ -180,8 +180,8 @@ impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
             objective,
             latent: sampler.start(batch),
             guidance,
-            updates: match guidance.moved {
-                Moved::Nothing => 0,
+            updates: match guidance.variable {
+                GuidanceVariable::Nothing => 0,
                 _ => guidance.updates_per_step,
             },
         }

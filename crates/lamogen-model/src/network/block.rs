@@ -55,15 +55,19 @@ impl DecoderBlock {
 
 #[cfg(feature = "flex")]
 impl DecoderBlock {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Block<Numbers>> {
-        Some(lamogen_cpu::Block {
+    pub(super) fn cpu(&self) -> Option<lamogen_cpu::DecoderBlock<Numbers>> {
+        Some(lamogen_cpu::DecoderBlock {
             self_attention: self.self_attention.cpu()?,
             cross_attention: self.cross_attention.cpu()?,
             feed_forward: self.feed_forward.cpu()?,
         })
     }
 
-    pub(super) fn note(&self, gradient: lamogen_cpu::Block<Vec<f32>>, notes: &mut GradientsParams) {
+    pub(super) fn note(
+        &self,
+        gradient: lamogen_cpu::DecoderBlock<Vec<f32>>,
+        notes: &mut GradientsParams,
+    ) {
         self.self_attention.note(gradient.self_attention, notes);
         self.cross_attention.note(gradient.cross_attention, notes);
         self.feed_forward.note(gradient.feed_forward, notes);

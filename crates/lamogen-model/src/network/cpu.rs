@@ -10,7 +10,7 @@ use burn::module::{Param, ParamId};
 use burn::nn::{LayerNorm, Linear};
 use burn::optim::GradientsParams;
 use burn::tensor::{DType, Tensor, TensorData};
-use lamogen_cpu::{Decoder, Gradients, Input, Layout, Matrix, Tape};
+use lamogen_cpu::{Decoder, DecoderGradients, DecoderInput, Matrix, Tape, WeightLayout};
 
 use super::cross_attention::CrossAttentionContext;
 use crate::denoiser::DenoiserInput;
@@ -62,15 +62,18 @@ pub(super) fn linear(layer: &Linear) -> Option<lamogen_cpu::Linear<Numbers>> {
     let weight = flex(weight)?;
     let transposed = |strides: &Strides| *strides.strides() == [1, inputs as isize];
     let (numbers, layout) = match transposed(weight.layout()) {
-        true => (Numbers::of_flex(weight), Layout::ByOutput),
-        false => (Numbers::of_flex(weight.to_contiguous()), Layout::ByInput),
+        true => (Numbers::of_flex(weight), WeightLayout::ByOutput),
+        false => (
+            Numbers::of_flex(weight.to_contiguous()),
+            WeightLayout::ByInput,
+        ),
     };
     let weight = Matrix::new(numbers, inputs, outputs, layout);
     Some(lamogen_cpu::Linear::new(weight, numbers_of(&layer.bias)?))
 }
 
-pub(super) fn norm(layer: &LayerNorm) -> Option<lamogen_cpu::Norm<Numbers>> {
-    Some(lamogen_cpu::Norm {
+pub(super) fn norm(layer: &LayerNorm) -> Option<lamogen_cpu::LayerNorm<Numbers>> {
+    Some(lamogen_cpu::LayerNorm {
         gamma: numbers(&layer.gamma)?,
         beta: numbers_of(&layer.beta)?,
         epsilon: super::NORM_EPSILON as f32,
@@ -96,7 +99,7 @@ pub(super) fn note_linear(
 /// Notes the gradients of a normalization.
 pub(super) fn note_norm(
     layer: &LayerNorm,
-    gradient: lamogen_cpu::Norm<Vec<f32>>,
+    gradient: lamogen_cpu::LayerNorm<Vec<f32>>,
     notes: &mut GradientsParams,
 ) {
     note_vector(layer.gamma.id, gradient.gamma, notes);
@@ -192,7 +195,7 @@ impl Evaluation {
     /// The gradient with respect to the noisy motion; of an evaluation recorded for training.
     pub(super) fn backward_to_motion(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<3> {
         let gradient = untracked(gradient);
-        let backward = |input: Input<'_>| {
+        let backward = |input: DecoderInput<'_>| {
             let decoder = &self.decoder;
             decoder.backward_to_motion(input, tape, gradient.as_ref())
         };
@@ -200,7 +203,7 @@ impl Evaluation {
     }
 
     /// All gradients from that of the output.
-    pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> Gradients {
+    pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> DecoderGradients {
         let gradient = untracked(gradient);
         self.with_input(|input| self.decoder.gradients(input, tape, gradient.as_ref()))
     }
@@ -209,10 +212,10 @@ impl Evaluation {
         tensor(numbers, self.shape)
     }
 
-    fn with_input<R>(&self, function: impl FnOnce(Input<'_>) -> R) -> R {
+    fn with_input<R>(&self, function: impl FnOnce(DecoderInput<'_>) -> R) -> R {
         let text: Vec<&[f32]> = self.text.iter().map(AsRef::as_ref).collect();
         let [_, frames, _] = self.shape;
-        function(Input {
+        function(DecoderInput {
             x_t: self.x_t.as_ref(),
             condition: self.condition.as_ref(),
             modulation: self.modulation.as_ref().map(AsRef::as_ref),

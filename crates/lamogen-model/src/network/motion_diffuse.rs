@@ -16,7 +16,7 @@ use super::text_encoder::TextEncoder;
 use super::time_embedding::TimeEmbedding;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::{LABAN_FEATURES, ModelConfig, Prediction};
-use crate::denoiser::{Denoiser, DenoiserInput, Linearized, Prompt};
+use crate::denoiser::{Denoiser, DenoiserInput, LinearizedEvaluation, Prompt};
 
 /// MotionDiffuse (Zhang et al. 2022, arXiv 2208.15001): a transformer decoder over frames with
 /// efficient attention, steered by stylization layers, with its text encoder.
@@ -150,13 +150,15 @@ impl Denoiser for MotionDiffuse {
         &'a self,
         input: DenoiserInput,
         context: &'a CrossAttentionContext,
-    ) -> Linearized<'a> {
+    ) -> LinearizedEvaluation<'a> {
         #[cfg(feature = "flex")]
         if let Some(evaluation) = self.on_cpu(&input, context) {
             let (output, tape) = evaluation.record();
-            return Linearized::new(output, move |gradient| evaluation.backward(tape, gradient));
+            return LinearizedEvaluation::new(output, move |gradient| {
+                evaluation.backward(tape, gradient)
+            });
         }
-        Linearized::by_autodiff(input, |input| self.forward(input, context))
+        LinearizedEvaluation::by_autodiff(input, |input| self.forward(input, context))
     }
 
     fn modulations(&self) -> usize {
@@ -167,15 +169,15 @@ impl Denoiser for MotionDiffuse {
         &'a self,
         input: DenoiserInput,
         context: &'a CrossAttentionContext,
-    ) -> Linearized<'a, 3> {
+    ) -> LinearizedEvaluation<'a, 3> {
         #[cfg(feature = "flex")]
         if let Some(evaluation) = self.on_cpu(&input, context) {
             let (output, tape) = evaluation.record_for_training();
-            return Linearized::new(output, move |gradient| {
+            return LinearizedEvaluation::new(output, move |gradient| {
                 evaluation.backward_to_motion(tape, gradient)
             });
         }
-        Linearized::of_motion_by_autodiff(input, |input| self.forward(input, context))
+        LinearizedEvaluation::of_motion_by_autodiff(input, |input| self.forward(input, context))
     }
 }
 

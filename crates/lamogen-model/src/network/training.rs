@@ -54,7 +54,7 @@ pub struct SentenceSimilarity {
 
 /// What a step of training finds.
 #[derive(Debug)]
-pub struct Trained {
+pub struct TrainingGradients {
     /// What the loss function returned, not tracked.
     pub loss: Tensor<1>,
     /// The mean squared difference of the sentences' cosines, without its weight, not tracked; none without sentences.
@@ -77,7 +77,7 @@ impl MotionDiffuse {
         &self,
         batch: TrainingBatch,
         loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
-    ) -> Trained {
+    ) -> TrainingGradients {
         assert!(
             self.device().is_autodiff(),
             "expected a network that autodiff follows"
@@ -96,7 +96,7 @@ impl MotionDiffuse {
             let (output, tape) = evaluation.record_for_training();
             let (loss, gradient) = gradient_of(output, loss);
             let gradients = evaluation.gradients(tape, gradient);
-            return Trained {
+            return TrainingGradients {
                 loss,
                 sentence_loss,
                 gradients: self.gradients_before(input, &context, sentences, gradients),
@@ -107,7 +107,7 @@ impl MotionDiffuse {
             Some(sentences) => (loss.clone() + sentences).backward(),
             None => loss.clone().backward(),
         };
-        Trained {
+        TrainingGradients {
             loss: loss.inner(),
             sentence_loss,
             gradients: GradientsParams::from_grads(gradients, self),
@@ -179,7 +179,7 @@ impl MotionDiffuse {
         input: DenoiserInput,
         context: &CrossAttentionContext,
         sentences: Option<Tensor<1>>,
-        found: lamogen_cpu::Gradients,
+        found: lamogen_cpu::DecoderGradients,
     ) -> GradientsParams {
         let condition = input.time + input.embedding;
         let gradient = cpu::tensor(found.condition, condition.dims());

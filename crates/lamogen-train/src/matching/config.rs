@@ -6,7 +6,7 @@ use lamogen_eval::{EvaluatorConfig, TextForm};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{TrainingConfigError, read_file, read_json};
-use crate::optimization::Optimization;
+use crate::optimization::OptimizerConfig;
 
 /// An evaluator and how it is trained.
 ///
@@ -26,7 +26,7 @@ pub struct EvaluatorTrainingConfig {
     pub matching: MatchingConfig,
     /// How its weights move.
     #[serde(default)]
-    pub optimization: Optimization,
+    pub optimization: OptimizerConfig,
 }
 
 /// What an evaluator sees, and what it makes small. What a file leaves out has the default.
@@ -38,7 +38,7 @@ pub struct MatchingConfig {
     /// The distance from which on a text and another's motion are far enough apart.
     pub margin: f64,
     /// Whom a text is pushed away from.
-    pub others: Others,
+    pub others: Negatives,
     /// The share of numbers that are left out after each convolution.
     pub dropout: f64,
     /// The share of a motion's frames that may be cut away, at its ends, at each visit.
@@ -48,7 +48,7 @@ pub struct MatchingConfig {
 /// Whom a text is pushed away from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Others {
+pub enum Negatives {
     /// Every other motion of the batch ([`lamogen_eval::contrastive_loss_of_all`]).
     All,
     /// One other motion, as in the public trainer ([`lamogen_eval::contrastive_loss`]).
@@ -60,7 +60,7 @@ impl Default for MatchingConfig {
         MatchingConfig {
             pairs_per_batch: 32,
             margin: 10.0,
-            others: Others::All,
+            others: Negatives::All,
             dropout: 0.2,
             crop: 0.0,
         }

@@ -1,6 +1,6 @@
 //! What keeps an evaluator from being trained.
 
-use lamogen_eval::JudgeError;
+use lamogen_eval::EvaluatorError;
 
 /// What keeps an evaluator from being trained on a data set.
 #[derive(Debug, thiserror::Error)]
@@ -24,5 +24,5 @@ pub enum MatchingError {
     Context { expected: usize, found: usize },
     /// Network, tokenizer and statistics do not belong together.
     #[error(transparent)]
-    Judge(#[from] JudgeError),
+    Evaluator(#[from] EvaluatorError),
 }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::{Range, RangeInclusive};
 
 use lamogen_data::{Dataset, Entry};
-use lamogen_eval::{Batches, EvaluatorConfig};
+use lamogen_eval::{EvaluatorConfig, RetrievalBatches};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
@@ -14,7 +14,7 @@ use crate::sampling::{candidates, cut, stream};
 /// Deals out the motions of the training split, mirrored ones too.
 ///
 /// Two motions that mean the same do not meet in a batch, since either would be a right answer to the other's caption. They mean
-/// the same if they have a caption in common ([`Batches::words`]), or the data set gives both the same content and style: their
+/// the same if they have a caption in common ([`RetrievalBatches::words`]), or the data set gives both the same content and style: their
 /// captions then say the same in other words.
 #[derive(Clone, Debug)]
 pub(super) struct Pairs {
@@ -163,7 +163,7 @@ impl Pairs {
 /// What an entry means, in numbers that are the same for what is the same.
 fn meanings(entry: &Entry, known: &mut HashMap<Vec<String>, usize>) -> Vec<usize> {
     let captions = entry.captions.iter();
-    let captions = captions.map(|caption| Batches::words(&caption.text));
+    let captions = captions.map(|caption| RetrievalBatches::words(&caption.text));
     let label = match (&entry.content, &entry.style) {
         // Not to be mixed up with words, which hold no such letter.
         (Some(content), Some(style)) => Some(vec![format!("{content}/{style}")]),
@@ -246,7 +246,7 @@ mod tests {
                     assert!(labels[0] != labels[1] || a.style.is_none());
                     let words = [a, b].map(|entry| {
                         let captions = entry.captions.iter();
-                        let words = captions.map(|caption| Batches::words(&caption.text));
+                        let words = captions.map(|caption| RetrievalBatches::words(&caption.text));
                         words.collect::<HashSet<_>>()
                     });
                     assert!(words[0].is_disjoint(&words[1]), "{words:?}");

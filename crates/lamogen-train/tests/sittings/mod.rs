@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use lamogen_data::Dataset;
-use lamogen_model::{Tokenizer, learn};
-use lamogen_train::{CaptionTokens, RunObserver, RunProgress, StepReport, Task};
+use lamogen_model::{Tokenizer, train_tokenizer};
+use lamogen_train::{CaptionTokens, RunObserver, RunProgress, StepReport, TrainingTask};
 
 /// Captions as ids, by a tokenizer learned from them.
 pub fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
     let captions = dataset.entries().iter().flat_map(|entry| &entry.captions);
     let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
-    let json = learn(texts.into_iter(), 300).unwrap();
+    let json = train_tokenizer(texts.into_iter(), 300).unwrap();
     let tokenizer = Tokenizer::from_json(&json, "learned", 300, context_length).unwrap();
     CaptionTokens::new(dataset, tokenizer, Some(json), 0).unwrap()
 }
@@ -18,7 +18,7 @@ pub fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
 /// Stops a run after some steps of a sitting, if it is told to.
 pub struct StopAfter(pub Option<u64>);
 
-impl<T: Task> RunObserver<T> for StopAfter {
+impl<T: TrainingTask> RunObserver<T> for StopAfter {
     fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
         match self.0 == Some(progress.step - progress.resumed_at) {
             true => ControlFlow::Break(()),

@@ -1,6 +1,6 @@
 //! The largest values as a table, which is read without a script.
 
-use lamogen_laban::{Component, Summary};
+use lamogen_laban::{Component, TimeSummary};
 
 use super::markup::escape;
 use crate::Curve;
@@ -11,14 +11,14 @@ pub(super) fn table(curves: &[Curve<'_>]) -> String {
     let Some(first) = curves.first() else {
         return String::new();
     };
-    let first = first.series.summary(Summary::Maximum);
+    let first = first.series.summary(TimeSummary::Maximum);
     let heads = curves
         .iter()
         .map(|curve| format!("<th scope=\"col\"><bdi>{}</bdi></th>", escape(curve.label)));
     let rows = Component::ALL.map(|component| {
         let index = component.index();
         let cells = curves.iter().enumerate().map(|(place, curve)| {
-            let value = curve.series.summary(Summary::Maximum)[index];
+            let value = curve.series.summary(TimeSummary::Maximum)[index];
             // Without a sign where it rounds to nothing.
             let change = (100.0 * (value / first[index] - 1.0)).round() + 0.0;
             match place > 0 && change.is_finite() {

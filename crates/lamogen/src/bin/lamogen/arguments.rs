@@ -9,7 +9,8 @@ use lamogen::files::{Unit, Up};
 use lamogen::laban::GoalError;
 use lamogen::model::Precision;
 use lamogen::{
-    Body, COMPONENTS, Coherence, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
+    Body, COMPONENTS, Component, DeviceName, Goal, PartScale, Preset, Request, Scale,
+    TemporalSmoothing,
 };
 use serde::{Deserialize, Serialize};
 
@@ -161,8 +162,8 @@ pub struct SourceArguments {
     pub model: Option<PathBuf>,
     /// Smooth predictions along time by a Gaussian of so many frames, such as 1, while there is much noise, so that the legs of a
     /// small network keep step; or off. Usually what the model's config.json says: 1 for the embedded model, off where it says nothing.
-    #[arg(long, value_name = "FRAMES")]
-    pub coherence: Option<CoherenceChoice>,
+    #[arg(long, alias = "coherence", value_name = "FRAMES")]
+    pub temporal_smoothing: Option<TemporalSmoothingChoice>,
     /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, others, such as 2.5, twice. Usually
     /// what the model's config.json says: 2 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
@@ -174,23 +175,23 @@ pub struct SourceArguments {
 
 /// Frames to smooth by, or `off`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CoherenceChoice(pub Option<Coherence>);
+pub struct TemporalSmoothingChoice(pub Option<TemporalSmoothing>);
 
-impl FromStr for CoherenceChoice {
+impl FromStr for TemporalSmoothingChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         if text == "off" {
-            return Ok(CoherenceChoice(None));
+            return Ok(TemporalSmoothingChoice(None));
         }
         let frames: f32 = { text.parse() }
             .map_err(|_| format!("expected a number of frames such as 1, or off, found {text}"))?;
-        let coherence = Coherence {
+        let temporal_smoothing = TemporalSmoothing {
             frames,
-            ..Coherence::default()
+            ..TemporalSmoothing::default()
         };
-        match coherence.check() {
-            Ok(()) => Ok(CoherenceChoice(Some(coherence))),
+        match temporal_smoothing.check() {
+            Ok(()) => Ok(TemporalSmoothingChoice(Some(temporal_smoothing))),
             Err(error) => Err(error.to_string()),
         }
     }
@@ -441,7 +442,7 @@ pub struct ReadingArguments {
     /// Animation of a .glb or .gltf, by its name; usually the first.
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,
-    /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
+    /// JointMapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
     #[arg(long, value_name = "MAPPING")]
     pub names: Option<PathBuf>,
     /// Format of standard input, where the file is -; usually told by its first bytes.
@@ -695,7 +696,7 @@ pub struct Eval {
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["laban", "embedding", "prompt", "raw", "classifier", "noise"])]
     pub methods: Vec<Method>,
     /// What is varied; --studies without a name leaves all out.
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "front", "presets", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "pareto-front", "presets", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
     /// On what motions are measured.
     #[arg(long, value_enum, default_value = "rig")]
@@ -748,8 +749,8 @@ pub struct Train {
     #[arg(long, value_parser = minutes)]
     pub minutes: Option<f64>,
     /// Stop after so many minutes, with a checkpoint; the same command goes on later.
-    #[arg(long, value_name = "MINUTES", value_parser = minutes)]
-    pub sitting: Option<f64>,
+    #[arg(long, alias = "sitting", value_name = "MINUTES", value_parser = minutes)]
+    pub time_limit: Option<f64>,
     /// Begin with the weights of a model, a folder or embedded, instead of fresh ones; its sizes, tokenizer and statistics are kept,
     /// and its licence where none is given.
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["evaluator", "tokenizer"])]

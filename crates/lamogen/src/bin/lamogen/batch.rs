@@ -206,7 +206,7 @@ impl Work<'_> {
             "steps": pass.steps,
             "emphasis": pass.emphasis,
             "body": pass.body.map(|body| body.name()),
-            "coherence": self.source.coherence_frames(),
+            "temporal_smoothing": self.source.temporal_smoothing_frames(),
             "text_scale": self.source.model.text_scale(),
             "stand_in": self.source.model.stand_in(&item.line.prompt),
             "formats": formats.collect::<Vec<_>>(),

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use indicatif::ProgressBar;
 use lamogen::Motion;
-use lamogen::body::{Fit, FitInput, ground};
+use lamogen::body::{FitInput, FitOptions, ground};
 use lamogen::motion::RestPose;
 use serde_json::json;
 
@@ -49,7 +49,7 @@ fn clean_feet(motion: &Motion, bar: &ProgressBar) -> Result<Motion, Failure> {
         body: &RestPose::of(motion),
         ground: ground(motion),
     };
-    let mut fitted = Fit::default().run(&[input], None, &mut |progress| {
+    let mut fitted = FitOptions::default().run(&[input], None, &mut |progress| {
         bar.set_length(progress.total as u64);
         bar.set_position(progress.done as u64);
         ControlFlow::Continue(())

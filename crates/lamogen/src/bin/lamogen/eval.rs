@@ -27,7 +27,7 @@ use lamogen::Preset;
 use lamogen::motion::remove_stale_temporaries;
 use lamogen::motion::write_atomically;
 use lamogen_data::{Checksum, Entry, LoadOptions};
-use lamogen_eval::{Embeddings, Judge};
+use lamogen_eval::{Embeddings, Evaluator};
 use serde_json::{Value, json};
 
 use crate::arguments::Eval;
@@ -53,15 +53,15 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
     remove_stale_temporaries(&options.out);
     let device = device(options.source.device)?;
     let source = Source::open(&options.source, console)?;
-    let judge = Judge::load(&options.evaluator, &device).map_err(|error| {
+    let evaluator = Evaluator::load(&options.evaluator, &device).map_err(|error| {
         Failure::new(Code::Input, error)
             .hint("lamogen train --evaluator makes one: its folder is best")
     })?;
-    let (prompts, real) = prompts(options, &source, &judge, console)?;
+    let (prompts, real) = prompts(options, &source, &evaluator, console)?;
     let plan = Plan::new(options, source.model.preset(), prompts.len());
     let work = Work {
         source: &source,
-        judge: &judge,
+        evaluator: &evaluator,
         prompts: &prompts,
         device: &device,
         measure: options.measure,
@@ -131,7 +131,7 @@ fn texts(work: &Work<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
     let of_repeat = |repeat| {
         let captions = work.prompts.iter().map(|prompt| prompt.caption(repeat));
         let captions: Vec<&str> = captions.collect();
-        work.judge.texts(&captions)
+        work.evaluator.texts(&captions)
     };
     let texts = (0..repeats).map(of_repeat).collect::<Result<_, _>>();
     texts.map_err(|error| Failure::new(Code::Input, error))
@@ -141,14 +141,14 @@ fn texts(work: &Work<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
 fn prompts(
     options: &Eval,
     source: &Source,
-    judge: &Judge,
+    evaluator: &Evaluator,
     console: &Console,
 ) -> Result<(Vec<Prompt>, Real), Failure> {
     use lamogen::model::Denoiser;
     let network = source.model.network();
     let longest = network
         .max_frames()
-        .min(judge.evaluator().config().max_motion_length);
+        .min(evaluator.network().config().max_motion_length);
     let lengths = network.min_frames()..=longest;
     let limits = LoadOptions {
         min_frames: *lengths.start(),
@@ -189,7 +189,7 @@ fn prompts(
         entries.iter().map(subject).collect();
     let (features, bodies) = subjects.map_err(|error| Failure::new(Code::Input, error))?;
     let real = Real {
-        points: judge.motions(&features).map_err(unjudged)?,
+        points: evaluator.motions(&features).map_err(unjudged)?,
         bodies,
     };
     let prompts = entries.iter().map(|entry| Prompt {
@@ -304,8 +304,8 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
     } = plan.basis;
     json!({
         "model": lamogen_train::fingerprint(work.source.model.network()),
-        "evaluator": lamogen_train::fingerprint(work.judge.evaluator()),
-        "coherence": work.source.coherence_frames(),
+        "evaluator": lamogen_train::fingerprint(work.evaluator.network()),
+        "temporal_smoothing": work.source.temporal_smoothing_frames(),
         "text_scale": work.source.model.text_scale(),
         "prompts": work.prompts.len(),
         "data": format!("{:016x}", data.value()),

@@ -150,7 +150,7 @@ pub fn facts(
         "steps": pass.steps.unwrap_or(preset.steps()),
         "emphasis": pass.emphasis,
         "body": pass.body.unwrap_or(BodyName::of(preset.guidance().body)).name(),
-        "coherence": source.coherence_frames(),
+        "temporal_smoothing": source.temporal_smoothing_frames(),
         "text_scale": source.model.text_scale(),
         "cut_tokens": generation.cut_tokens,
         "unseen_words": generation.unseen_words,

@@ -40,7 +40,7 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
 fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let arguments = SourceArguments {
         model: folder.map(Path::to_owned),
-        coherence: None,
+        temporal_smoothing: None,
         text_scale: None,
         device: None,
     };
@@ -61,7 +61,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "config": config,
             "frames": [network.min_frames(), network.max_frames()],
             "steps": steps,
-            "coherence": source.coherence_frames(),
+            "temporal_smoothing": source.temporal_smoothing_frames(),
             "text_scale": source.model.text_scale(),
             "licence": licence,
         });

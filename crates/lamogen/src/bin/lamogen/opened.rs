@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use lamogen::Device;
-use lamogen::files::{Imported, Mapping, ReadOptions, read};
+use lamogen::files::{ImportedMotion, JointMapping, ReadOptions, read};
 use lamogen::motion::placeholder;
 
 use crate::arguments::{ReadingArguments, StreamFormat};
@@ -43,7 +43,7 @@ pub fn open(
     })
 }
 
-fn read_file(path: &Path, reading: &ReadingArguments) -> Result<Imported, Failure> {
+fn read_file(path: &Path, reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
     if let Some(format) = reading.from {
         let message = format!(
             "--from {}: expected standard input (-), found {}",
@@ -57,7 +57,7 @@ fn read_file(path: &Path, reading: &ReadingArguments) -> Result<Imported, Failur
 }
 
 /// Reads what comes in, under the name of a file of its format: as --from says, or as its first bytes tell.
-fn read_standard_input(reading: &ReadingArguments) -> Result<Imported, Failure> {
+fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
     let failed = |reason: &dyn std::fmt::Display| {
         Failure::new(Code::Input, format!("standard input: {reason}"))
     };
@@ -112,14 +112,14 @@ pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> 
     Ok(ReadOptions {
         unit: reading.unit,
         up: reading.up,
-        mapping: reading.names.as_ref().map(Mapping::read).transpose()?,
+        mapping: reading.names.as_ref().map(JointMapping::read).transpose()?,
         animation: reading.animation.clone(),
         frames_per_second: reading.input_fps,
     })
 }
 
 /// What was taken for granted, in a sentence.
-fn assumed(imported: &Imported) -> String {
+fn assumed(imported: &ImportedMotion) -> String {
     let mut parts = Vec::new();
     if let Some(scheme) = imported.scheme {
         parts.push(format!("joints as {scheme}"));

@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use lamogen::motion::{BoneDrift, FootSliding, Turn};
+use lamogen::motion::{BoneDrift, FootSliding, JointTurn};
 use lamogen::{
     COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, PartLaban,
-    Summary,
+    TimeSummary,
 };
 use serde_json::{Map, Value, json};
 
@@ -120,7 +120,7 @@ pub fn measures(shown: &Shown) -> Map<String, Value> {
 /// How fast joints turn, in degrees from one frame to the next.
 fn turning(shown: &Shown) -> Value {
     let turning = shown.turning();
-    let of = |mean: f32, largest: Turn| {
+    let of = |mean: f32, largest: JointTurn| {
         json!({
             "mean_deg": mean,
             "largest_deg": largest.degrees,
@@ -150,8 +150,8 @@ fn turning(shown: &Shown) -> Value {
 
 fn summaries(laban: &LabanSeries) -> Value {
     let (maxima, means) = (
-        laban.summary(Summary::Maximum),
-        laban.summary(Summary::Mean),
+        laban.summary(TimeSummary::Maximum),
+        laban.summary(TimeSummary::Mean),
     );
     by_component(|component| {
         let at = component.index();
@@ -187,8 +187,8 @@ pub fn text(shown: &Shown) -> String {
     let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
     let laban = &shown.laban;
     let (maxima, means) = (
-        laban.summary(Summary::Maximum),
-        laban.summary(Summary::Mean),
+        laban.summary(TimeSummary::Maximum),
+        laban.summary(TimeSummary::Mean),
     );
     let mut text = format!(
         "{:<12} {:>10} {:>10}   {:13} peaks at\n",
@@ -307,8 +307,8 @@ fn compared(
 ) -> String {
     let mut text = String::new();
     for (summary, title) in [
-        (Summary::Maximum, "maximum over time"),
-        (Summary::Mean, "mean over time"),
+        (TimeSummary::Maximum, "maximum over time"),
+        (TimeSummary::Mean, "mean over time"),
     ] {
         let [before, after] = [before, after].map(|laban| laban.summary(summary));
         let target = target.map(|laban| laban.summary(summary));

@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use lamogen::files::Imported;
+use lamogen::files::ImportedMotion;
 use lamogen::motion::{JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
@@ -118,7 +118,7 @@ impl Scene {
     }
 
     /// A motion from a file.
-    pub fn file(path: &Path, imported: Imported, device: &Device) -> Scene {
+    pub fn file(path: &Path, imported: ImportedMotion, device: &Device) -> Scene {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let laban = LabanSeries::of(&imported.motion, &LabanOptions::default(), device);
         let facts = json!({

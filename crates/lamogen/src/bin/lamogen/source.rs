@@ -7,7 +7,7 @@ use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
 use lamogen_data::Checksum;
 
-use crate::arguments::{CoherenceChoice, SourceArguments};
+use crate::arguments::{SourceArguments, TemporalSmoothingChoice};
 use crate::console::Console;
 use crate::failure::{Code, Failure};
 
@@ -45,8 +45,8 @@ impl Source {
                 checksum: OnceCell::new(),
             },
         };
-        if let Some(CoherenceChoice(coherence)) = arguments.coherence {
-            let model = source.model.with_coherence(coherence);
+        if let Some(TemporalSmoothingChoice(temporal_smoothing)) = arguments.temporal_smoothing {
+            let model = source.model.with_temporal_smoothing(temporal_smoothing);
             source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
         }
         if let Some(scale) = arguments.text_scale {
@@ -79,8 +79,8 @@ impl Source {
     }
 
     /// The frames by which predictions are smoothed along time, if they are.
-    pub fn coherence_frames(&self) -> Option<f32> {
-        Some(self.model.coherence()?.frames)
+    pub fn temporal_smoothing_frames(&self) -> Option<f32> {
+        Some(self.model.temporal_smoothing()?.frames)
     }
 }
 

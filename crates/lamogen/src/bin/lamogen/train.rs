@@ -19,12 +19,13 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use lamogen::model::{Tokenizer, learn};
+use lamogen::model::{Tokenizer, train_tokenizer};
 use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Device, Licence};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_train::{
-    CaptionTokens, Ended, Length, Plan, Task, TrainError, TrainingConfigError, other_phrasings,
+    CaptionTokens, RunLength, RunOutcome, RunPlan, TrainError, TrainingConfigError, TrainingTask,
+    other_phrasings,
 };
 use serde_json::{Value, json};
 
@@ -45,14 +46,14 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
 }
 
 /// Trains, or goes on; `look` draws what the network makes.
-fn work<T: Task>(
+fn work<T: TrainingTask>(
     (task, motions): (&T, usize),
     identity: &Value,
     device: &Device,
     look: impl FnMut(u64, &T::Network) -> Result<(), Failure>,
     options: &Train,
     console: &Console,
-) -> Result<Ended, Failure> {
+) -> Result<RunOutcome, Failure> {
     let out = &options.out;
     remove_stale_temporaries(&options.out);
     console.notice(format!(
@@ -79,12 +80,12 @@ fn metadata(options: &Train, others: Option<&Licence>) -> HashMap<String, String
         .collect()
 }
 
-fn plan(options: &Train) -> Plan {
+fn plan(options: &Train) -> RunPlan {
     let minutes = |minutes: f64| Duration::from_secs_f64(60.0 * minutes);
-    Plan {
+    RunPlan {
         length: match (options.steps, options.minutes) {
-            (Some(steps), _) => Length::Steps(steps),
-            (None, time) => Length::Time(minutes(time.expect("clap asks for one of them"))),
+            (Some(steps), _) => RunLength::Steps(steps),
+            (None, time) => RunLength::Time(minutes(time.expect("clap asks for one of them"))),
         },
         validate_every: options.validate_every,
         checkpoint_every: minutes(options.checkpoint_minutes),
@@ -148,7 +149,7 @@ fn tokens(
             let others: Vec<String> = others.collect();
             let others = others.iter().map(String::as_str);
             let texts = captions.into_iter().chain(others).chain(sentences.lines());
-            let learned = learn(texts, size);
+            let learned = train_tokenizer(texts, size);
             let learned = learned.map_err(|error| Failure::new(Code::Usage, error))?;
             Some((learned, PathBuf::from("the learned tokenizer")))
         }
@@ -174,7 +175,7 @@ fn tokens(
 /// Says how a run ended; `hint` is what to do with its model, `measured` what is known of it beside losses.
 fn ended(
     options: &Train,
-    ended: &Ended,
+    ended: &RunOutcome,
     hint: &str,
     measured: &[Value],
     console: &Console,

@@ -12,7 +12,8 @@ use clap::ValueEnum;
 use lamogen::guide::edited_prompt;
 use lamogen::laban::{Gaussian, Smoothing};
 use lamogen::{
-    Body, COMPONENTS, Component, Divisor, Finish, Guidance, Preset, Request, Scale, Tag, Update,
+    Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, Request, Scale, Tag,
+    UpdateTiming,
 };
 use lamogen_data::Checksum;
 
@@ -231,7 +232,7 @@ pub enum Study {
     /// Updates a step: 1, 2, 4.
     Updates,
     /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
-    Front,
+    ParetoFront,
     /// Updates of the finished motion, after guidance and without it.
     Finish,
     /// What the loss divides by.
@@ -251,7 +252,7 @@ impl Study {
             Study::Update => "Immediate and lagged updates",
             Study::Updates => "Updates a step",
             Study::Finish => "Updates of the finished motion",
-            Study::Front => "Exactness against selectivity",
+            Study::ParetoFront => "Exactness against selectivity",
             Study::Divisor => "What the loss divides by",
             Study::Smoothing => "Smoothing",
         }
@@ -261,7 +262,7 @@ impl Study {
 /// The factors of [`Study::Interpolation`].
 pub const INTERPOLATION: [f32; 5] = [0.5, 0.8, 1.0, 1.2, 1.5];
 
-/// How much the asked component counts in [`Study::Front`].
+/// How much the asked component counts in [`Study::ParetoFront`].
 const FRONT: [f32; 3] = [1.0, 3.0, 10.0];
 
 /// How everything is generated that a setting does not change.
@@ -349,8 +350,8 @@ impl Basis {
                 .map(|rate| {
                     vary(format!("learning rate {rate}"), &|setting| {
                         // Where it rises, it rises as much.
-                        let last = usual.last_learning_rate;
-                        setting.guidance.last_learning_rate =
+                        let last = usual.final_learning_rate;
+                        setting.guidance.final_learning_rate =
                             last.map(|last| last / usual.learning_rate * rate);
                         setting.guidance.learning_rate = rate;
                     })
@@ -368,7 +369,7 @@ impl Basis {
                 .into(),
             Study::Rise => {
                 let low = usual.learning_rate;
-                let high = usual.last_learning_rate.unwrap_or(4.0 * low);
+                let high = usual.final_learning_rate.unwrap_or(4.0 * low);
                 let rows = [
                     (format!("{low} all the time"), low, None),
                     (format!("{high} all the time"), high, None),
@@ -378,7 +379,7 @@ impl Basis {
                 rows.map(|(name, first, last)| {
                     vary(format!("learning rate {name}"), &|setting| {
                         setting.guidance.learning_rate = first;
-                        setting.guidance.last_learning_rate = last;
+                        setting.guidance.final_learning_rate = last;
                     })
                 })
                 .into()
@@ -386,11 +387,12 @@ impl Basis {
             Study::Steps => [10, 20, 50, 100, 200, 1000]
                 .map(|steps| vary(format!("{steps} steps"), &|setting| setting.steps = steps))
                 .into(),
-            Study::Update => [("immediate", Update::Immediate), ("lagged", Update::Lagged)]
-                .map(|(name, update)| {
-                    vary(name.into(), &|setting| setting.guidance.update = update)
-                })
-                .into(),
+            Study::Update => [
+                ("immediate", UpdateTiming::Immediate),
+                ("lagged", UpdateTiming::Lagged),
+            ]
+            .map(|(name, update)| vary(name.into(), &|setting| setting.guidance.update = update))
+            .into(),
             Study::Updates => [1, 2, 4]
                 .map(|updates| {
                     vary(format!("{updates} a step"), &|setting| {
@@ -398,7 +400,7 @@ impl Basis {
                     })
                 })
                 .into(),
-            Study::Front => {
+            Study::ParetoFront => {
                 // What is moved of the network is compared on its own motions, and with the body beside them.
                 let on_the_network = |guidance| Guidance {
                     body: Body::Network,
@@ -467,8 +469,8 @@ impl Basis {
             }
             Study::Divisor => {
                 let divisors = [
-                    ("by each frame", Divisor::Frame),
-                    ("by the mean over time", Divisor::Mean),
+                    ("by each frame", LossDivisor::Frame),
+                    ("by the mean over time", LossDivisor::Mean),
                 ];
                 let guided = divisors.map(|(name, divisor)| {
                     vary(name.into(), &|setting| {

@@ -127,13 +127,13 @@ impl Report {
                 "{repeats} motions of each, from {repeats} seeds; ± is the 95 % interval over these (in the table of control the deviation over motions)"
             ),
         };
-        let coherence = match work.source.coherence_frames() {
+        let temporal_smoothing = match work.source.temporal_smoothing_frames() {
             Some(1.0) => "predictions smoothed by a Gaussian of one frame".into(),
             Some(frames) => format!("predictions smoothed by a Gaussian of {frames} frames"),
             None => "predictions as they are".into(),
         };
         let mut text = format!(
-            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {coherence}. {} Laban features are compared by their maximum over time, as in the paper. \
+            "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {temporal_smoothing}. {} Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
             plan.basis.preset.name(),
             plan.basis.steps(),

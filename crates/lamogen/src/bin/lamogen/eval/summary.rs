@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use lamogen::{COMPONENTS, Component, Tag};
 use lamogen_eval::{
-    Batches, ChangeMatrix, Embeddings, Estimate, Extremes, MatchingScore, MetricError, diversity,
-    fid, mean_distance,
+    ChangeMatrix, ControlExtremes, Embeddings, Estimate, MatchingScore, MetricError,
+    RetrievalBatches, diversity, fid, mean_distance,
 };
 use serde::{Serialize, Serializer};
 
@@ -336,7 +336,8 @@ impl Evidence<'_> {
         let captions: Vec<&str> = captions.collect();
         let mut draws = Vec::new();
         for draw in 0..DRAWS {
-            let Batches { batches, .. } = Batches::distinct(&captions, Batches::SIZE, draw);
+            let RetrievalBatches { batches, .. } =
+                RetrievalBatches::distinct(&captions, RetrievalBatches::SIZE, draw);
             if batches.is_empty() {
                 break;
             }
@@ -434,12 +435,12 @@ fn control(
         made.map(|m| ((m.prompt, m.repeat), features(m.measured)))
             .collect::<HashMap<_, _>>()
     };
-    let mut rows: Vec<Vec<Extremes>> = Vec::new();
+    let mut rows: Vec<Vec<ControlExtremes>> = Vec::new();
     for pair in Tag::ALL.chunks_exact(2) {
         let (small, large) = (with(pair[0]), with(pair[1]));
         let mut both: Vec<_> = small.keys().filter(|key| large.contains_key(key)).collect();
         both.sort_unstable();
-        let extremes = both.into_iter().map(|key| Extremes {
+        let extremes = both.into_iter().map(|key| ControlExtremes {
             small: small[key],
             large: large[key],
         });

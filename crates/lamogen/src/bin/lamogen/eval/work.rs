@@ -1,8 +1,8 @@
 //! From cells of the plan to records.
 
 use lamogen::laban::LabanOptions;
-use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, Summary};
-use lamogen_eval::{Embeddings, Judge};
+use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
+use lamogen_eval::{Embeddings, Evaluator};
 
 use super::measure::Measure;
 use super::plan::{Cell, Demand, Prompt};
@@ -14,7 +14,7 @@ use crate::source::Source;
 /// All that makes and measures motions.
 pub struct Work<'a> {
     pub source: &'a Source,
-    pub judge: &'a Judge,
+    pub evaluator: &'a Evaluator,
     pub prompts: &'a [Prompt],
     pub device: &'a Device,
     /// On what they are measured.
@@ -101,13 +101,13 @@ impl Work<'_> {
         // By the same ruler, whatever the guidance measured with.
         let [of_motion, of_baseline] = [&motion, &baseline]
             .map(|subject| LabanSeries::of(&subject.motion, &LabanOptions::default(), self.device));
-        let points = self.judge.motions(&[motion.features()]);
+        let points = self.evaluator.motions(&[motion.features()]);
         let points = points.map_err(|error| error.to_string())?;
         let measured = Measured {
-            maximum: wide(of_motion.summary(Summary::Maximum)),
-            mean: wide(of_motion.summary(Summary::Mean)),
-            baseline_maximum: wide(of_baseline.summary(Summary::Maximum)),
-            baseline_mean: wide(of_baseline.summary(Summary::Mean)),
+            maximum: wide(of_motion.summary(TimeSummary::Maximum)),
+            mean: wide(of_motion.summary(TimeSummary::Mean)),
+            baseline_maximum: wide(of_baseline.summary(TimeSummary::Maximum)),
+            baseline_mean: wide(of_baseline.summary(TimeSummary::Mean)),
             distance: motion.motion.distance(&baseline.motion).into(),
             body: motion.body(),
             point: points.row(0).to_vec(),

@@ -7,7 +7,7 @@ use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
 use lamogen_train::{
-    CaptionTokens, Denoising, Sentences, Task, TrainingConfig, fingerprint, identity,
+    CaptionTokens, DenoisingTask, Sentences, TrainingConfig, TrainingTask, fingerprint, identity,
 };
 use lamogen_view::{Row, save, strip};
 
@@ -54,7 +54,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let tokens = tokens(tokenizer, vocabulary, &dataset, phrasings, &texts, console)?;
     let sentences = sentences(options, &config, &tokens)?;
     let licence = start.as_ref().and_then(|start| start.model.licence());
-    let mut task = Denoising::new(&dataset, &tokens, &config, &device)?
+    let mut task = DenoisingTask::new(&dataset, &tokens, &config, &device)?
         .with_metadata(metadata(options, licence));
     if let Some(sentences) = &sentences {
         task = task.with_sentences(sentences);

@@ -1,8 +1,8 @@
 //! Training an evaluator.
 
 use lamogen_data::{LoadOptions, Split};
-use lamogen_eval::{CaptionedMotions, Estimate, Judge, TextForm, real_motions};
-use lamogen_train::{EvaluatorTrainingConfig, Matching, captioned, identity};
+use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, TextForm, real_motions};
+use lamogen_train::{EvaluatorTrainingConfig, MatchingTask, captioned, identity};
 use serde_json::json;
 
 use super::{Vocabulary, ended, metadata, open, read, tokens, work};
@@ -39,7 +39,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let tokenizer = options.tokenizer.as_deref().map(read).transpose()?;
     let tokens = tokens(tokenizer, vocabulary, &dataset, 0, "", console)?;
     let failed = |error| Failure::new(Code::Input, error);
-    let task = Matching::new(&dataset, &tokens, &config, &device).map_err(failed)?;
+    let task = MatchingTask::new(&dataset, &tokens, &config, &device).map_err(failed)?;
     let task = task.with_metadata(metadata(options, None));
     let identity = identity("evaluator", &config, &dataset, &tokens);
     let counted = (&task, task.motions());
@@ -47,11 +47,11 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     let mut measured = Vec::new();
     let folder = options.out.join("best");
     if result.finished && folder.exists() {
-        let judge =
-            Judge::load(&folder, &device).map_err(|error| Failure::new(Code::Input, error))?;
+        let evaluator =
+            Evaluator::load(&folder, &device).map_err(|error| Failure::new(Code::Input, error))?;
         for split in [Split::Validation, Split::Test] {
-            let motions = captioned(&dataset, split, judge.evaluator().config());
-            let motions = CaptionedMotions::embed(&judge, motions);
+            let motions = captioned(&dataset, split, evaluator.network().config());
+            let motions = CaptionedMotions::embed(&evaluator, motions);
             let motions = motions.map_err(|error| Failure::new(Code::Run, error))?;
             let Ok(found) = real_motions(&motions, REPETITIONS, 0) else {
                 console.notice(format!("{split}: too few motions for batches of 32"));

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use lamogen_train::{LogLine, RunObserver, RunProgress, StepReport, Task};
+use lamogen_train::{LogLine, RunObserver, RunProgress, StepReport, TrainingTask};
 use lamogen_view::{LossCurve, losses, save};
 
 use crate::arguments::Train;
@@ -19,10 +19,10 @@ use crate::signals;
 const POINTS: usize = 300;
 
 /// Draws what a network makes after so many steps.
-pub type Look<'a, T> = dyn FnMut(u64, &<T as Task>::Network) -> Result<(), Failure> + 'a;
+pub type Look<'a, T> = dyn FnMut(u64, &<T as TrainingTask>::Network) -> Result<(), Failure> + 'a;
 
 /// A bar, a line at every measurement, a plot of the losses, pictures; and when to stop.
-pub struct Watch<'a, T: Task> {
+pub struct Watch<'a, T: TrainingTask> {
     options: &'a Train,
     console: &'a Console,
     bar: ProgressBar,
@@ -34,7 +34,7 @@ pub struct Watch<'a, T: Task> {
     failed: Option<Failure>,
 }
 
-impl<'a, T: Task> Watch<'a, T> {
+impl<'a, T: TrainingTask> Watch<'a, T> {
     pub fn new(
         options: &'a Train,
         console: &'a Console,
@@ -69,7 +69,7 @@ impl<'a, T: Task> Watch<'a, T> {
     }
 }
 
-impl<T: Task> RunObserver<T> for Watch<'_, T> {
+impl<T: TrainingTask> RunObserver<T> for Watch<'_, T> {
     fn step(&mut self, report: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
         let loss = match self.loss {
             Some(loss) => 0.98 * loss + 0.02 * report.loss,
@@ -84,8 +84,8 @@ impl<T: Task> RunObserver<T> for Watch<'_, T> {
         let minutes = self.start.elapsed().as_secs_f64() / 60.0;
         let over = self
             .options
-            .sitting
-            .is_some_and(|sitting| minutes > sitting);
+            .time_limit
+            .is_some_and(|time_limit| minutes > time_limit);
         match over || self.stopped.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

@@ -16,7 +16,7 @@ fn note(study: Study, basis: &Basis) -> Option<String> {
         Study::Interpolation => return None,
         Study::LearningRate => {
             let guidance = basis.preset.guidance();
-            let times = guidance.last_learning_rate? / guidance.learning_rate;
+            let times = guidance.final_learning_rate? / guidance.learning_rate;
             return Some(format!(
                 "The rate of the first step; it goes to {times} times that over the steps, as in the preset."
             ));
@@ -31,7 +31,7 @@ fn note(study: Study, basis: &Basis) -> Option<String> {
                  relative to each frame."
             ));
         }
-        Study::Front => {
+        Study::ParetoFront => {
             "What is moved: the embedding, the scales and shifts that it becomes in every layer (modulation), these and then the finished motion (with a finish), or what the \
              rivals move, with their numbers of the tables above. Emphasis is how much the component that is asked for counts in the loss beside the others, here the \
              same for all four."
@@ -140,7 +140,7 @@ impl Report {
             ],
             table,
         ));
-        if study == Study::Front {
+        if study == Study::ParetoFront {
             self.front(rows, measured)?;
         }
         let axis = match study {
@@ -215,7 +215,7 @@ impl Report {
         ];
         let lines = lines.into_iter().filter(|line| !line.points.is_empty());
         let lines: Vec<Line<'_>> = lines.collect();
-        let title = Study::Front.title();
+        let title = Study::ParetoFront.title();
         let svg = plot(title, axes, &lines)?;
         let caption = "Diagonality over the distance from what was asked; each line goes from little emphasis on the right to much on the left";
         self.blocks.push(Block::picture(title, caption, svg));

@@ -27,7 +27,7 @@ const LEAST: usize = 256 + 3;
 /// # Errors
 ///
 /// If the vocabulary has no room for all bytes.
-pub fn learn<'a>(
+pub fn train_tokenizer<'a>(
     texts: impl Iterator<Item = &'a str> + Send,
     vocab_size: usize,
 ) -> Result<Vec<u8>, TokenizerError> {
@@ -95,10 +95,10 @@ mod tests {
 
     #[test]
     fn what_is_learned_is_a_tokenizer_that_knows_its_words() {
-        let json = learn(TEXTS.into_iter(), 300).unwrap();
+        let json = train_tokenizer(TEXTS.into_iter(), 300).unwrap();
         assert_eq!(
             json,
-            learn(TEXTS.into_iter(), 300).unwrap(),
+            train_tokenizer(TEXTS.into_iter(), 300).unwrap(),
             "the same texts give the same"
         );
         let tokenizer = Tokenizer::from_json(&json, "learned", 300, 16).unwrap();
@@ -113,7 +113,9 @@ mod tests {
 
     #[test]
     fn a_vocabulary_without_room_for_all_bytes_is_refused() {
-        let message = learn(TEXTS.into_iter(), 100).unwrap_err().to_string();
+        let message = train_tokenizer(TEXTS.into_iter(), 100)
+            .unwrap_err()
+            .to_string();
         assert!(
             message.contains("259") && message.contains("100"),
             "{message}"

@@ -5,7 +5,7 @@ mod toy;
 
 use batches::batch;
 use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{ClassifierFree, Guidance, GuideError, Moved, Sampler};
+use lamogen_guide::{ClassifierFree, Guidance, GuidanceVariable, GuideError, Sampler};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
@@ -85,7 +85,7 @@ fn a_network_that_cannot_be_told_features_says_so() {
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
     let goals: Goals = Scale::new([2.0, 1.0, 1.0, 1.0]).unwrap().into();
     let guidance = Guidance {
-        moved: Moved::Nothing,
+        variable: GuidanceVariable::Nothing,
         laban_condition: true,
         ..Guidance::fast()
     };

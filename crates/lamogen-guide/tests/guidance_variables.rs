@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use batches::batch;
 use burn::tensor::{Device, Tensor};
 use lamogen_guide::{
-    Batch, Body, Finish, Guidance, GuideError, Guided, Moved, Observer, Sampler, Step,
+    Batch, Body, Finish, Guidance, GuidanceVariable, GuideError, Guided, Observer, Sampler, Step,
 };
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
@@ -94,21 +94,21 @@ const FINISH: Finish = Finish {
 
 fn ways() -> [Guidance; 5] {
     let few = |moved| Guidance {
-        moved,
+        variable: moved,
         emphasis: [100.0; 4],
         ..Guidance::fast()
     };
     [
-        few(Moved::Embedding),
-        few(Moved::Modulation),
+        few(GuidanceVariable::Embedding),
+        few(GuidanceVariable::Modulation),
         Guidance {
             updates_per_step: 3,
             // A factor on the gradient, not the length of a step.
             learning_rate: 2e-4,
-            ..few(Moved::Prediction)
+            ..few(GuidanceVariable::Prediction)
         },
-        few(Moved::Motion { iterations: 15 }),
-        few(Moved::Noise { iterations: 30 }),
+        few(GuidanceVariable::Motion { iterations: 15 }),
+        few(GuidanceVariable::Noise { iterations: 30 }),
     ]
 }
 
@@ -119,11 +119,14 @@ fn whatever_is_moved_the_motion_nears_the_target() {
         let mut steps = 0;
         let mut watch = |step: &Step<'_>| {
             assert_eq!((step.index, step.steps), (steps, guidance.steps(10)));
-            let told = matches!(guidance.moved, Moved::Embedding | Moved::Modulation);
+            let told = matches!(
+                guidance.variable,
+                GuidanceVariable::Embedding | GuidanceVariable::Modulation
+            );
             assert_eq!(step.gradient.is_some(), told);
-            let is_moved = guidance.moved == Moved::Embedding;
+            let is_moved = guidance.variable == GuidanceVariable::Embedding;
             let size: f32 = step.embedding.clone().into_scalar();
-            assert_eq!(size != 1.0, is_moved, "{:?}", guidance.moved);
+            assert_eq!(size != 1.0, is_moved, "{:?}", guidance.variable);
             steps += 1;
             ControlFlow::Continue(())
         };
@@ -135,8 +138,8 @@ fn whatever_is_moved_the_motion_nears_the_target() {
             (found - asked).abs().into_scalar()
         };
         let [before, after] = [&guided.whole.baseline, &guided.whole.guided].map(distance);
-        println!("{:?}: {before} to {after}", guidance.moved);
-        assert!(after < 0.7 * before, "{:?}", guidance.moved);
+        println!("{:?}: {before} to {after}", guidance.variable);
+        assert!(after < 0.7 * before, "{:?}", guidance.variable);
     }
 }
 
@@ -178,11 +181,11 @@ fn a_finish_goes_on_where_the_steps_end() {
         assert!(!same(&finished.motion, &plain.motion));
         assert_eq!(embeddings[steps - 1], embeddings[steps + 11]);
         let [first, last] = [steps, steps + 11].map(|step| finished.loss[step][0]);
-        println!("{:?}: {first} to {last}", guidance.moved);
+        println!("{:?}: {first} to {last}", guidance.variable);
         assert!(
             last < 0.9 * first,
             "{:?}: {first} to {last}",
-            guidance.moved
+            guidance.variable
         );
     }
 }
@@ -198,7 +201,7 @@ fn where_nothing_moves_it_is_the_baseline() {
         let guided = scene.guided(&guidance, &mut ()).unwrap();
         let difference = (guided.motion - scene.baseline.clone()).abs().max();
         let difference: f32 = difference.into_scalar();
-        assert!(difference < 1e-5, "{:?}: {difference}", guidance.moved);
+        assert!(difference < 1e-5, "{:?}: {difference}", guidance.variable);
     }
 }
 
@@ -219,7 +222,7 @@ fn a_batch_gives_the_motions_of_single_calls() {
             guided.unwrap().motion.narrow(0, 0, 1).narrow(1, 0, 30)
         };
         let difference: f32 = (motion(&alone) - motion(&padded)).abs().max().into_scalar();
-        assert!(difference < 1e-3, "{:?}: {difference}", guidance.moved);
+        assert!(difference < 1e-3, "{:?}: {difference}", guidance.variable);
     }
 }
 
@@ -269,11 +272,11 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
         (4, 100, 5)
     );
     for moved in [
-        Moved::Motion { iterations: 0 },
-        Moved::Noise { iterations: 0 },
+        GuidanceVariable::Motion { iterations: 0 },
+        GuidanceVariable::Noise { iterations: 0 },
     ] {
         let guidance = Guidance {
-            moved,
+            variable: moved,
             ..Guidance::fast()
         };
         let result = scene.guided(&guidance, &mut ());

@@ -13,24 +13,24 @@ use crate::error::GuideError;
 ///
 /// This is not part of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coherence {
+pub struct TemporalSmoothing {
     /// Standard deviation of the Gaussian, in frames.
     pub frames: f32,
     /// The last timestep that is smoothed; smaller ones are not.
     pub until: usize,
 }
 
-impl Default for Coherence {
+impl Default for TemporalSmoothing {
     /// One frame, at all timesteps but the last ones: what is best for the embedded model.
     fn default() -> Self {
-        Coherence {
+        TemporalSmoothing {
             frames: 1.0,
             until: 20,
         }
     }
 }
 
-impl Coherence {
+impl TemporalSmoothing {
     /// Whether the numbers make sense.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl Coherence {
     pub fn check(&self) -> Result<(), GuideError> {
         match (0.01..=100.0).contains(&self.frames) {
             true => Ok(()),
-            false => Err(GuideError::Coherence { found: self.frames }),
+            false => Err(GuideError::TemporalSmoothing { found: self.frames }),
         }
     }
 

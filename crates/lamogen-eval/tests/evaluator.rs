@@ -1,14 +1,14 @@
-//! A judge: its folder, its points, and what it makes of captioned motions.
+//! An evaluator: its folder, its points, and what it makes of captioned motions.
 
 use std::collections::HashMap;
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_eval::{
-    CaptionedMotions, Embeddings, Evaluator, EvaluatorConfig, Judge, JudgeError, MetricError,
-    TextBatch, TextForm, real_motions,
+    CaptionedMotions, Embeddings, Evaluator, EvaluatorConfig, EvaluatorError, EvaluatorNetwork,
+    MetricError, TextBatch, TextForm, real_motions,
 };
-use lamogen_model::{Precision, learn};
+use lamogen_model::{Precision, train_tokenizer};
 
 const FEATURES: usize = 12;
 
@@ -31,15 +31,15 @@ fn config() -> EvaluatorConfig {
 
 fn tokenizer() -> Vec<u8> {
     let texts = ["a man walks", "a man walks on and on", "she jumps"];
-    learn(texts.into_iter(), 280).unwrap()
+    train_tokenizer(texts.into_iter(), 280).unwrap()
 }
 
-fn judge() -> Judge {
+fn evaluator() -> Evaluator {
     let device = Device::flex();
-    let evaluator = Evaluator::initial(&config(), 3, &device);
+    let evaluator = EvaluatorNetwork::initial(&config(), 3, &device);
     let mean: Vec<f32> = (0..FEATURES).map(|i| i as f32 * 0.1).collect();
     let std: Vec<f32> = (0..FEATURES).map(|i| 0.5 + i as f32 * 0.1).collect();
-    Judge::new(evaluator, Some(&tokenizer()), [&mean, &std], &device).unwrap()
+    Evaluator::new(evaluator, Some(&tokenizer()), [&mean, &std], &device).unwrap()
 }
 
 fn motion(frames: usize) -> Vec<f32> {
@@ -59,21 +59,21 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn points_are_the_networks_in_the_order_asked_for() {
-    let judge = judge();
+    let evaluator = evaluator();
     let texts = ["a man walks on and on and on", "jumps", "a man walks"];
-    let points = judge.texts(&texts).unwrap();
+    let points = evaluator.texts(&texts).unwrap();
     // More than go through the network at once, and not sorted by length; the last three frames of some do not count.
     let lengths: Vec<usize> = (0..70).map(|i| 4 + i * 7 % 40).collect();
     let motions: Vec<Vec<f32>> = lengths.iter().map(|&frames| motion(frames)).collect();
-    let moving = judge.motions(&motions).unwrap();
+    let moving = evaluator.motions(&motions).unwrap();
     assert_eq!((points.len(), moving.len(), moving.width()), (3, 70, 8));
 
     let device = Device::flex();
     let row = |tensor: Tensor<2>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
     for (place, text) in texts.iter().enumerate() {
-        let tokens = judge.tokenizer().encode(text).unwrap();
+        let tokens = evaluator.tokenizer().encode(text).unwrap();
         let alone = TextBatch::tokens(&[tokens], &device);
-        let alone = row(judge.evaluator().embed_text(&alone));
+        let alone = row(evaluator.network().embed_text(&alone));
         assert!(apart(points.row(place), &alone) < 1e-4);
     }
     for (place, (&frames, motion)) in lengths.iter().zip(&motions).enumerate() {
@@ -89,38 +89,41 @@ fn points_are_the_networks_in_the_order_asked_for() {
         let frames = frames.min(40);
         let features = Tensor::<3>::from_data(TensorData::new(normalised, shape), &device);
         let features = features.narrow(1, 0, frames);
-        let alone = row(judge.evaluator().embed_motion(features, &[frames], None));
+        let alone = row(evaluator.network().embed_motion(features, &[frames], None));
         assert!(apart(moving.row(place), &alone) < 1e-4, "{frames} frames");
     }
-    assert!(judge.texts(&[""; 0]).unwrap().is_empty());
+    assert!(evaluator.texts(&[""; 0]).unwrap().is_empty());
 }
 
 #[test]
 fn a_folder_is_the_judge() {
-    let judge = judge();
+    let evaluator = evaluator();
     let folder = tempfile::tempdir().unwrap();
     let save = |precision| {
-        judge
+        evaluator
             .save(folder.path(), precision, HashMap::new())
             .unwrap()
     };
     save(Precision::F32);
-    let loaded = Judge::load(folder.path(), &Device::flex()).unwrap();
+    let loaded = Evaluator::load(folder.path(), &Device::flex()).unwrap();
     // Weights from a file lie the other way round in memory, and products sum in another order.
     let same = |found: Embeddings, expected: Embeddings| {
         assert_eq!(found.len(), 2);
         assert!((0..2).all(|row| apart(found.row(row), expected.row(row)) < 1e-5));
     };
     let texts = ["she jumps", "a man walks"];
-    same(loaded.texts(&texts).unwrap(), judge.texts(&texts).unwrap());
+    same(
+        loaded.texts(&texts).unwrap(),
+        evaluator.texts(&texts).unwrap(),
+    );
     let motions = [motion(20), motion(31)];
     same(
         loaded.motions(&motions).unwrap(),
-        judge.motions(&motions).unwrap(),
+        evaluator.motions(&motions).unwrap(),
     );
 
     let error = || {
-        Judge::load(folder.path(), &Device::flex())
+        Evaluator::load(folder.path(), &Device::flex())
             .unwrap_err()
             .to_string()
     };
@@ -148,10 +151,10 @@ fn a_folder_is_the_judge() {
 
 #[test]
 fn what_a_judge_cannot_read_is_named() {
-    let (judge, device) = (judge(), Device::flex());
+    let (evaluator, device) = (evaluator(), Device::flex());
     let refused = |numbers: usize| {
         let motions = [motion(8), vec![0.0; numbers]];
-        judge.motions(&motions).unwrap_err().to_string()
+        evaluator.motions(&motions).unwrap_err().to_string()
     };
     for numbers in [0, 3 * FEATURES, 8 * FEATURES + 1, 44 * FEATURES] {
         let message = refused(numbers);
@@ -160,18 +163,21 @@ fn what_a_judge_cannot_read_is_named() {
     }
     let mut broken = motion(8);
     broken[FEATURES] = f32::NAN;
-    let error = judge.motions(&[broken]).unwrap_err();
+    let error = evaluator.motions(&[broken]).unwrap_err();
     assert!(
-        matches!(error, JudgeError::Metric(MetricError::NotFinite { row: 0 })),
+        matches!(
+            error,
+            EvaluatorError::Metric(MetricError::NotFinite { row: 0 })
+        ),
         "{error}"
     );
 
     let statistics: [&[f32]; 2] = [&[0.0; 5], &[1.0; 5]];
-    let evaluator = Evaluator::new(&config(), &device);
-    let error = Judge::new(evaluator, Some(&tokenizer()), statistics, &device).unwrap_err();
+    let evaluator = EvaluatorNetwork::new(&config(), &device);
+    let error = Evaluator::new(evaluator, Some(&tokenizer()), statistics, &device).unwrap_err();
     let five = matches!(
         error,
-        JudgeError::Features {
+        EvaluatorError::Features {
             expected: 12,
             found: 5
         }
@@ -184,9 +190,9 @@ fn what_a_judge_cannot_read_is_named() {
         },
         ..config()
     };
-    let evaluator = Evaluator::new(&words, &device);
-    let error = Judge::new(evaluator, Some(&tokenizer()), statistics, &device).unwrap_err();
-    assert!(matches!(error, JudgeError::Words), "{error}");
+    let evaluator = EvaluatorNetwork::new(&words, &device);
+    let error = Evaluator::new(evaluator, Some(&tokenizer()), statistics, &device).unwrap_err();
+    assert!(matches!(error, EvaluatorError::Words), "{error}");
 }
 
 #[test]
@@ -197,7 +203,7 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
             (captions, motion(4 + i % 37))
         })
     };
-    let captioned = CaptionedMotions::embed(&judge(), motions(600)).unwrap();
+    let captioned = CaptionedMotions::embed(&evaluator(), motions(600)).unwrap();
     assert_eq!(captioned.len(), 600);
     let real = real_motions(&captioned, 20, 5).unwrap();
     // 18 batches of 32 are in 600.
@@ -214,7 +220,7 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
     assert_eq!(real, real_motions(&captioned, 20, 5).unwrap());
     assert_ne!(real, real_motions(&captioned, 20, 6).unwrap());
 
-    let few = CaptionedMotions::embed(&judge(), motions(31)).unwrap();
+    let few = CaptionedMotions::embed(&evaluator(), motions(31)).unwrap();
     let error = real_motions(&few, 1, 0).unwrap_err().to_string();
     assert!(
         error.contains("at least 32") && error.contains("found 31"),
@@ -244,14 +250,14 @@ fn weights_at_the_start_are_the_public_codes_and_a_seeds() {
         dim_text_hidden: 56,
         ..config()
     };
-    let moments = |evaluator: &Evaluator| {
+    let moments = |evaluator: &EvaluatorNetwork| {
         let mut moments = Moments::default();
         evaluator.visit(&mut moments);
         moments.0
     };
     let [drawn, new] = [
-        Evaluator::initial(&wide, 1, &device),
-        Evaluator::new(&wide, &device),
+        EvaluatorNetwork::initial(&wide, 1, &device),
+        EvaluatorNetwork::new(&wide, &device),
     ]
     .map(|evaluator| moments(&evaluator));
     assert_eq!(drawn.len(), new.len());
@@ -269,6 +275,12 @@ fn weights_at_the_start_are_the_public_codes_and_a_seeds() {
             "{place}: {deviation}, {expected}"
         );
     }
-    assert_eq!(drawn, moments(&Evaluator::initial(&wide, 1, &device)));
-    assert_ne!(drawn, moments(&Evaluator::initial(&wide, 2, &device)));
+    assert_eq!(
+        drawn,
+        moments(&EvaluatorNetwork::initial(&wide, 1, &device))
+    );
+    assert_ne!(
+        drawn,
+        moments(&EvaluatorNetwork::initial(&wide, 2, &device))
+    );
 }

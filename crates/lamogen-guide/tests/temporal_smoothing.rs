@@ -5,7 +5,7 @@ mod toy;
 
 use batches::batch;
 use burn::tensor::Tensor;
-use lamogen_guide::{Coherence, Guidance, Sampler};
+use lamogen_guide::{Guidance, Sampler, TemporalSmoothing};
 use lamogen_laban::Scale;
 use lamogen_model::DenoiserInput;
 use toy::{Says, Toy, normalization};
@@ -34,12 +34,12 @@ fn changes(motion: &Tensor<3>) -> usize {
 fn frames_agree_where_predictions_are_smoothed() {
     let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     let batch = batch(&[100], 100);
-    let motion = |coherence| {
+    let motion = |temporal_smoothing| {
         let sampler = Sampler::new(&network, &normalization, 50).unwrap();
-        let sampler = sampler.with_coherence(coherence).unwrap();
+        let sampler = sampler.with_temporal_smoothing(temporal_smoothing).unwrap();
         sampler.baseline(&batch, &mut ()).unwrap()
     };
-    let (alone, together) = (motion(None), motion(Some(Coherence::default())));
+    let (alone, together) = (motion(None), motion(Some(TemporalSmoothing::default())));
     assert!(changes(&alone) > 35, "each for itself: {}", changes(&alone));
     assert!(changes(&together) < 20, "together: {}", changes(&together));
     // The last steps are the network's own: every frame is on one side, and not between.
@@ -51,7 +51,9 @@ fn frames_agree_where_predictions_are_smoothed() {
 fn padding_does_not_leak_in_and_guidance_goes_through() {
     let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-    let sampler = sampler.with_coherence(Some(Coherence::default())).unwrap();
+    let sampler = sampler
+        .with_temporal_smoothing(Some(TemporalSmoothing::default()))
+        .unwrap();
     let alone = sampler.baseline(&batch(&[40], 40), &mut ()).unwrap();
     let mut padded = batch(&[40, 60], 60);
     let first = batch(&[40], 40).noise;
@@ -83,8 +85,8 @@ fn smoothings_that_make_no_sense_are_refused() {
     let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
     for frames in [0.0, 1e-30, -1.0, f32::NAN, 1000.0] {
         let sampler = Sampler::new(&network, &normalization, 10).unwrap();
-        let coherence = Coherence { frames, until: 0 };
-        let Err(error) = sampler.with_coherence(Some(coherence)) else {
+        let temporal_smoothing = TemporalSmoothing { frames, until: 0 };
+        let Err(error) = sampler.with_temporal_smoothing(Some(temporal_smoothing)) else {
             panic!("{frames} was taken");
         };
         assert!(error.to_string().contains("0.01 to 100"), "{error}");
