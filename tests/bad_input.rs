@@ -140,7 +140,7 @@ fn a_target_beyond_all_numbers() {
     let error = model.generate(&request).unwrap_err();
     says(
         &error.to_string(),
-        &["a person jumps", "Laban loss of Shape", "step 1 of 5"],
+        &["a person jumps", "loss of Shape", "step 1 of 5"],
     );
 }
 
@@ -228,7 +228,7 @@ fn a_failure_keeps_what_was_finished_and_says_where_it_was() {
     let error = model.generate_all(&requests).unwrap_err();
     says(
         &error.to_string(),
-        &["request 2 of 3", "a person bows", "Laban loss of Time"],
+        &["request 2 of 3", "a person bows", "loss of Time"],
     );
     let Error::Failed(failed) = error else {
         panic!("{error}");

@@ -1,8 +1,12 @@
-//! Goals beyond tags: parts of the body, values, and other motions.
+//! Goals beyond tags: parts of the body, values, other motions, and terms of one's own.
 
+use std::sync::Arc;
+
+use lamogen::files::{ReadOptions, WriteOptions, read, write};
 use lamogen::{
-    BodyPart, Component, Device, EndEffectors, Factor, Generation, Goal, Goals, Guidance, LaMoGen,
-    LabanOptions, LabanSeries, Motion, PartScale, Request, RequestError, Tag, TimeSummary,
+    BodyPart, Component, Device, EndEffectors, Factor, Generation, Goal, Goals, Guidance, Joint,
+    LaMoGen, LabanOptions, LabanSeries, LossTarget, LossTerm, Motion, PartScale, Request,
+    RequestError, Tag, Tensor, TimeSummary,
 };
 
 fn model() -> LaMoGen {
@@ -181,4 +185,74 @@ fn goals_that_make_no_sense_are_refused_before_anything_runs() {
     let series = LabanSeries::of(&still, &LabanOptions::default(), &Device::flex());
     // To be as still as a stone is a goal as good as any.
     assert!(model.generate(&walk().steps(3).like(&series)).is_ok());
+}
+
+/// A joint that shall be at a place at one frame.
+#[derive(Debug)]
+struct JointAt {
+    joint: Joint,
+    frame: usize,
+    place: [f32; 3],
+}
+
+impl LossTerm for JointAt {
+    fn name(&self) -> String {
+        format!("place of the {}", self.joint.name())
+    }
+
+    fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+        joints.narrow(2, self.joint.index(), 1).squeeze_dim(2)
+    }
+
+    fn target(&self, baseline: Tensor<3>, _lengths: &[usize]) -> LossTarget {
+        let [_, frames, _] = baseline.dims();
+        LossTarget::constant(&self.place, 20.0, &baseline.device()).at_frame(self.frame, frames)
+    }
+}
+
+#[test]
+fn a_hand_passes_a_place_in_the_file_that_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = model();
+    let (raise, low) = ([-0.3, 1.6, 0.3], [0.2, 0.4, 0.5]);
+    for (sentence, place, tag) in [
+        ("a person raises the right arm", raise, None),
+        ("a person stands still", low, None),
+        (
+            "a person walks forward",
+            [-0.5, 1.0, 1.6],
+            Some(Tag::Strong),
+        ),
+    ] {
+        let term = Arc::new(JointAt {
+            joint: Joint::RightWrist,
+            frame: 40,
+            place,
+        });
+        let request = Request::new(sentence).seconds(4.0).seed(7);
+        let request = request.tags(tag).loss_term(term);
+        let generation = model.generate(&request).unwrap();
+
+        let path = folder.path().join("motion.bvh");
+        write(&path, &generation.guided, &WriteOptions::default()).unwrap();
+        let imported = read(&path, &ReadOptions::default()).unwrap();
+        let distance = |motion: &Motion| {
+            let found = motion.joints()[40][Joint::RightWrist.index()];
+            let squares = found.iter().zip(place).map(|(a, b)| (a - b).powi(2));
+            squares.sum::<f32>().sqrt()
+        };
+        let [before, after] = [&generation.baseline, &imported.motion].map(distance);
+        println!("{sentence}: {before} m to {after} m");
+        assert!(before > 0.2 && after < 0.02, "{sentence}: {before} {after}");
+
+        let term = &generation.terms[0];
+        assert_eq!(term.target[40], place);
+        for (guided, joints) in term.guided.iter().zip(generation.guided.joints()) {
+            assert_eq!(*guided, joints[Joint::RightWrist.index()]);
+        }
+        // What the tag asks for is reached all the same.
+        let weight = Component::Weight.index();
+        let factor = means(&generation.guided_laban)[weight] / means(&generation.target)[weight];
+        assert!(tag.is_none() || (factor - 1.0).abs() < 0.1, "{factor}");
+    }
 }

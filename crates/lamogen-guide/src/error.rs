@@ -3,7 +3,6 @@
 use std::fmt;
 
 use burn::tensor::Tensor;
-use lamogen_laban::Component;
 
 use crate::observer::{Pass, Step};
 
@@ -31,19 +30,23 @@ pub enum GuideError {
         "guidance: expected a network that was trained with Laban features as a condition (laban_condition in its config.json), found one without; guide it by gradients"
     )]
     NoLabanCondition,
+    /// A term of the loss whose values or target make no sense.
+    #[error("loss term `{term}`: {reason}")]
+    #[allow(missing_docs)]
+    LossTerm { term: String, reason: String },
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
     Stopped(Box<StoppedPass>),
     /// Numbers left the range of 32-bit floats, or were never in it.
     #[error(
-        "the {quantity} of {component} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}); lower the learning rate or ask for a smaller change",
+        "the {quantity} of {value} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}); lower the learning rate or ask for a smaller change",
         step = .index + 1
     )]
     NotFinite {
         /// Loss or gradient.
         quantity: Quantity,
-        /// The Laban component it belongs to.
-        component: Component,
+        /// The value it belongs to: a Laban component, or a value of another [`LossTerm`](crate::LossTerm).
+        value: String,
         /// The step, from 0.
         index: usize,
         /// How many steps the pass has.
@@ -79,7 +82,7 @@ impl GuideError {
 /// A number that guidance follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// The Laban loss.
+    /// The loss.
     Loss,
     /// Its gradient with respect to what guidance moves.
     Gradient,
@@ -88,8 +91,8 @@ pub enum Quantity {
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Quantity::Loss => "Laban loss",
-            Quantity::Gradient => "gradient of the Laban loss",
+            Quantity::Loss => "loss",
+            Quantity::Gradient => "gradient of the loss",
         })
     }
 }

@@ -7,6 +7,7 @@ use lamogen_body::FitOptions;
 use lamogen_laban::{COMPONENTS, LabanOptions, LossDivisor};
 
 use crate::error::GuideError;
+use crate::loss_term::LossTerms;
 use crate::schedule::TRAINING_STEPS;
 
 /// Whose motion is measured, guided to its target and given.
@@ -141,6 +142,8 @@ pub struct Guidance {
     pub finish: Option<Finish>,
     /// How Laban features are measured.
     pub laban: LabanOptions,
+    /// Further terms of the loss, which all motions of the run share: goals of your own.
+    pub loss_terms: LossTerms,
 }
 
 /// Guidance options together with the number of DDIM steps that they were chosen for.
@@ -225,6 +228,7 @@ impl Guidance {
             fit: FitOptions::default(),
             finish: None,
             laban: LabanOptions::default(),
+            loss_terms: LossTerms::default(),
         }
     }
 

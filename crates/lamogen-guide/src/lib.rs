@@ -24,6 +24,8 @@ mod classifier_free;
 mod error;
 mod guidance;
 mod guided;
+mod laban_term;
+mod loss_term;
 mod noise;
 mod observer;
 mod prompt_editing;
@@ -36,7 +38,9 @@ pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales}
 pub use error::{GuideError, Quantity, StoppedPass};
 pub use guidance::{Body, Finish, Guidance, GuidanceVariable, Preset, PresetError, UpdateTiming};
 pub use guided::{Guided, LabanComparison};
+pub use laban_term::LabanTerm;
 pub use lamogen_body::{FitError, FitOptions, FitProgress};
+pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermComparison};
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};
 pub use prompt_editing::edited_prompt;

@@ -4,14 +4,15 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_body::{FitInput, FitObjective, FitProgress};
-use lamogen_laban::{COMPONENTS, Component, Goals};
+use lamogen_laban::Goals;
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
-use crate::guided::{LabanComparison, Targets};
+use crate::guided::{Comparisons, LabanComparison, Targets};
+use crate::loss_term::TermComparison;
 
-/// How much more a component that shall change counts on the body than [`Guidance::emphasis`] says. The body's motion can follow where the
+/// How much more a component that shall change, or another term of the loss, counts on the body than in the network's pass. The body's motion can follow where the
 /// network's would leave what the sentence says.
 const EMPHASIS: f32 = 3.5;
 
@@ -33,10 +34,12 @@ pub struct RigGuided {
     pub rotations: Vec<Rotations>,
     /// Whether the observer stopped the fit; what is here is the best until then.
     pub is_stopped: bool,
-    /// Laban features of the whole body.
+    /// The Laban features of the whole body.
     pub whole: LabanComparison,
-    /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
+    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the body beside it.
     pub parts: Vec<LabanComparison>,
+    /// The values of the terms of [`Guidance::loss_terms`].
+    pub terms: Vec<TermComparison>,
 }
 
 impl<'a> Rig<'a> {
@@ -87,19 +90,25 @@ impl<'a> Rig<'a> {
             emphasis: self.guidance.emphasis.map(|emphasis| EMPHASIS * emphasis),
             ..self.guidance.clone()
         };
-        let targets = Targets::new(&self.tensor(&baselines), &lengths, goals, &guidance);
-        let mut goal = LabanObjective {
+        let targets = Targets::new(
+            &self.tensor(&baselines),
+            &lengths,
+            goals,
+            &guidance,
+            EMPHASIS,
+        )?;
+        let mut goal = LossObjective {
             rig: self,
             targets: &targets,
             is_first: true,
-            broken: None,
+            non_finite: None,
         };
         let inputs = self.inputs(motions);
         let fitted = { self.guidance.fit }.run(&inputs, Some(&mut goal), watch);
-        if let Some((motion, component)) = goal.broken {
+        if let Some((motion, value)) = goal.non_finite {
             return Err(GuideError::NotFinite {
                 quantity: Quantity::Loss,
-                component,
+                value: targets.value_name(value),
                 index: 0,
                 steps: self.guidance.fit.goal_evaluations,
                 timestep: 0,
@@ -109,12 +118,17 @@ impl<'a> Rig<'a> {
         let joints: Vec<Vec<[[f32; 3]; JOINTS]>> =
             fitted.rotations.iter().map(Rotations::joints).collect();
         let joints: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
-        let mut reached = targets.reached(&self.tensor(&joints)).into_iter();
+        let Comparisons {
+            whole,
+            parts,
+            terms,
+        } = targets.compare(&self.tensor(&joints));
         Ok(RigGuided {
             rotations: fitted.rotations,
             is_stopped: fitted.is_stopped,
-            whole: reached.next().expect("the whole body is a term"),
-            parts: reached.collect(),
+            whole,
+            parts,
+            terms,
         })
     }
 
@@ -142,17 +156,17 @@ impl<'a> Rig<'a> {
     }
 }
 
-/// The Laban loss as what a fit makes small.
-struct LabanObjective<'g> {
+/// The loss of all terms as the objective of a fit.
+struct LossObjective<'g> {
     rig: &'g Rig<'g>,
     targets: &'g Targets,
     /// Whether no trial was evaluated yet. Later ones may be too bold, and are stepped back from.
     is_first: bool,
-    /// The first motion whose loss was not finite at the first evaluation, and the component.
-    broken: Option<(usize, Component)>,
+    /// The first motion whose loss was not finite at the first evaluation, and the value of the loss.
+    non_finite: Option<(usize, usize)>,
 }
 
-impl FitObjective for LabanObjective<'_> {
+impl FitObjective for LossObjective<'_> {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
@@ -170,16 +184,15 @@ impl FitObjective for LabanObjective<'_> {
         let (poses, _) = gradient.as_chunks::<3>();
         let (poses, _) = poses.as_chunks::<JOINTS>();
         let motions = losses
-            .chunks_exact(COMPONENTS)
+            .chunks_exact(self.targets.values())
             .zip(poses.chunks_exact(frames));
         let motions = motions.zip(joints).enumerate();
         let is_first = std::mem::replace(&mut self.is_first, false);
         motions
             .map(|(motion, ((losses, gradient), joints))| {
-                let broken = losses.iter().position(|loss| !loss.is_finite());
-                if let Some(place) = broken.filter(|_| is_first) {
-                    self.broken
-                        .get_or_insert((motion, Component::ALL[place % COMPONENTS]));
+                let non_finite = losses.iter().position(|loss| !loss.is_finite());
+                if let Some(value) = non_finite.filter(|_| is_first) {
+                    self.non_finite.get_or_insert((motion, value));
                 }
                 let loss = losses.iter().copied().map(f64::from).sum();
                 (loss, gradient[..joints.len()].to_vec())

@@ -244,6 +244,15 @@ pub struct EndEffectorGoals {
 }
 
 impl Goals {
+    /// Returns goals that ask for nothing: every component may become anything.
+    pub fn anything() -> Self {
+        Component::ALL
+            .into_iter()
+            .fold(Goals::default(), |goals, component| {
+                goals.with(component, Goal::Any)
+            })
+    }
+
     /// Each component of another motion, stretched in time.
     pub fn like(series: &LabanSeries) -> Goals {
         let whole =

@@ -84,6 +84,11 @@ impl Target {
         self.features.clone()
     }
 
+    /// What differences from the target are multiplied by before they are squared, `[batch, frames, 4]`.
+    pub fn weight(&self) -> Tensor<3> {
+        self.weight.clone()
+    }
+
     /// The Laban loss `Σ ((f - target) / (divisor + δ))²` over frames, per motion and component
     /// (paper, equation "Laban loss"); the sum over components is what guidance lowers.
     ///

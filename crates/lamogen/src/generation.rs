@@ -56,8 +56,28 @@ pub struct Generation {
     pub target: LabanSeries,
     /// Where parts of the body have goals of their own: Weight, Time and Flow of each, and of the rest.
     pub parts: Vec<PartLaban>,
-    /// The Laban loss at every step of the guided pass.
+    /// The values of the loss terms that the request or its guidance added ([`Request::loss_term`]).
+    pub terms: Vec<TermValues>,
+    /// The loss at every step of the guided pass, over all terms.
     pub loss: Vec<f32>,
+}
+
+/// The values of a loss term before and after guidance, frame by frame.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct TermValues {
+    /// The name of the term.
+    pub name: String,
+    /// The names of its values.
+    pub value_names: Vec<String>,
+    /// The values of the baseline: `[frame][value]`.
+    pub baseline: Vec<Vec<f32>>,
+    /// The values to reach: `[frame][value]`.
+    pub target: Vec<Vec<f32>>,
+    /// What differences from the target are multiplied by: `[frame][value]`; 0 where a value may be anything.
+    pub weight: Vec<Vec<f32>>,
+    /// The values of the guided motion: `[frame][value]`.
+    pub guided: Vec<Vec<f32>>,
 }
 
 /// The motions of pose features that a network gave.

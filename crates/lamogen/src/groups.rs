@@ -1,4 +1,4 @@
-//! RequestIndex requests run together.
+//! Which requests run together.
 
 use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
@@ -101,7 +101,9 @@ pub(crate) fn assign(
     let preset = request.preset.unwrap_or(default);
     let steps = request.steps.unwrap_or(preset.steps());
     Schedule::linear().ddim(steps)?;
-    let guidance = request.guidance.clone().unwrap_or(preset.guidance());
+    let mut guidance = request.guidance.clone().unwrap_or(preset.guidance());
+    let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
+    guidance.loss_terms = terms.cloned().collect();
     guidance.check()?;
     let tokens = tokenizer.encode(&request.prompt)?;
     // Some texts are cleaned away, such as "&nbsp;".
@@ -115,7 +117,7 @@ pub(crate) fn assign(
     if let Some(goals) = &goals {
         goals.check(frames, &guidance.laban.end_effectors)?;
     }
-    let is_guided = goals.is_some();
+    let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
     let job = Job {
         request: index,
         ids: tokens.ids,

@@ -56,14 +56,14 @@ pub use error::{
     Error, FailedRun, LoadError, PartialResults, PassError, RequestError, RequestIndex, StoppedRun,
     UnfinishedRequest,
 };
-pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress};
+pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress, TermValues};
 pub use licence::Licence;
 pub use request::{Length, Request};
 
-pub use burn::tensor::Device;
+pub use burn::tensor::{Device, Tensor};
 pub use lamogen_guide::{
-    Body, ClassifierFree, Finish, FitOptions, Guidance, GuidanceVariable, Pass, Preset, Step,
-    TemporalSmoothing, UpdateTiming,
+    Body, ClassifierFree, Finish, FitOptions, Guidance, GuidanceVariable, LossTarget, LossTerm,
+    LossTerms, Pass, Preset, Step, TemporalSmoothing, UpdateTiming,
 };
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKey, Gaussian, Goal,
@@ -83,3 +83,8 @@ pub use lamogen_motion as motion;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The programs of `docs/own-goal.md`, compiled with the doc tests.
+#[cfg(all(doctest, feature = "compact"))]
+#[doc = include_str!("../../../docs/own-goal.md")]
+struct OwnGoal;

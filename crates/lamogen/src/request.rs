@@ -1,6 +1,8 @@
 //! What is asked for.
 
-use lamogen_guide::{Guidance, Preset};
+use std::sync::Arc;
+
+use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
 use lamogen_motion::FRAMES_PER_SECOND;
 
@@ -37,6 +39,7 @@ pub struct Request {
     pub(crate) preset: Option<Preset>,
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
+    pub(crate) loss_terms: LossTerms,
 }
 
 impl Request {
@@ -55,6 +58,7 @@ impl Request {
             preset: None,
             steps: None,
             guidance: None,
+            loss_terms: LossTerms::default(),
         }
     }
 
@@ -147,6 +151,15 @@ impl Request {
     pub fn steps(self, steps: usize) -> Self {
         Request {
             steps: Some(steps),
+            ..self
+        }
+    }
+
+    /// Adds a goal of your own: a term of the loss that guidance lowers, beside the tags or without any
+    /// (`docs/own-goal.md` has an example: a hand at a place).
+    pub fn loss_term(self, term: Arc<dyn LossTerm>) -> Self {
+        Request {
+            loss_terms: self.loss_terms.with(term),
             ..self
         }
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{
     Batch, ClassifierFree, FitProgress, GuideError, Guided, LabanComparison, Pass, Rig, Sampler,
-    Step, noise,
+    Step, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
@@ -14,7 +14,7 @@ use lamogen_motion::{Motion, MotionError, Rotations};
 use crate::error::{
     Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
 };
-use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban};
+use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValues};
 use crate::groups::Group;
 use crate::request::Request;
 
@@ -73,7 +73,9 @@ impl<'a, D: Denoiser> Run<'a, D> {
             return Ok(self.text_alone(baselines, networks));
         }
         let jobs = self.group.jobs.iter();
-        let goals: Vec<Goals> = jobs.filter_map(|job| job.goals.clone()).collect();
+        let goals: Vec<Goals> = { jobs }
+            .map(|job| job.goals.clone().unwrap_or_else(Goals::anything))
+            .collect();
         let guided = sampler
             .guided(
                 &batch,
@@ -88,6 +90,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
             motions,
             whole,
             parts,
+            terms,
         } = body.guided(&network_guided, &baselines, &goals, &guided)?;
 
         let networks = networks.into_iter().zip(network_guided);
@@ -109,6 +112,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
                 target: self.series(&whole.target, index),
                 baseline_laban: self.series(&whole.baseline, index),
                 parts: self.parts(&goals[index], &whole, &parts, index),
+                terms: terms.iter().map(|term| self.term(term, index)).collect(),
                 loss: guided.loss.iter().map(|losses| losses[index]).collect(),
             };
             (job.request, generation)
@@ -156,6 +160,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
                 target: laban.clone(),
                 baseline_laban: laban,
                 parts: Vec::new(),
+                terms: Vec::new(),
                 loss: Vec::new(),
             };
             (job.request, generation)
@@ -233,6 +238,25 @@ impl<'a, D: Denoiser> Run<'a, D> {
         let frames = self.group.jobs[index].frames;
         let rows = features.clone().narrow(0, index, 1).narrow(1, 0, frames);
         LabanSeries::from_tensor(rows.reshape([frames, COMPONENTS]))
+    }
+
+    /// Returns the values of a loss term for one motion.
+    fn term(&self, term: &TermComparison, index: usize) -> TermValues {
+        let frames = self.group.jobs[index].frames;
+        let rows = |values: &Tensor<3>| -> Vec<Vec<f32>> {
+            let [_, _, width] = values.dims();
+            let rows = values.clone().narrow(0, index, 1).narrow(1, 0, frames);
+            let rows: Vec<f32> = rows.try_into_vec_as().expect("floats convert to f32");
+            rows.chunks_exact(width).map(<[f32]>::to_vec).collect()
+        };
+        TermValues {
+            name: term.name.clone(),
+            value_names: term.value_names.clone(),
+            baseline: rows(&term.baseline),
+            target: rows(&term.target),
+            weight: rows(&term.weight),
+            guided: rows(&term.guided),
+        }
     }
 
     /// Laban features of the parts that a motion asks something of.
@@ -332,6 +356,7 @@ struct Made {
     motions: Vec<Motion>,
     whole: LabanComparison,
     parts: Vec<LabanComparison>,
+    terms: Vec<TermComparison>,
 }
 
 impl<D: Denoiser> OnBody<'_, '_, D> {
@@ -372,6 +397,7 @@ impl<D: Denoiser> OnBody<'_, '_, D> {
                 motions: networks.to_vec(),
                 whole: guided.whole.clone(),
                 parts: guided.parts.clone(),
+                terms: guided.terms.clone(),
             });
         }
         let mut last = 0;
@@ -391,6 +417,7 @@ impl<D: Denoiser> OnBody<'_, '_, D> {
                 motions,
                 whole: made.whole,
                 parts: made.parts,
+                terms: made.terms,
             }),
         }
     }

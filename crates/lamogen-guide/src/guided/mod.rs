@@ -1,12 +1,12 @@
 //! The guided pass.
 //!
 //! ```text
-//! baseline, scales ──Objective──▶ loss ──▶ one step of a Subject ──▶ … ──▶ motions ──▶ one step of the finish ──▶ … ──▶ motions
+//! baseline, goals ──Objective──▶ loss ──▶ one step of a Variable ──▶ … ──▶ motions ──▶ one step of the finish ──▶ … ──▶ motions
 //! ```
 
+mod adam_variable;
 mod objective;
-mod optimised;
-mod subjects;
+mod variables;
 
 use burn::tensor::Tensor;
 use lamogen_laban::Goals;
@@ -14,23 +14,26 @@ use lamogen_model::Denoiser;
 
 use crate::error::GuideError;
 use crate::guidance::{Guidance, GuidanceVariable};
+use crate::loss_term::TermComparison;
 use crate::observer::{Observer, Pass, Step};
 use crate::sampler::{Batch, Sampler};
 pub use objective::LabanComparison;
-pub(crate) use objective::Targets;
-use objective::{Broken, Objective};
-use subjects::{Condition, Subject, Told};
+pub(crate) use objective::{Comparisons, Targets};
+use objective::{NonFinite, Objective};
+use variables::{Condition, ConditionPart, Variable};
 
-/// What the guided pass gives.
+/// The result of a guided pass.
 #[derive(Clone, Debug)]
 pub struct Guided {
     /// The motions, normalised, `[batch, frames, features]`.
     pub motion: Tensor<3>,
-    /// Laban features of the whole body.
+    /// The Laban features of the whole body.
     pub whole: LabanComparison,
-    /// Those of the parts that any motion of the batch asks something of, and of what is the rest of the body to it.
+    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the body beside it.
     pub parts: Vec<LabanComparison>,
-    /// The Laban loss of each motion at every step: `[step][motion]`.
+    /// The values of the terms of [`Guidance::loss_terms`].
+    pub terms: Vec<TermComparison>,
+    /// The loss of each motion at every step, over all terms: `[step][motion]`.
     pub loss: Vec<Vec<f32>>,
 }
 
@@ -67,132 +70,137 @@ impl<D: Denoiser> Sampler<'_, D> {
             lengths,
             goals,
             guidance,
-        );
-        let told = match guidance.laban_condition {
-            true => Some(self.told(batch, &objective)?),
+        )?;
+        let conditioned = match guidance.laban_condition {
+            true => Some(self.with_laban_condition(batch, &objective)?),
             false => None,
         };
-        let batch = told.as_ref().unwrap_or(batch);
+        let batch = conditioned.as_ref().unwrap_or(batch);
         let steps = guidance.steps(self.steps().len());
-        let mut course = Course::new(steps, observer);
-        let told = &batch.prompt.embedding;
-        let subject = self.subject(&objective, batch, (baseline, told), guidance)?;
-        let (mut motion, embedding) = course.follow(subject)?;
+        let mut pass = GuidedPass::new(steps, observer);
+        let embedding = &batch.prompt.embedding;
+        let variable = self.variable(&objective, batch, (baseline, embedding), guidance)?;
+        let (mut motion, embedding) = pass.run(variable)?;
         if let Some(finish) = guidance.network_finish() {
             let own = finish.alone(guidance);
-            let subject = self.subject(&objective, batch, (motion, &embedding), &own)?;
-            (motion, _) = course.follow(subject)?;
+            let variable = self.variable(&objective, batch, (motion, &embedding), &own)?;
+            (motion, _) = pass.run(variable)?;
         }
-        let loss = course.loss;
-        let mut reached = objective.reached(motion.clone()).into_iter();
+        let loss = pass.loss;
+        let Comparisons {
+            whole,
+            parts,
+            terms,
+        } = objective.compare(motion.clone());
         Ok(Guided {
             motion,
-            whole: reached.next().expect("the whole body is a term"),
-            parts: reached.collect(),
+            whole,
+            parts,
+            terms,
             loss,
         })
     }
 
-    /// A batch whose network is told the features to reach.
-    fn told(
+    /// Returns the batch with the Laban features to reach added to the network's condition.
+    fn with_laban_condition(
         &self,
         batch: &Batch<D::Context>,
         objective: &Objective<'_>,
     ) -> Result<Batch<D::Context>, GuideError> {
-        let means = objective.told(&batch.lengths);
+        let means = objective.laban_means(&batch.lengths);
         let added = self.model.embed_laban(&means);
         let added = added.ok_or(GuideError::NoLabanCondition)?;
-        let mut told = batch.clone();
-        told.prompt.embedding = told.prompt.embedding + added;
-        Ok(told)
+        let mut batch = batch.clone();
+        batch.prompt.embedding = batch.prompt.embedding + added;
+        Ok(batch)
     }
 
-    /// What guidance moves. Where that is a finished motion, it is the one given, made with the embedding beside it.
-    fn subject<'s>(
+    /// Returns the variable that guidance moves. Where that is a finished motion, it begins with `motion`, which was made with `embedding`.
+    fn variable<'s>(
         &'s self,
         objective: &'s Objective<'_>,
         batch: &'s Batch<D::Context>,
         (motion, embedding): (Tensor<3>, &'s Tensor<2>),
         guidance: &'s Guidance,
-    ) -> Result<Box<dyn Subject + 's>, GuideError> {
-        let condition = |told| -> Box<dyn Subject + 's> {
-            Box::new(Condition::new(self, objective, batch, told, guidance))
+    ) -> Result<Box<dyn Variable + 's>, GuideError> {
+        let condition = |part| -> Box<dyn Variable + 's> {
+            Box::new(Condition::new(self, objective, batch, part, guidance))
         };
         Ok(match guidance.variable {
-            GuidanceVariable::Embedding => condition(Told::Embedding),
+            GuidanceVariable::Embedding => condition(ConditionPart::Embedding),
             GuidanceVariable::Modulation => match self.model.modulations() {
                 0 => return Err(GuideError::NoModulation),
-                _ => condition(Told::Modulation),
+                _ => condition(ConditionPart::Modulation),
             },
             GuidanceVariable::Prediction | GuidanceVariable::Nothing => {
-                Box::new(subjects::Prediction::new(self, objective, batch, guidance))
+                Box::new(variables::Prediction::new(self, objective, batch, guidance))
             }
-            GuidanceVariable::Motion { iterations } => Box::new(subjects::Motion::new(
+            GuidanceVariable::Motion { iterations } => Box::new(variables::Motion::new(
                 objective, motion, embedding, iterations, guidance,
             )),
-            GuidanceVariable::Noise { iterations } => Box::new(subjects::Noise::new(
+            GuidanceVariable::Noise { iterations } => Box::new(variables::Noise::new(
                 self, objective, batch, iterations, guidance,
             )),
         })
     }
 }
 
-/// The steps of a pass, one subject's after another's.
-struct Course<'o> {
+/// The steps of a guided pass, those of one variable after those of another.
+struct GuidedPass<'o> {
     steps: usize,
-    /// Of each motion at every step so far.
+    /// The loss of each motion at every step so far.
     loss: Vec<Vec<f32>>,
     observer: &'o mut dyn Observer,
 }
 
-impl<'o> Course<'o> {
+impl<'o> GuidedPass<'o> {
     fn new(steps: usize, observer: &'o mut dyn Observer) -> Self {
-        Course {
+        GuidedPass {
             steps,
             loss: Vec::new(),
             observer,
         }
     }
 
-    /// All steps of a subject; the motions that come of them, and the embeddings that stand at the end.
-    fn follow(
+    /// Makes all steps of a variable; returns the motions and the embeddings at the end.
+    fn run(
         &mut self,
-        mut subject: Box<dyn Subject + '_>,
+        mut variable: Box<dyn Variable + '_>,
     ) -> Result<(Tensor<3>, Tensor<2>), GuideError> {
         let (before, steps) = (self.loss.len(), self.steps);
-        for own in 0..subject.steps() {
-            let (index, timestep) = (before + own, subject.timestep(own));
-            let made = subject.step(own).map_err(|broken| {
-                let Broken {
+        for own in 0..variable.steps() {
+            let (index, timestep) = (before + own, variable.timestep(own));
+            let output = variable.step(own).map_err(|non_finite| {
+                let NonFinite {
                     quantity,
-                    component,
+                    value,
                     motion,
-                } = broken;
+                } = non_finite;
                 GuideError::NotFinite {
                     quantity,
-                    component,
+                    value,
                     index,
                     steps,
                     timestep,
                     motion,
                 }
             })?;
-            self.loss.push(made.loss);
+            self.loss.push(output.loss);
             let step = Step {
                 pass: Pass::Guided,
                 index,
                 steps,
                 timestep,
                 loss: self.loss.last().map(Vec::as_slice),
-                gradient: made.gradient.as_ref(),
-                embedding: subject.embedding(),
-                prediction: &made.prediction,
+                gradient: output.gradient.as_ref(),
+                embedding: variable.embedding(),
+                prediction: &output.prediction,
             };
             if self.observer.step(&step).is_break() {
                 return Err(GuideError::stopped(&step, &self.loss));
             }
         }
-        let embedding = subject.embedding().clone();
-        Ok((subject.finish(), embedding))
+        let embedding = variable.embedding().clone();
+        Ok((variable.finish(), embedding))
     }
 }

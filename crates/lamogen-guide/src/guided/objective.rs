@@ -1,118 +1,156 @@
-//! What motions shall become, and how far they are from it.
+//! The loss that guidance lowers, its targets, and its gradient.
+
+use std::sync::Arc;
 
 use burn::tensor::Tensor;
-use lamogen_laban::{
-    COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, LabanSeries,
-    Target,
-};
+use lamogen_laban::{COMPONENTS, EndEffectors, Goal, Goals, LabanSeries};
 use lamogen_motion::{Normalization, joints};
 
-use crate::error::Quantity;
+use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
+use crate::laban_term::LabanTerm;
+use crate::loss_term::{PreparedTerm, TermComparison};
 
-/// Laban features that the joints of predicted motions shall reach, and the loss of not reaching them.
+/// The loss of predicted motions, which are given as normalised pose features.
 pub(super) struct Objective<'a> {
     normalization: &'a Normalization,
     targets: Targets,
 }
 
-/// Laban features that joints shall reach: first those of the whole body, then those of parts that any motion of the batch asks
-/// something of.
+/// All terms of the loss with their targets, as functions of joints.
 pub(crate) struct Targets {
-    terms: Vec<Term>,
+    /// The Laban features of the whole body, then those of each set of end-effectors that any motion of the batch has goals for.
+    laban: Vec<(EndEffectors, PreparedTerm)>,
+    /// The terms of [`Guidance::loss_terms`].
+    others: Vec<PreparedTerm>,
 }
 
-/// The same of one set of end-effectors.
-struct Term {
-    end_effectors: EndEffectors,
-    features: LabanFeatures,
-    target: Target,
-    /// Of the baseline, `[batch, frames, 4]`.
-    baseline: Tensor<3>,
+/// The comparison of finished motions with all targets.
+pub(crate) struct Comparisons {
+    /// The Laban features of the whole body.
+    pub(crate) whole: LabanComparison,
+    /// The Laban features of the parts.
+    pub(crate) parts: Vec<LabanComparison>,
+    /// The values of the terms of [`Guidance::loss_terms`].
+    pub(crate) terms: Vec<TermComparison>,
 }
 
-/// Laban features of one set of end-effectors, before, asked for and after: `[batch, frames, 4]`.
+/// The Laban features of one set of end-effectors before and after guidance, and those that were asked for: `[batch, frames, 4]` each.
 #[derive(Clone, Debug)]
 pub struct LabanComparison {
-    /// The joints whose Weight, Time and Flow it is; Shape is that of the whole body.
+    /// The joints whose Weight, Time and Flow are meant; Shape is that of the whole body.
     pub end_effectors: EndEffectors,
-    /// Of the baseline.
+    /// The features of the baseline.
     pub baseline: Tensor<3>,
-    /// To reach; the baseline's where nothing is asked for.
+    /// The features to reach; the baseline's where nothing is asked for.
     pub target: Tensor<3>,
-    /// Of the motions that guidance made.
+    /// The features of the guided motions.
     pub guided: Tensor<3>,
 }
 
-/// How what is moved becomes motions.
-pub(super) struct Way<'w, const D: usize> {
-    /// Where autodiff begins, `[batch, frames, features]`; not tracked.
+/// A differentiable path from the variable that guidance moves to the predicted motions.
+pub(super) struct MotionPath<'w, const D: usize> {
+    /// The tensor where autodiff begins, `[batch, frames, features]`; not tracked.
     pub(super) leaf: Tensor<3>,
-    /// The clean motions, normalised, that the leaf becomes.
+    /// Turns the leaf into clean motions, normalised.
     pub(super) clean: Box<dyn Fn(Tensor<3>) -> Tensor<3> + 'w>,
-    /// What turns a gradient with respect to the leaf into that with respect to what is moved.
+    /// Turns the gradient with respect to the leaf into the gradient with respect to the variable.
     pub(super) pull: Box<dyn FnOnce(Tensor<3>) -> Tensor<D> + 'w>,
 }
 
-/// A loss with its gradient; nothing of it on the tape.
-pub(super) struct Gradient<const D: usize> {
-    /// The way's leaf.
+/// The loss with its gradient. No tensor is tracked by autodiff.
+pub(super) struct LossGradient<const D: usize> {
+    /// The leaf of the path.
     pub(super) leaf: Tensor<3>,
-    /// Of each motion, summed over components.
+    /// The loss of each motion, summed over all values of all terms.
     pub(super) loss: Vec<f32>,
-    /// With respect to what is moved.
+    /// The gradient with respect to the variable.
     pub(super) gradient: Tensor<D>,
 }
 
-/// A number that left the range of 32-bit floats, or was never in it.
+/// A loss or gradient that is infinite or NaN.
 #[derive(Debug)]
-pub(super) struct Broken {
+pub(super) struct NonFinite {
     pub(super) quantity: Quantity,
-    pub(super) component: Component,
+    /// The name of the value whose loss or gradient it is.
+    pub(super) value: String,
+    /// The place of the motion in the batch.
     pub(super) motion: usize,
 }
 
 impl Targets {
-    /// What joints `[batch, frames, 22, 3]` of such lengths shall become.
+    /// Measures the baseline and sets the targets. `importance` multiplies the loss of [`Guidance::loss_terms`].
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: those of the baseline, `[batch, frames, 22, 3]`
+    /// - `lengths`, `goals`: one for each motion
     pub(crate) fn new(
         joints: &Tensor<4>,
         lengths: &[usize],
         goals: &[Goals],
         guidance: &Guidance,
-    ) -> Self {
+        importance: f32,
+    ) -> Result<Self, GuideError> {
         let [_, frames, ..] = joints.dims();
-        let terms = by_end_effectors(goals, &guidance.laban.end_effectors);
-        let terms = terms.into_iter().map(|(end_effectors, goals)| {
-            let options = LabanOptions {
-                end_effectors: end_effectors.clone(),
-                ..guidance.laban.clone()
-            };
-            let features = LabanFeatures::new(&options, frames, lengths, &joints.device());
-            let baseline = features.measure(joints.clone());
-            let (divisor, emphasis) = (guidance.divisor, guidance.emphasis);
-            Term {
-                target: Target::new(baseline.clone(), lengths, &goals, divisor, emphasis),
-                end_effectors,
-                features,
-                baseline,
-            }
+        let laban = by_end_effectors(goals, &guidance.laban.end_effectors);
+        let laban = laban.into_iter().map(|(end_effectors, goals)| {
+            let batch = (frames, lengths);
+            let term = LabanTerm::new(
+                end_effectors.clone(),
+                goals,
+                guidance,
+                batch,
+                &joints.device(),
+            );
+            let term = PreparedTerm::new(Arc::new(term), joints.clone(), lengths, 1.0)?;
+            Ok((end_effectors, term))
         });
-        Targets {
-            terms: terms.collect(),
+        let others = guidance.loss_terms.iter();
+        let others =
+            others.map(|term| PreparedTerm::new(term.clone(), joints.clone(), lengths, importance));
+        Ok(Targets {
+            laban: laban.collect::<Result<_, GuideError>>()?,
+            others: others.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Iterates over all terms, the whole body's Laban features first.
+    fn terms(&self) -> impl Iterator<Item = &PreparedTerm> {
+        self.laban.iter().map(|(_, term)| term).chain(&self.others)
+    }
+
+    /// Returns how many values all terms have together.
+    pub(crate) fn values(&self) -> usize {
+        self.terms().map(PreparedTerm::values).sum()
+    }
+
+    /// Returns the name of a value, counted over all terms.
+    pub(crate) fn value_name(&self, value: usize) -> String {
+        let mut before = 0;
+        for term in self.terms() {
+            if value < before + term.values() {
+                return term.value_name(value - before);
+            }
+            before += term.values();
+        }
+        unreachable!("there are {before} values, not {value}")
+    }
+
+    /// Returns the loss of each value of each motion, `[batch, values]`, over all terms.
+    pub(crate) fn loss(&self, joints: Tensor<4>) -> Tensor<2> {
+        let mut losses: Vec<Tensor<2>> = { self.terms() }
+            .map(|term| term.loss(joints.clone()))
+            .collect();
+        match losses.len() {
+            1 => losses.remove(0),
+            _ => Tensor::cat(losses, 1),
         }
     }
 
-    /// The Laban loss `[batch, 4]` of joints.
-    pub(crate) fn loss(&self, joints: Tensor<4>) -> Tensor<2> {
-        let losses = { self.terms.iter() }
-            .map(|term| term.target.loss(term.features.measure(joints.clone())));
-        let loss = losses.reduce(|all, loss| all + loss);
-        loss.expect("the whole body is a term")
-    }
-
-    /// The means over time of the whole body's target, over the frames that have a difference of the feature's order.
-    fn told(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
-        let target = self.terms[0].target.features();
+    /// Returns the means over time of the whole body's Laban target, over the frames whose features are known.
+    fn laban_means(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
+        let target = self.laban[0].1.target();
         let [_, frames, _] = target.dims();
         let series = |motion: usize| {
             let rows = target.clone().narrow(0, motion, 1);
@@ -123,17 +161,24 @@ impl Targets {
         means.collect()
     }
 
-    /// What became of it in finished motions: of the whole body first.
-    pub(crate) fn reached(self, joints: &Tensor<4>) -> Vec<LabanComparison> {
-        let terms = self.terms.into_iter();
-        terms
-            .map(|term| LabanComparison {
-                end_effectors: term.end_effectors,
-                baseline: term.baseline,
-                target: term.target.features(),
-                guided: term.features.measure(joints.clone()),
-            })
-            .collect()
+    /// Compares finished motions with all targets.
+    pub(crate) fn compare(self, joints: &Tensor<4>) -> Comparisons {
+        let laban = self.laban.into_iter().map(|(end_effectors, term)| {
+            let compared = term.compare(joints.clone());
+            LabanComparison {
+                end_effectors,
+                baseline: compared.baseline,
+                target: compared.target,
+                guided: compared.guided,
+            }
+        });
+        let mut laban = laban;
+        let others = self.others.into_iter();
+        Comparisons {
+            whole: laban.next().expect("the whole body is a term"),
+            parts: laban.collect(),
+            terms: others.map(|term| term.compare(joints.clone())).collect(),
+        }
     }
 }
 
@@ -144,65 +189,70 @@ impl<'a> Objective<'a> {
         lengths: &[usize],
         goals: &[Goals],
         guidance: &Guidance,
-    ) -> Self {
+    ) -> Result<Self, GuideError> {
         let baseline = joints(normalization.denormalize(baseline));
-        Objective {
+        Ok(Objective {
             normalization,
-            targets: Targets::new(&baseline, lengths, goals, guidance),
-        }
+            targets: Targets::new(&baseline, lengths, goals, guidance, 1.0)?,
+        })
     }
 
-    /// What became of it in finished motions, normalised: of the whole body first.
-    pub(super) fn reached(self, motions: Tensor<3>) -> Vec<LabanComparison> {
+    /// Compares finished motions, normalised, with all targets.
+    pub(super) fn compare(self, motions: Tensor<3>) -> Comparisons {
         let joints = joints(self.normalization.denormalize(motions));
-        self.targets.reached(&joints)
+        self.targets.compare(&joints)
     }
 
-    /// The means over time of the whole body's target, over the frames whose features are known.
-    pub(super) fn told(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
-        self.targets.told(lengths)
+    /// Returns the means over time of the whole body's Laban target, over the frames whose features are known.
+    pub(super) fn laban_means(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
+        self.targets.laban_means(lengths)
     }
 
-    /// The loss of each motion, summed over components.
-    pub(super) fn loss_of(&self, motions: Tensor<3>) -> Vec<f32> {
+    /// Returns the loss of each motion, summed over all values.
+    pub(super) fn loss_of_motions(&self, motions: Tensor<3>) -> Vec<f32> {
         let joints = joints(self.normalization.denormalize(motions));
-        let values = host(self.targets.loss(joints));
-        let components = values.chunks_exact(COMPONENTS);
-        components.map(|loss| loss.iter().sum()).collect()
+        self.sums(&host(self.targets.loss(joints)))
     }
 
-    /// The loss, and its gradient back along a way. The way is asked for again only to find what broke.
+    /// Returns the sums over values of each motion's losses.
+    fn sums(&self, losses: &[f32]) -> Vec<f32> {
+        let motions = losses.chunks_exact(self.targets.values());
+        motions.map(|losses| losses.iter().sum()).collect()
+    }
+
+    /// Computes the loss and its gradient along a path. The path is built again only to find the value whose gradient is not finite.
     pub(super) fn gradient<'w, const D: usize>(
         &self,
-        way: impl Fn() -> Way<'w, D>,
-    ) -> Result<Gradient<D>, Broken> {
-        let Way { leaf, clean, pull } = way();
+        path: impl Fn() -> MotionPath<'w, D>,
+    ) -> Result<LossGradient<D>, NonFinite> {
+        let MotionPath { leaf, clean, pull } = path();
         let (tracked, loss) = self.loss(&leaf, &clean);
-        let values = host(loss.clone().inner());
-        if let Some(place) = values.iter().position(|value| !value.is_finite()) {
-            return Err(Broken {
+        let losses = host(loss.clone().inner());
+        let values = self.targets.values();
+        if let Some(place) = losses.iter().position(|loss| !loss.is_finite()) {
+            return Err(NonFinite {
                 quantity: Quantity::Loss,
-                component: Component::ALL[place % COMPONENTS],
-                motion: place / COMPONENTS,
+                value: self.targets.value_name(place % values),
+                motion: place / values,
             });
         }
         let gradient = pull(slope(&tracked, loss.sum()));
         if let Some(motion) = first_not_finite(&gradient) {
-            return Err(Broken {
+            let value = self.non_finite_value(path, motion);
+            return Err(NonFinite {
                 quantity: Quantity::Gradient,
-                component: self.blame(way, motion),
+                value: self.targets.value_name(value),
                 motion,
             });
         }
-        let components = values.chunks_exact(COMPONENTS);
-        Ok(Gradient {
+        Ok(LossGradient {
             leaf,
-            loss: components.map(|loss| loss.iter().sum()).collect(),
+            loss: self.sums(&losses),
             gradient,
         })
     }
 
-    /// The Laban loss `[batch, 4]` as a function of the tracked leaf, which comes first.
+    /// Returns the tracked leaf, and the loss `[batch, values]` as a function of it.
     fn loss(
         &self,
         leaf: &Tensor<3>,
@@ -214,18 +264,21 @@ impl<'a> Objective<'a> {
         (leaf, loss)
     }
 
-    /// The component whose gradient is not finite for a motion; the first where each is finite
-    /// alone and only their sum is not.
-    fn blame<'w, const D: usize>(&self, way: impl Fn() -> Way<'w, D>, motion: usize) -> Component {
-        Component::ALL
-            .into_iter()
-            .find(|component| {
-                let Way { leaf, clean, pull } = way();
+    /// Returns the value whose gradient is not finite for a motion; the first where each is finite alone and only their sum is not.
+    fn non_finite_value<'w, const D: usize>(
+        &self,
+        path: impl Fn() -> MotionPath<'w, D>,
+        motion: usize,
+    ) -> usize {
+        let mut values = 0..self.targets.values();
+        values
+            .find(|&value| {
+                let MotionPath { leaf, clean, pull } = path();
                 let (leaf, loss) = self.loss(&leaf, &clean);
-                let loss = loss.narrow(0, motion, 1).narrow(1, component.index(), 1);
+                let loss = loss.narrow(0, motion, 1).narrow(1, value, 1);
                 first_not_finite(&pull(slope(&leaf, loss.sum()))).is_some()
             })
-            .unwrap_or(Component::Weight)
+            .unwrap_or(0)
     }
 }
 

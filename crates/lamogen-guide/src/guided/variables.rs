@@ -1,4 +1,4 @@
-//! What may be moved towards the target: each says what a step does to it.
+//! The variables that guidance may move towards the target, and what one step does to each.
 //!
 //! ```text
 //! Condition    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
@@ -10,53 +10,52 @@
 use burn::tensor::Tensor;
 use lamogen_model::Denoiser;
 
-use super::objective::{Broken, Gradient, Objective, Way};
-use super::optimised::Optimised;
+use super::adam_variable::AdamVariable;
+use super::objective::{LossGradient, MotionPath, NonFinite, Objective};
 use crate::guidance::{Guidance, GuidanceVariable, UpdateTiming};
 use crate::sampler::{Batch, Latent, Sampler, mix};
 
-/// What a step made.
-pub(super) struct Made {
-    /// Of each motion, before the step's last update.
+/// The result of one step.
+pub(super) struct StepOutput {
+    /// The loss of each motion before the last update of the step.
     pub(super) loss: Vec<f32>,
-    /// With respect to the embedding or modulation, where that is moved.
+    /// The gradient with respect to the embedding or modulation, where that is moved.
     pub(super) gradient: Option<Tensor<2>>,
-    /// The clean motions as they are now seen, normalised.
+    /// The current prediction of the clean motions, normalised.
     pub(super) prediction: Tensor<3>,
 }
 
-/// What a guided pass moves.
-pub(super) trait Subject {
-    /// How many steps there are.
+/// A variable that a guided pass moves.
+pub(super) trait Variable {
+    /// Returns the number of steps.
     fn steps(&self) -> usize;
 
-    /// The timestep that the network sees at a step; 0 where it sees none, or all.
+    /// Returns the timestep at which the network is evaluated in a step; 0 where it is evaluated at none, or at all.
     fn timestep(&self, index: usize) -> usize;
 
     /// Makes a step.
-    fn step(&mut self, index: usize) -> Result<Made, Broken>;
+    fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite>;
 
-    /// The sentence embedding as it is now.
+    /// Returns the current sentence embedding.
     fn embedding(&self) -> &Tensor<2>;
 
-    /// The motions after the last step, normalised.
+    /// Returns the motions after the last step, normalised.
     fn finish(self: Box<Self>) -> Tensor<3>;
 }
 
-/// What the network is told of the sentence: its embedding (the paper's method), or the scales and shifts that this becomes in
-/// the stylization layers.
+/// The network's condition: the sentence embedding (the paper's method), or the scales and shifts that the stylization layers compute from it.
 pub(super) struct Condition<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     latent: Latent<'s, D::Context>,
-    optimised: Optimised<2>,
-    told: Told,
+    variable: AdamVariable<2>,
+    part: ConditionPart,
     guidance: &'s Guidance,
 }
 
-/// Which part of a latent is moved.
+/// The part of the condition that is moved.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Told {
+pub(super) enum ConditionPart {
     Embedding,
     Modulation,
 }
@@ -66,13 +65,13 @@ impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
-        told: Told,
+        part: ConditionPart,
         guidance: &'s Guidance,
     ) -> Self {
         let latent = sampler.start(batch);
-        let start = match told {
-            Told::Embedding => latent.embedding.clone(),
-            Told::Modulation => {
+        let start = match part {
+            ConditionPart::Embedding => latent.embedding.clone(),
+            ConditionPart::Modulation => {
                 let shape = [batch.lengths.len(), sampler.model.modulations()];
                 Tensor::zeros(shape, &latent.embedding.device())
             }
@@ -81,37 +80,37 @@ impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
             sampler,
             objective,
             latent,
-            optimised: Optimised::new(start, guidance),
-            told,
+            variable: AdamVariable::new(start, guidance),
+            part,
             guidance,
         };
-        condition.tell();
+        condition.write_to_latent();
         condition
     }
 
     fn move_down(&mut self, gradient: Tensor<2>, index: usize) {
         let rate = self.guidance.rate(index, self.steps());
-        self.optimised.update(gradient, rate);
-        self.tell();
+        self.variable.update(gradient, rate);
+        self.write_to_latent();
     }
 
-    /// Hands what is moved to the network.
-    fn tell(&mut self) {
-        let value = self.optimised.value.clone();
-        match self.told {
-            Told::Embedding => self.latent.embedding = value,
-            Told::Modulation => self.latent.modulation = Some(value),
+    /// Writes the moved tensor to the latent, from which the network reads it.
+    fn write_to_latent(&mut self) {
+        let value = self.variable.value.clone();
+        match self.part {
+            ConditionPart::Embedding => self.latent.embedding = value,
+            ConditionPart::Modulation => self.latent.modulation = Some(value),
         }
     }
 
-    fn gradient(&self, index: usize) -> Result<Gradient<2>, Broken> {
+    fn gradient(&self, index: usize) -> Result<LossGradient<2>, NonFinite> {
         let Condition {
             sampler, latent, ..
         } = self;
         let step = &sampler.steps()[index];
         self.objective.gradient(|| {
             let linearized = sampler.linearize(latent, index);
-            Way {
+            MotionPath {
                 leaf: linearized.output.clone(),
                 clean: Box::new(|output| sampler.clean(latent, output, step)),
                 pull: Box::new(|gradient| linearized.pull(gradient)),
@@ -120,7 +119,7 @@ impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Subject for Condition<'_, '_, D> {
+impl<D: Denoiser> Variable for Condition<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }
@@ -129,7 +128,7 @@ impl<D: Denoiser> Subject for Condition<'_, '_, D> {
         self.sampler.steps()[index].timestep
     }
 
-    fn step(&mut self, index: usize) -> Result<Made, Broken> {
+    fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
         let mut found = self.gradient(index)?;
         for _ in 1..self.guidance.updates_per_step {
             self.move_down(found.gradient, index);
@@ -143,7 +142,7 @@ impl<D: Denoiser> Subject for Condition<'_, '_, D> {
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean(&self.latent, output.clone(), step);
         self.latent.x = { self.sampler }.advance(&self.latent, &prediction, output, step);
-        Ok(Made {
+        Ok(StepOutput {
             loss: found.loss,
             gradient: Some(found.gradient),
             prediction,
@@ -159,7 +158,7 @@ impl<D: Denoiser> Subject for Condition<'_, '_, D> {
     }
 }
 
-/// The clean motion that is predicted at each step (the paper's rival "classifier guidance"); or nothing, where that is not updated.
+/// The clean motion that is predicted at each step (the paper's rival "classifier guidance"). Where it is not updated, the pass is sampled as it is.
 pub(super) struct Prediction<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
@@ -188,7 +187,7 @@ impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
+impl<D: Denoiser> Variable for Prediction<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }
@@ -197,7 +196,7 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
         self.sampler.steps()[index].timestep
     }
 
-    fn step(&mut self, index: usize) -> Result<Made, Broken> {
+    fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
         let (sampler, latent) = (self.sampler, &mut self.latent);
         let step = &sampler.steps()[index];
         let output = sampler.evaluate(latent, index);
@@ -205,17 +204,17 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
         // The noise stays what the network saw.
         let noise = sampler.noise(latent, latent.x.clone(), &prediction, output, step);
         let mut loss = match self.updates {
-            0 => self.objective.loss_of(prediction.clone()),
+            0 => self.objective.loss_of_motions(prediction.clone()),
             _ => Vec::new(),
         };
         let rate = self.guidance.rate(index, sampler.steps().len());
         for _ in 0..self.updates {
-            let found = { self.objective }.gradient(|| itself(&prediction))?;
+            let found = { self.objective }.gradient(|| identity_path(&prediction))?;
             prediction = prediction - found.gradient * rate;
             loss = found.loss;
         }
         latent.x = mix(&prediction, noise, step);
-        Ok(Made {
+        Ok(StepOutput {
             loss,
             gradient: None,
             prediction,
@@ -234,7 +233,7 @@ impl<D: Denoiser> Subject for Prediction<'_, '_, D> {
 /// The finished motion (the paper's rival "raw frame update").
 pub(super) struct Motion<'s, 'a> {
     objective: &'s Objective<'a>,
-    optimised: Optimised<3>,
+    variable: AdamVariable<3>,
     embedding: &'s Tensor<2>,
     iterations: usize,
     guidance: &'s Guidance,
@@ -250,7 +249,7 @@ impl<'s, 'a> Motion<'s, 'a> {
     ) -> Self {
         Motion {
             objective,
-            optimised: Optimised::new(baseline, guidance),
+            variable: AdamVariable::new(baseline, guidance),
             embedding,
             iterations,
             guidance,
@@ -258,7 +257,7 @@ impl<'s, 'a> Motion<'s, 'a> {
     }
 }
 
-impl Subject for Motion<'_, '_> {
+impl Variable for Motion<'_, '_> {
     fn steps(&self) -> usize {
         self.iterations
     }
@@ -267,14 +266,14 @@ impl Subject for Motion<'_, '_> {
         0
     }
 
-    fn step(&mut self, index: usize) -> Result<Made, Broken> {
-        let found = { self.objective }.gradient(|| itself(&self.optimised.value))?;
+    fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
+        let found = { self.objective }.gradient(|| identity_path(&self.variable.value))?;
         let rate = self.guidance.rate(index, self.iterations);
-        self.optimised.update(found.gradient, rate);
-        Ok(Made {
+        self.variable.update(found.gradient, rate);
+        Ok(StepOutput {
             loss: found.loss,
             gradient: None,
-            prediction: self.optimised.value.clone(),
+            prediction: self.variable.value.clone(),
         })
     }
 
@@ -283,7 +282,7 @@ impl Subject for Motion<'_, '_> {
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
-        self.optimised.value
+        self.variable.value
     }
 }
 
@@ -292,10 +291,10 @@ pub(super) struct Noise<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     batch: &'s Batch<D::Context>,
-    optimised: Optimised<3>,
+    variable: AdamVariable<3>,
     /// 1 where a frame is part of its motion, else 0; none where no motion is padded.
     keep: Option<Tensor<3>>,
-    /// How long the noise of each motion is, `[batch, 1, 1]`: it stays so.
+    /// The Euclidean length of each motion's noise, `[batch, 1, 1]`, which guidance keeps.
     length: Tensor<3>,
     iterations: usize,
     guidance: &'s Guidance,
@@ -313,7 +312,7 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
         Noise {
             length: length(&batch.noise, &keep),
             keep,
-            optimised: Optimised::new(batch.noise.clone(), guidance),
+            variable: AdamVariable::new(batch.noise.clone(), guidance),
             sampler,
             objective,
             batch,
@@ -322,11 +321,11 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
         }
     }
 
-    /// A whole pass from a noise, with the way back to it.
-    fn pass(&self) -> Way<'_, 3> {
+    /// Runs a whole pass from the noise and returns the path back to it.
+    fn pass(&self) -> MotionPath<'_, 3> {
         let sampler = self.sampler;
         let mut latent = sampler.start(self.batch);
-        latent.x = self.optimised.value.clone();
+        latent.x = self.variable.value.clone();
         let mut back: Vec<Box<dyn FnOnce(Tensor<3>) -> Tensor<3> + '_>> = Vec::new();
         for (index, step) in sampler.steps().iter().enumerate() {
             let seen = sampler.linearize_motion(&latent, &self.batch.prompt.context, index);
@@ -348,7 +347,7 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
             }));
             latent.x = next;
         }
-        Way {
+        MotionPath {
             leaf: latent.x,
             clean: Box::new(|motion| motion),
             pull: Box::new(move |gradient| {
@@ -359,7 +358,7 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Subject for Noise<'_, '_, D> {
+impl<D: Denoiser> Variable for Noise<'_, '_, D> {
     fn steps(&self) -> usize {
         self.iterations
     }
@@ -368,14 +367,14 @@ impl<D: Denoiser> Subject for Noise<'_, '_, D> {
         0
     }
 
-    fn step(&mut self, index: usize) -> Result<Made, Broken> {
+    fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
         let found = { self.objective }.gradient(|| self.pass())?;
         let rate = self.guidance.rate(index, self.iterations);
-        self.optimised.update(found.gradient, rate);
+        self.variable.update(found.gradient, rate);
         // Adam would let it grow, and noise of another size is none that the network knows.
-        let noise = self.optimised.value.clone();
-        self.optimised.value = noise.clone() * (self.length.clone() / length(&noise, &self.keep));
-        Ok(Made {
+        let noise = self.variable.value.clone();
+        self.variable.value = noise.clone() * (self.length.clone() / length(&noise, &self.keep));
+        Ok(StepOutput {
             loss: found.loss,
             gradient: None,
             prediction: found.leaf,
@@ -388,7 +387,7 @@ impl<D: Denoiser> Subject for Noise<'_, '_, D> {
 
     fn finish(self: Box<Self>) -> Tensor<3> {
         let batch = Batch {
-            noise: self.optimised.value,
+            noise: self.variable.value,
             ..self.batch.clone()
         };
         let passed = self.sampler.baseline(&batch, &mut ());
@@ -396,16 +395,16 @@ impl<D: Denoiser> Subject for Noise<'_, '_, D> {
     }
 }
 
-/// The way of motions to themselves.
-fn itself<'w>(motion: &Tensor<3>) -> Way<'w, 3> {
-    Way {
+/// Returns the path of motions to themselves.
+fn identity_path<'w>(motion: &Tensor<3>) -> MotionPath<'w, 3> {
+    MotionPath {
         leaf: motion.clone(),
         clean: Box::new(|motion| motion),
         pull: Box::new(|gradient| gradient),
     }
 }
 
-/// Euclidean length of each motion's numbers, `[batch, 1, 1]`.
+/// Returns the Euclidean length of each motion's numbers, `[batch, 1, 1]`.
 fn length(noise: &Tensor<3>, keep: &Option<Tensor<3>>) -> Tensor<3> {
     let squares = noise.clone().square().sum_dim(2);
     let squares = match keep {

@@ -1,18 +1,18 @@
-//! A tensor on its way down a loss.
+//! A tensor that Adam moves down a loss.
 
 use burn::optim::{Adam, AdamConfig, AdamState, Optimizer};
 use burn::tensor::Tensor;
 
 use crate::guidance::Guidance;
 
-/// What Adam moves, with its moments.
-pub(super) struct Optimised<const D: usize> {
+/// A tensor that Adam moves, with its moments.
+pub(super) struct AdamVariable<const D: usize> {
     pub(super) value: Tensor<D>,
     adam: Adam,
     state: Option<AdamState<D>>,
 }
 
-impl<const D: usize> Optimised<D> {
+impl<const D: usize> AdamVariable<D> {
     pub(super) fn new(value: Tensor<D>, guidance: &Guidance) -> Self {
         let [first, second] = guidance.betas;
         let adam = AdamConfig::new()
@@ -21,7 +21,7 @@ impl<const D: usize> Optimised<D> {
             // burn's own default is 1e-5.
             .with_epsilon(guidance.epsilon)
             .build();
-        Optimised {
+        AdamVariable {
             value,
             adam,
             state: None,

@@ -1,0 +1,73 @@
+//! The Laban features of a set of end-effectors as a term of the loss.
+
+use burn::tensor::{Device, Tensor};
+use lamogen_laban::{
+    COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanOptions, Target,
+};
+
+use crate::guidance::Guidance;
+use crate::loss_term::{LossTarget, LossTerm};
+
+/// The Laban loss (paper, equation "Laban loss") of one set of end-effectors, for one batch of motions.
+#[derive(Clone, Debug)]
+pub struct LabanTerm {
+    features: LabanFeatures,
+    goals: Vec<[Goal; COMPONENTS]>,
+    guidance: Guidance,
+}
+
+impl LabanTerm {
+    /// Creates the term for a batch of motions. It is measured, divided and weighed as the guidance options say, with these end-effectors instead of
+    /// theirs.
+    ///
+    /// # Shapes
+    ///
+    /// - `frames`: the number of frames that the batch is padded to
+    /// - `lengths`, `goals`: one for each motion
+    ///
+    /// # Panics
+    ///
+    /// If a motion has fewer than 4 frames or more than `frames`.
+    pub fn new(
+        end_effectors: EndEffectors,
+        goals: Vec<[Goal; COMPONENTS]>,
+        guidance: &Guidance,
+        (frames, lengths): (usize, &[usize]),
+        device: &Device,
+    ) -> Self {
+        let options = LabanOptions {
+            end_effectors,
+            ..guidance.laban.clone()
+        };
+        LabanTerm {
+            features: LabanFeatures::new(&options, frames, lengths, device),
+            goals,
+            guidance: guidance.clone(),
+        }
+    }
+}
+
+impl LossTerm for LabanTerm {
+    fn name(&self) -> String {
+        "Laban features".into()
+    }
+
+    fn value_name(&self, value: usize) -> String {
+        Component::ALL[value].to_string()
+    }
+
+    fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+        self.features.measure(joints)
+    }
+
+    fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget {
+        let Guidance {
+            divisor, emphasis, ..
+        } = self.guidance;
+        let target = Target::new(baseline, lengths, &self.goals, divisor, emphasis);
+        LossTarget {
+            values: target.features(),
+            weight: target.weight(),
+        }
+    }
+}

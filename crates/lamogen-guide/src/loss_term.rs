@@ -1,0 +1,294 @@
+//! Terms of the loss that guidance lowers.
+//!
+//! ```text
+//! joints of the baseline ──measure──▶ values ──target──▶ LossTarget: values to reach, weights
+//! joints of a prediction ──measure──▶ values ──────────────▶ Σ ((values - target) · weight)²
+//! ```
+
+use std::fmt;
+use std::sync::Arc;
+
+use burn::tensor::{Device, Tensor};
+
+use crate::error::GuideError;
+
+/// One term of a loss: values that are measured on motions, the values that they shall reach, and how much each difference counts.
+///
+/// Guidance adds the terms of [`Guidance::loss_terms`](crate::Guidance::loss_terms) to the Laban loss, whose own terms implement this trait too
+/// ([`LabanTerm`](crate::LabanTerm)). `lamogen-train` takes such terms as well, with the motion of the data in the place of the baseline. The loss of
+/// a motion is
+///
+/// ```text
+/// Σ ((measured - target) · weight)²    over the motion's frames and values
+/// ```
+///
+/// so a difference whose product with its weight is 1 at one frame counts as much as a Laban feature that is 100 % off at one frame.
+///
+/// ```
+/// use burn::tensor::Tensor;
+/// use lamogen_guide::{LossTarget, LossTerm};
+/// use lamogen_motion::Joint;
+///
+/// /// Keeps the head at a height above the floor.
+/// #[derive(Debug)]
+/// struct HeadHeight {
+///     metres: f32,
+/// }
+///
+/// impl LossTerm for HeadHeight {
+///     fn name(&self) -> String {
+///         "height of the head".into()
+///     }
+///
+///     fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+///         let head = joints.narrow(2, Joint::Head as usize, 1).narrow(3, 1, 1);
+///         head.squeeze_dim(3)
+///     }
+///
+///     fn target(&self, baseline: Tensor<3>, _lengths: &[usize]) -> LossTarget {
+///         LossTarget::constant(&[self.metres], 5.0, &baseline.device())
+///     }
+/// }
+/// ```
+pub trait LossTerm: fmt::Debug + Send + Sync {
+    /// Returns the name by which errors and reports call the term.
+    fn name(&self) -> String;
+
+    /// Returns the name of a value, counted from 0, for errors and reports.
+    fn value_name(&self, value: usize) -> String {
+        format!("value {} of {}", value + 1, self.name())
+    }
+
+    /// Measures the values of each frame of each motion. The function must be differentiable by autodiff: values and gradients must be finite for any
+    /// finite joints (`sqrt` at 0 is not; add a small number).
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: `[batch, frames, 22, 3]`, positions in metres in the order of [`Joint`](lamogen_motion::Joint), y up, at
+    ///   [`FRAMES_PER_SECOND`](lamogen_motion::FRAMES_PER_SECOND); what stands past a motion's length has no meaning
+    /// - `lengths`: the number of frames of each motion
+    /// - output: `[batch, frames, values]`, with at least one value; what stands past a motion's length does not count
+    fn measure(&self, joints: Tensor<4>, lengths: &[usize]) -> Tensor<3>;
+
+    /// Returns what the values shall become, and how much each difference counts. It is called once, with the values measured on the baseline,
+    /// `[batch, frames, values]`.
+    fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget;
+}
+
+/// The values that a [`LossTerm`] shall reach, and their weights.
+///
+/// Both have the axes `[batch, frames, values]`, where an axis may also be of size 1 and then stands for all.
+#[derive(Clone, Debug)]
+pub struct LossTarget {
+    /// The values to reach.
+    pub values: Tensor<3>,
+    /// What differences are multiplied by before they are squared; 0 where a value may be anything.
+    pub weight: Tensor<3>,
+}
+
+impl LossTarget {
+    /// Returns the same values for all frames of all motions, with one weight.
+    pub fn constant(values: &[f32], weight: f32, device: &Device) -> Self {
+        LossTarget {
+            values: Tensor::<1>::from_data(values, device).reshape([1, 1, values.len()]),
+            weight: Tensor::full([1, 1, 1], weight, device),
+        }
+    }
+
+    /// Keeps the weights of one frame, counted from 0, and sets those of all others to 0.
+    pub fn at_frame(self, frame: usize, frames: usize) -> Self {
+        let device = self.weight.device();
+        let mut marks = vec![0.0; frames];
+        if let Some(mark) = marks.get_mut(frame) {
+            *mark = 1.0;
+        }
+        let marks = Tensor::<1>::from_data(&marks[..], &device).reshape([1, frames, 1]);
+        LossTarget {
+            weight: self.weight * marks,
+            ..self
+        }
+    }
+}
+
+/// A list of loss terms that all motions of a run share.
+///
+/// Two lists are equal if they hold the very same terms (`Arc::ptr_eq`), since nothing is known of what is in them. Requests with equal guidance
+/// run together.
+#[derive(Clone, Debug, Default)]
+pub struct LossTerms(Vec<Arc<dyn LossTerm>>);
+
+impl LossTerms {
+    /// Returns the list with one more term.
+    pub fn with(mut self, term: Arc<dyn LossTerm>) -> Self {
+        self.0.push(term);
+        self
+    }
+
+    /// Returns whether there is no term.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Iterates over the terms.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &Arc<dyn LossTerm>> {
+        self.0.iter()
+    }
+}
+
+impl PartialEq for LossTerms {
+    fn eq(&self, other: &Self) -> bool {
+        let pairs = || self.0.iter().zip(&other.0);
+        self.0.len() == other.0.len() && pairs().all(|(own, other)| Arc::ptr_eq(own, other))
+    }
+}
+
+impl FromIterator<Arc<dyn LossTerm>> for LossTerms {
+    fn from_iter<I: IntoIterator<Item = Arc<dyn LossTerm>>>(terms: I) -> Self {
+        LossTerms(terms.into_iter().collect())
+    }
+}
+
+/// The values of a [`LossTerm`] before and after guidance, and those that it asked for: `[batch, frames, values]` each.
+#[derive(Clone, Debug)]
+pub struct TermComparison {
+    /// The name of the term.
+    pub name: String,
+    /// The names of its values.
+    pub value_names: Vec<String>,
+    /// The values of the baseline.
+    pub baseline: Tensor<3>,
+    /// The values to reach.
+    pub target: Tensor<3>,
+    /// What differences are multiplied by; 0 past each motion's length.
+    pub weight: Tensor<3>,
+    /// The values of the guided motions.
+    pub guided: Tensor<3>,
+}
+
+/// A term with its target for one batch of motions.
+#[derive(Clone, Debug)]
+pub struct PreparedTerm {
+    term: Arc<dyn LossTerm>,
+    lengths: Vec<usize>,
+    baseline: Tensor<3>,
+    target: Tensor<3>,
+    weight: Tensor<3>,
+}
+
+impl PreparedTerm {
+    /// Measures a term on baselines and takes its target. `importance` multiplies the loss of the term.
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: `[batch, frames, 22, 3]`
+    /// - `lengths`: the number of frames of each motion
+    ///
+    /// # Errors
+    ///
+    /// If the term's values or its target are of the wrong shape, or its target or weight is not finite.
+    pub fn new(
+        term: Arc<dyn LossTerm>,
+        joints: Tensor<4>,
+        lengths: &[usize],
+        importance: f32,
+    ) -> Result<Self, GuideError> {
+        let [batch, frames, ..] = joints.dims();
+        let device = joints.device();
+        let baseline = term.measure(joints, lengths);
+        let shape = baseline.dims();
+        let problem = |what: &str, expected: String, found: [usize; 3]| {
+            Err(GuideError::LossTerm {
+                term: term.name(),
+                reason: format!("expected {what} of the shape {expected}, found {found:?}"),
+            })
+        };
+        if shape[..2] != [batch, frames] || shape[2] == 0 {
+            let expected = format!("[{batch}, {frames}, 1 or more]");
+            return problem("values", expected, shape);
+        }
+        let LossTarget { values, weight } = term.target(baseline.clone(), lengths);
+        for (what, tensor) in [("a target", &values), ("weights", &weight)] {
+            let found = tensor.dims();
+            if !found
+                .iter()
+                .zip(shape)
+                .all(|(&own, all)| own == all || own == 1)
+            {
+                return problem(
+                    what,
+                    format!("{shape:?}, or 1 in the place of an axis"),
+                    found,
+                );
+            }
+            let marks: Vec<f32> = (tensor.clone() * 0.0)
+                .try_into_vec_as()
+                .expect("floats convert to f32");
+            if marks.iter().any(|mark| !mark.is_finite()) {
+                return Err(GuideError::LossTerm {
+                    term: term.name(),
+                    reason: format!("expected {what} of finite numbers, found infinities or NaN"),
+                });
+            }
+        }
+        let mask = lengths.iter().flat_map(|&length| {
+            (0..frames).map(move |frame| if frame < length { 1.0 } else { 0.0 })
+        });
+        let mask: Vec<f32> = mask.collect();
+        let mask = Tensor::<1>::from_data(&mask[..], &device).reshape([batch, frames, 1]);
+        let own = Tensor::<3>::ones(shape, &device);
+        let weight = weight.to_device(&device) * mask * importance.sqrt();
+        Ok(PreparedTerm {
+            target: values.to_device(&device) * own.clone(),
+            weight: weight * own,
+            lengths: lengths.to_vec(),
+            baseline,
+            term,
+        })
+    }
+
+    /// Returns the loss of each value of each motion, `[batch, values]`.
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: `[batch, frames, 22, 3]`, as many frames as the baselines
+    pub fn loss(&self, joints: Tensor<4>) -> Tensor<2> {
+        let [batch, _, values] = self.target.dims();
+        let measured = self.term.measure(joints, &self.lengths);
+        ((measured - self.target.clone()) * self.weight.clone())
+            .square()
+            .sum_dim(1)
+            .reshape([batch, values])
+    }
+
+    /// Returns how many values the term measures.
+    pub(crate) fn values(&self) -> usize {
+        self.target.dims()[2]
+    }
+
+    /// Returns the name of a value, for errors.
+    pub(crate) fn value_name(&self, value: usize) -> String {
+        self.term.value_name(value)
+    }
+
+    /// Returns the values to reach, `[batch, frames, values]`.
+    pub(crate) fn target(&self) -> Tensor<3> {
+        self.target.clone()
+    }
+
+    /// Compares finished motions with what was asked for.
+    ///
+    /// # Shapes
+    ///
+    /// - `joints`: `[batch, frames, 22, 3]`, as many frames as the baselines
+    pub fn compare(self, joints: Tensor<4>) -> TermComparison {
+        let value_names = (0..self.values()).map(|value| self.value_name(value));
+        TermComparison {
+            name: self.term.name(),
+            value_names: value_names.collect(),
+            guided: self.term.measure(joints, &self.lengths),
+            baseline: self.baseline,
+            target: self.target,
+            weight: self.weight,
+        }
+    }
+}
