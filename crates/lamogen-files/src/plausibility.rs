@@ -10,7 +10,7 @@ use lamogen_motion::{JOINTS, Joint, Motion};
 pub enum ImportNotice {
     /// The head is below the pelvis and the ankles are above it.
     UpsideDown,
-    /// Toes point and knees bend backwards: the motion is a mirror image whose joints kept their names.
+    /// Toes point and knees bend backwards: the motion is a mirror image, but its joints kept their names.
     Mirrored,
 }
 
