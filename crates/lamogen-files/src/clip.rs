@@ -1,83 +1,85 @@
-//! A skeleton animation as a file holds it, whatever its skeleton.
+//! The skeleton animation of a file, for any skeleton.
 
 use glam::{DQuat, DVec3};
 
-/// Named nodes that move, each seen from its parent.
+/// An animation of named nodes. The transform of each node is relative to its parent.
 #[derive(Clone, Debug)]
 pub(crate) struct Clip {
-    /// Parents stand before their children.
+    /// The nodes in an order in which every parent comes before its children.
     pub(crate) nodes: Vec<Node>,
-    /// At least one.
+    /// The number of frames, at least 1.
     pub(crate) frames: usize,
-    /// Positive, but for a single frame, where it may be 0.
+    /// The time from one frame to the next: positive, but it may be 0 if there is only one frame.
     pub(crate) seconds_per_frame: f64,
 }
 
-/// One node of a clip. What does not change over time has one entry, else one for every frame.
+/// One node of a clip. `translations` and `rotations` have one entry for each frame, or a single entry if they do not
+/// change over time.
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
-    /// As the file has it. The ends of a BVH's limbs are nodes, too, and called [`END_SITE`].
+    /// The name in the file. The end sites of a BVH are nodes too and are called [`END_SITE`].
     pub(crate) name: String,
     pub(crate) parent: Option<usize>,
-    /// Where the node is in the rest pose, seen from its parent.
+    /// The position in the rest pose, relative to the parent.
     pub(crate) rest: DVec3,
     pub(crate) translations: Vec<DVec3>,
     pub(crate) rotations: Vec<DQuat>,
     pub(crate) scale: DVec3,
 }
 
-/// Name of a node that only says where a limb ends.
+/// The name of a node that only marks the end of a limb.
 pub(crate) const END_SITE: &str = "End Site";
 
-/// A node in the world.
+/// The position and rotation of a node in the world.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
-    /// Where it is, in the file's units.
+pub(crate) struct NodePose {
+    /// The position in the file's units.
     pub(crate) position: DVec3,
-    /// How it is turned. Scales, which are no turns, play no part.
-    pub(crate) turn: DQuat,
+    /// The rotation in the world. Scales do not affect it.
+    pub(crate) rotation: DQuat,
     scale: DVec3,
 }
 
 impl Clip {
-    /// Where all nodes are after some seconds, in the file's units.
+    /// Returns the world positions of all nodes at a time, in the file's units.
     pub(crate) fn positions(&self, seconds: f64) -> Vec<DVec3> {
-        let placed = self.placed(seconds).into_iter();
-        placed.map(|node| node.position).collect()
+        let poses = self.node_poses(seconds).into_iter();
+        poses.map(|pose| pose.position).collect()
     }
 
-    /// Where all nodes are after some seconds, and how they are turned. Between two frames rotations
-    /// take the shortest way.
-    pub(crate) fn placed(&self, seconds: f64) -> Vec<Placed> {
+    /// Returns the world positions and rotations of all nodes at a time.
+    ///
+    /// Between two frames, rotations are interpolated along the shortest arc.
+    pub(crate) fn node_poses(&self, seconds: f64) -> Vec<NodePose> {
         let last = (self.frames - 1) as f64;
         let frame = match self.seconds_per_frame > 0.0 {
             true => (seconds / self.seconds_per_frame).clamp(0.0, last),
             false => 0.0,
         };
         let (first, part) = (frame.floor() as usize, frame.fract());
-        let mut placed: Vec<Placed> = Vec::with_capacity(self.nodes.len());
+        let mut poses: Vec<NodePose> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
-            let (here, next) = neighbours(&node.translations, first);
-            let shift = here.lerp(next, part);
-            let (here, next) = neighbours(&node.rotations, first);
-            let turn = here.slerp(next, part);
-            placed.push(match node.parent.map(|parent| placed[parent]) {
-                None => Placed {
-                    position: shift,
-                    turn,
+            let (here, next) = frame_pair(&node.translations, first);
+            let translation = here.lerp(next, part);
+            let (here, next) = frame_pair(&node.rotations, first);
+            let rotation = here.slerp(next, part);
+            poses.push(match node.parent.map(|parent| poses[parent]) {
+                None => NodePose {
+                    position: translation,
+                    rotation,
                     scale: node.scale,
                 },
-                Some(above) => Placed {
-                    position: above.position + above.turn * (above.scale * shift),
-                    turn: above.turn * turn,
-                    scale: above.scale * node.scale,
+                Some(parent) => NodePose {
+                    position: parent.position + parent.rotation * (parent.scale * translation),
+                    rotation: parent.rotation * rotation,
+                    scale: parent.scale * node.scale,
                 },
             });
         }
-        placed
+        poses
     }
 
-    /// Where all nodes are in the rest pose, without any rotation, in the file's units.
+    /// Returns the world positions of all nodes in the rest pose, without any rotation, in the file's units.
     pub(crate) fn rest_positions(&self) -> Vec<DVec3> {
         let mut places: Vec<DVec3> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
@@ -87,27 +89,27 @@ impl Clip {
         places
     }
 
-    /// The nodes from one to the root, itself first.
+    /// Returns the nodes on the path from a node to the root, the node itself first.
     pub(crate) fn ancestors(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
         std::iter::successors(Some(node), |&node| self.nodes[node].parent)
     }
 
-    /// Whether a node hangs from another, or is it.
-    pub(crate) fn hangs_from(&self, node: usize, ancestor: usize) -> bool {
-        // Parents stand before their children: past the ancestor's place there is nothing to find.
+    /// Returns whether a node is `ancestor` itself or one of its descendants.
+    pub(crate) fn is_at_or_below(&self, node: usize, ancestor: usize) -> bool {
+        // Parents come before their children, so indices below the ancestor's cannot contain it.
         self.ancestors(node)
-            .take_while(|&above| above >= ancestor)
-            .any(|above| above == ancestor)
+            .take_while(|&node| node >= ancestor)
+            .any(|node| node == ancestor)
     }
 
-    /// The nodes that hang directly from a node.
+    /// Returns the direct children of a node.
     pub(crate) fn children(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
         (node + 1..self.nodes.len()).filter(move |&child| self.nodes[child].parent == Some(node))
     }
 }
 
-/// The entry of a frame and that of the next.
-fn neighbours<T: Copy>(entries: &[T], frame: usize) -> (T, T) {
+/// Returns the entries of a frame and of the next frame.
+fn frame_pair<T: Copy>(entries: &[T], frame: usize) -> (T, T) {
     let last = entries.len() - 1;
     (entries[frame.min(last)], entries[(frame + 1).min(last)])
 }
@@ -149,6 +151,6 @@ mod tests {
             assert!(clip.positions(seconds)[1].abs_diff_eq(place, 1e-12));
         }
         assert_eq!(clip.rest_positions()[1], DVec3::new(1.0, 1.0, 0.0));
-        assert!(clip.hangs_from(1, 0) && !clip.hangs_from(0, 1));
+        assert!(clip.is_at_or_below(1, 0) && !clip.is_at_or_below(0, 1));
     }
 }

@@ -1,4 +1,4 @@
-//! Laban series as CSV, for spreadsheets, pandas and R.
+//! Writing Laban series as CSV, for spreadsheets, pandas and R.
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use lamogen_laban::{Component, LabanSeries};
 use lamogen_motion::{FRAMES_PER_SECOND, write_atomically};
 
-/// A CSV file that cannot be written.
+/// The error of a CSV file that cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 #[allow(missing_docs)]
@@ -16,15 +16,14 @@ pub struct CsvError {
     pub reason: io::Error,
 }
 
-/// Laban series side by side, each with its name, as CSV text.
+/// Formats Laban series side by side, each with its name, as CSV text.
 ///
-/// One line a frame below one of column names: `seconds`, `frame` (from 0), then for every series
-/// `weight` (m²/frame²), `time` (m/frame²), `flow` (m/frame³) and `shape` (m³), with frames of 1/20 s. The
-/// columns of a named series are `name_weight` and so on; a series alone may have the empty name and then keeps the
-/// bare words. Where a series is shorter than another its cells are empty.
+/// The first line has the column names, and every other line has one frame. The columns are `seconds`, `frame` (from 0),
+/// and for each series `weight` (m²/frame²), `time` (m/frame²), `flow` (m/frame³) and `shape` (m³), with frames of 1/20 s.
+/// The columns of a named series are called `name_weight` and so on; a series with an empty name has the column names
+/// without a prefix. If a series is shorter than another one, its last cells are empty.
 ///
-/// Numbers have a point for the fraction, wherever the program runs, and as many digits as it takes to read the same
-/// 32-bit number back.
+/// Numbers have a decimal point in every locale, and as many digits as are needed to read the same 32-bit number back.
 ///
 /// ```
 /// use lamogen_files::csv::laban;
@@ -49,7 +48,7 @@ pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
                 false => format!("{name}_{word}"),
             };
             text.push(',');
-            text.push_str(&quoted(&column));
+            text.push_str(&quote_cell(&column));
         }
     }
     text.push('\n');
@@ -71,11 +70,11 @@ pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
     text
 }
 
-/// Writes [`laban`]'s text to a file.
+/// Writes Laban series as CSV to a file, in the format of [`laban`].
 ///
 /// # Errors
 ///
-/// If the file cannot be written; nothing is left half-written.
+/// If the file cannot be written. In this case, no incomplete file is left.
 pub fn write_laban(
     path: impl AsRef<Path>,
     series: &[(&str, &LabanSeries)],
@@ -88,8 +87,8 @@ pub fn write_laban(
     })
 }
 
-/// A cell as RFC 4180 has it.
-fn quoted(cell: &str) -> String {
+/// Quotes a cell by the rules of RFC 4180 if necessary.
+fn quote_cell(cell: &str) -> String {
     match cell.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell.to_owned(),
@@ -148,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_written_is_named() {
+    fn the_error_names_a_file_that_cannot_be_written() {
         let error = write_laban("no/such/folder/a.csv", &[("", &series([[0.0; 4]]))]).unwrap_err();
         assert!(
             error.to_string().contains("no/such/folder/a.csv"),

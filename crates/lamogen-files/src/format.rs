@@ -1,4 +1,4 @@
-//! A file's format by the end of its name.
+//! Reading and writing motions in the format that the file's extension selects.
 
 use std::io::Write;
 use std::path::Path;
@@ -17,15 +17,15 @@ use crate::units::{Unit, Up};
 /// | name ends in | read as |
 /// |---|---|
 /// | `.bvh` | BVH |
-/// | `.glb`, `.gltf` | glTF, whose Y is up unless the options say otherwise |
+/// | `.glb`, `.gltf` | glTF, with Y up unless the options name another axis |
 /// | `.npy` | joints `(frames, 22, 3)` or `(frames, 66)`, or pose features `(frames, 263)`, as HumanML3D stores them |
 ///
-/// Between the file's frames rotations take the shortest way.
+/// Between the frames of the file, rotations are interpolated along the shortest arc.
 ///
 /// # Errors
 ///
-/// If the name has another end; the file cannot be read or is damaged; its skeleton is unknown or has no
-/// human size; or there is more than an hour of motion.
+/// If the extension is another one; the file cannot be read or is damaged; its skeleton is unknown or does not have
+/// the size of a human; or the motion is longer than an hour.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
     if let Some(rate) = options.frames_per_second
@@ -42,7 +42,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
             problem,
         });
     }
-    match ending(path).as_deref() {
+    match extension(path).as_deref() {
         Some("bvh") => bvh::read(path, options),
         Some("glb" | "gltf") => {
             let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
@@ -60,19 +60,19 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
         Some("npy") => npy::read(path, options),
         found => Err(ReadError::Ending {
             path: path.to_owned(),
-            found: shown(found),
+            found: describe(found),
         }),
     }
 }
 
-/// How a motion is written.
+/// Options for writing a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WriteOptions {
-    /// Frames a second, of files that hold rotations: 20, as the motion has them.
+    /// Frames per second of files that hold rotations. The default is 20, the frame rate of the motion.
     pub frames_per_second: f32,
-    /// How a BVH is written.
+    /// The options of BVH files.
     pub bvh: BvhOptions,
-    /// What a GLB holds.
+    /// The options of GLB files.
     pub glb: GlbOptions,
 }
 
@@ -86,27 +86,28 @@ impl Default for WriteOptions {
     }
 }
 
-/// Writes a motion; a reader never sees half a file.
+/// Writes a motion. The file is replaced atomically, so that a reader never sees half a file.
 ///
 /// | name ends in | written as |
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
 /// | `.glb` | [glTF](crate::glb) |
-/// | `.features.npy` | pose features, `(frames, 263)`: those the motion came from, else [encoded](lamogen_motion::encode) ones |
+/// | `.features.npy` | pose features, `(frames, 263)`: those the motion was made from, or else [encoded](lamogen_motion::encode) ones |
 /// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up, 20 frames a second |
 ///
 /// # Errors
 ///
-/// If the name has another end, an option makes no sense for it, pose features are asked of a single frame, or the file cannot be written.
+/// If the extension is another one, an option is not valid for the format, pose features are requested for a single
+/// frame, or the file cannot be written.
 pub fn write(
     path: impl AsRef<Path>,
     motion: &Motion,
     options: &WriteOptions,
 ) -> Result<(), WriteError> {
     let path = path.as_ref();
-    let ending = ending(path);
+    let extension = extension(path);
     let rate = options.frames_per_second;
-    let expected = match ending.as_deref() {
+    let expected = match extension.as_deref() {
         Some("npy") if rate != FRAMES_PER_SECOND => Some("20, as arrays have them,"),
         _ if !(1e-3..=1e4).contains(&rate) => Some("0.001 to 10000"),
         _ => None,
@@ -118,10 +119,10 @@ pub fn write(
             found: rate,
         });
     }
-    if let Some("bvh" | "glb") = ending.as_deref() {
-        check(path, motion, rate)?;
+    if let Some("bvh" | "glb") = extension.as_deref() {
+        check_rig_limits(path, motion, rate)?;
     }
-    match ending.as_deref() {
+    match extension.as_deref() {
         Some("bvh") => {
             let metres = options.bvh.unit.metres();
             if !Unit::LENGTHS.contains(&metres) {
@@ -142,30 +143,32 @@ pub fn write(
             let rotations = motion.rotations().resampled(rate);
             Ok(glb::write(path, &rotations, &options.glb)?)
         }
-        Some("npy") if features(path) => Ok(motion.save_features(path)?),
+        Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
         Some("npy") => Ok(motion.save_joints(path)?),
         found => Err(WriteError::Ending {
             path: path.to_owned(),
-            found: shown(found),
+            found: describe(found),
         }),
     }
 }
 
-/// What stands after the last dot, in lower case.
-fn ending(path: &Path) -> Option<String> {
+/// Returns the part of the file's name after the last dot, in lower case.
+fn extension(path: &Path) -> Option<String> {
     Some(path.extension()?.to_str()?.to_ascii_lowercase())
 }
 
-/// Frames of the longest motion that is written as a rig: more than four hours at 60 a second. All of them are in memory at once.
-pub(crate) const MOST_FRAMES: usize = 1_000_000;
+/// The most frames of a motion that is written as a rig: more than four hours at 60 frames per second. All frames are
+/// in memory at once.
+pub(crate) const MAX_FRAMES: usize = 1_000_000;
 
-/// How far from the origin a rig may be, in metres: farther away, single millimetres are lost in 32 bits, and farther still all digits.
-pub(crate) const MOST_DISTANT: f32 = 1e6;
+/// The largest distance of a rig from the origin, in metres. Farther away, numbers of 32 bits lose single millimetres,
+/// and still farther away all digits.
+pub(crate) const MAX_DISTANCE: f32 = 1e6;
 
-/// Whether a motion can be written as a rig.
-fn check(path: &Path, motion: &Motion, rate: f32) -> Result<(), WriteError> {
+/// Checks that a motion is short enough and near enough to the origin to be written as a rig.
+fn check_rig_limits(path: &Path, motion: &Motion, rate: f32) -> Result<(), WriteError> {
     let found = (f64::from(motion.seconds()) * f64::from(rate)).ceil() as usize;
-    if found > MOST_FRAMES {
+    if found > MAX_FRAMES {
         return Err(WriteError::Frames {
             path: path.to_owned(),
             found,
@@ -175,7 +178,7 @@ fn check(path: &Path, motion: &Motion, rate: f32) -> Result<(), WriteError> {
         for joint in Joint::ALL {
             let [x, y, z] = pose[joint.index()].map(f32::abs);
             let found = x.max(y).max(z);
-            if found > MOST_DISTANT {
+            if found > MAX_DISTANCE {
                 return Err(WriteError::Far {
                     path: path.to_owned(),
                     frame,
@@ -188,14 +191,15 @@ fn check(path: &Path, motion: &Motion, rate: f32) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// Whether a name ends in `.features.npy`.
-fn features(path: &Path) -> bool {
+/// Returns whether a file's name ends in `.features.npy`.
+fn is_features_file(path: &Path) -> bool {
     path.file_stem()
-        .is_some_and(|stem| ending(Path::new(stem)).as_deref() == Some("features"))
+        .is_some_and(|stem| extension(Path::new(stem)).as_deref() == Some("features"))
 }
 
-fn shown(ending: Option<&str>) -> String {
-    ending.map_or("no ending".into(), |ending| format!(".{ending}"))
+/// Formats an extension for an error message.
+fn describe(extension: Option<&str>) -> String {
+    extension.map_or("no ending".into(), |extension| format!(".{extension}"))
 }
 
 #[cfg(test)]
@@ -209,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_endings_are_told_the_known_ones() {
+    fn unknown_endings_are_errors_that_list_the_known_ones() {
         for (name, found) in [("a.fbx", ".fbx"), ("a", "no ending"), ("a.npz", ".npz")] {
             let message = read(name, &ReadOptions::default()).unwrap_err().to_string();
             assert!(
@@ -226,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_written_are_joints_read_whatever_the_case_of_the_ending() {
+    fn joints_are_read_back_from_extensions_in_any_case() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.NPY");
         write(&path, &motion(), &WriteOptions::default()).unwrap();
@@ -237,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_leaves_no_file() {
+    fn errors_leave_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let default = WriteOptions::default;
         let mut no_rate = default();

@@ -1,11 +1,11 @@
-//! A clip of any skeleton as a motion.
+//! Conversion of a clip of any skeleton to a motion.
 
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, JointTurning, Motion};
 
-use crate::body::Body;
+use crate::body::MappedBody;
 use crate::clip::Clip;
 use crate::error::ReadError;
 use crate::mapping::JointMapping;
@@ -13,67 +13,69 @@ use crate::names::recognise;
 use crate::plausibility::{ImportNotice, notices};
 use crate::units::{Unit, Up};
 
-/// What is known of a file beforehand. What is not said is guessed from the body, and
-/// [`ImportedMotion`] tells the guess.
+/// Known properties of a file. Properties that are `None` are guessed from the body, and [`ImportedMotion`] reports
+/// the guesses.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
-    /// What one unit of the file is.
+    /// The unit of lengths in the file.
     pub unit: Option<Unit>,
-    /// Which axis of the file points up.
+    /// The axis of the file that points up.
     pub up: Option<Up>,
-    /// Which joint has which name, if the skeleton is none that is known.
+    /// The name of each joint in the file, if the skeleton is not a known one.
     pub mapping: Option<JointMapping>,
-    /// Which animation of a glTF to read, by its name, or which motion of an array of several, by its number from 0; the first if not said.
+    /// The animation to read: of a glTF by its name, of an array of several motions by its number from 0. By default
+    /// the first one.
     pub animation: Option<String>,
-    /// How many frames of the file are a second, where that is known better than the file says it: of a BVH, or of an array, which says nothing
-    /// and is otherwise taken for one of 20. A glTF has times instead of frames.
+    /// The frame rate of the file, which replaces the one that a BVH states. An array states none and is otherwise read
+    /// at 20 frames per second. A glTF has times instead of frames and ignores this option.
     pub frames_per_second: Option<f32>,
 }
 
-/// A motion from a file, and what was taken for granted.
+/// A motion from a file, and the assumptions under which it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedMotion {
-    /// The motion, in metres, Y up, at 20 frames a second. It is where and faces where it does in
-    /// the file.
+    /// The motion, in metres, Y up, at 20 frames per second. It keeps its position and direction from the file.
     pub motion: Motion,
-    /// How fast the joints turn by the file's own rotations, of which the motion keeps nothing but positions; none for arrays. At
-    /// 20 frames a second: what turns and turns back in between is not seen.
+    /// The turning speed of the joints, measured on the file's own rotations, because the motion keeps only positions.
+    /// `None` for arrays. It is measured at 20 frames per second, so a turn forth and back between two such frames is not
+    /// measured.
     ///
-    /// A joint that was [`placed`](Self::placed) does not turn, and what the file turns above it counts for the next joint
-    /// below.
+    /// A joint that was [`placed`](Self::placed) does not turn. Rotations of the file's nodes above it count for the next
+    /// joint below.
     pub turning: Option<JointTurning>,
-    /// How the file names its joints: a known scheme, or `mapping file`; none for arrays.
+    /// The naming scheme of the file's joints: a known scheme, or `mapping file`. `None` for arrays.
     pub scheme: Option<&'static str>,
-    /// What one unit of the file is.
+    /// The unit of lengths in the file.
     pub unit: Unit,
-    /// Which axis of the file points up.
+    /// The axis of the file that points up.
     pub up: Up,
     /// The file's frame rate.
     pub source_frames_per_second: f64,
     /// The file's number of frames.
     pub source_frames: usize,
-    /// The number of frames that the file announces, where it has more or fewer.
+    /// The number of frames that the file announces, if it actually has more or fewer.
     pub announced_frames: Option<usize>,
-    /// Names of animations in the file that were not read: a glTF may hold several, of which
-    /// [`ReadOptions::animation`] chooses.
+    /// The names of the animations in the file that were not read. A glTF may hold several animations;
+    /// [`ReadOptions::animation`] selects one.
     pub other_animations: Vec<String>,
-    /// Joints that the file lacks, or has in the same place as another. They were placed:
+    /// The joints that the file lacks, or has at the same position as another joint. Their positions are computed from
+    /// the other joints:
     ///
-    /// - spine joints on the line from pelvis to neck through what the file has between them, where they
-    ///   are on HumanML3D's body (if that is three joints, these are the spine's);
-    /// - the neck on the way from upper spine to head, the head on from the neck;
-    /// - collars between upper spine, neck and shoulder;
-    /// - feet from the ankle towards the end of the foot, at most as far as the ball of the foot is; without an
-    ///   end forward.
+    /// - spine joints lie on the line from the pelvis to the neck through the file's nodes between them, at the same
+    ///   fractions of its length as on HumanML3D's body (if the file has exactly three nodes there, these are the spine);
+    /// - the neck lies on the line from the upper spine to the head, the head beyond the neck;
+    /// - collars lie between upper spine, neck and shoulder;
+    /// - feet lie on the line from the ankle to the end of the foot, at most as far as the ball of the foot; if the file
+    ///   has no end of the foot, they lie in front of the ankle.
     pub placed: Vec<Joint>,
-    /// What is strange about the motion, though it may be meant.
+    /// Unusual properties of the motion, which may be intended.
     pub notices: Vec<ImportNotice>,
 }
 
-/// The longest motion that is read, in seconds: an hour.
+/// The length of the longest motion that is read: one hour, in seconds.
 const MAX_SECONDS: f64 = 3600.0;
 
-/// The motion of a clip; `path` stands in error messages.
+/// Converts a clip to a motion. `path` is used only in error messages.
 pub(crate) fn import(
     clip: &Clip,
     options: &ReadOptions,
@@ -92,10 +94,10 @@ pub(crate) fn import(
             reason,
         })?,
     };
-    let body = Body::new(clip, nodes);
+    let body = MappedBody::new(clip, nodes);
     let rate = options
         .frames_per_second
-        .map_or_else(|| whole(clip), f64::from);
+        .map_or_else(|| frame_rate(clip), f64::from);
     let seconds = (clip.frames - 1) as f64 / rate;
     if seconds > MAX_SECONDS {
         return Err(ReadError::Long {
@@ -103,15 +105,15 @@ pub(crate) fn import(
             seconds,
         });
     }
-    let frames = frames_of(seconds);
-    let (poses, turns): (Vec<_>, Vec<_>) = (0..frames)
+    let frames = frame_count(seconds);
+    let (poses, rotations): (Vec<_>, Vec<_>) = (0..frames)
         .map(|frame| {
             let source_frame = frame as f64 / f64::from(FRAMES_PER_SECOND) * rate;
-            let placed = clip.placed(source_frame * clip.seconds_per_frame);
-            let (positions, turns): (Vec<DVec3>, Vec<DQuat>) = { placed.into_iter() }
-                .map(|node| (node.position, node.turn))
+            let node_poses = clip.node_poses(source_frame * clip.seconds_per_frame);
+            let (positions, rotations): (Vec<DVec3>, Vec<DQuat>) = { node_poses.into_iter() }
+                .map(|node| (node.position, node.rotation))
                 .unzip();
-            (body.pose(&positions), body.turns(&turns))
+            (body.pose(&positions), body.local_rotations(&rotations))
         })
         .unzip();
     let size = body.size(&clip.positions(0.0));
@@ -122,7 +124,7 @@ pub(crate) fn import(
     })?;
     let up = options
         .up
-        .unwrap_or_else(|| up(&body.pose(&clip.rest_positions()), &poses));
+        .unwrap_or_else(|| guess_up(&body.pose(&clip.rest_positions()), &poses));
     let joints = poses
         .iter()
         .map(|pose| pose.map(|place| (up.to_y_up(place) * unit.metres()).as_vec3().to_array()))
@@ -134,7 +136,7 @@ pub(crate) fn import(
     Ok(ImportedMotion {
         notices: notices(&motion),
         motion,
-        turning: Some(JointTurning::of_local(&turns)),
+        turning: Some(JointTurning::of_local(&rotations)),
         scheme: Some(scheme),
         unit,
         up,
@@ -142,18 +144,19 @@ pub(crate) fn import(
         source_frames: clip.frames,
         announced_frames: None,
         other_animations: Vec::new(),
-        placed: body.placed(),
+        placed: body.placed_joints(),
     })
 }
 
-/// How many frames at [`FRAMES_PER_SECOND`] lie within so many seconds, the first included.
-pub(crate) fn frames_of(seconds: f64) -> usize {
-    // Half a thousandth of a frame: the time of a frame is often cut to a few digits.
+/// Returns the number of frames at [`FRAMES_PER_SECOND`] within a duration, including the frame at time 0.
+pub(crate) fn frame_count(seconds: f64) -> usize {
+    // The tolerance is half a thousandth of a frame, because files often round the frame time to a few digits.
     (seconds * f64::from(FRAMES_PER_SECOND) + 5e-4) as usize + 1
 }
 
-/// The frame rate, whole if it nearly is: 0.0083333 s a frame are 120 frames a second.
-fn whole(clip: &Clip) -> f64 {
+/// Returns the frame rate of a clip, rounded to an integer if it is close to one: 0.0083333 s per frame are 120 frames
+/// per second.
+fn frame_rate(clip: &Clip) -> f64 {
     if clip.seconds_per_frame <= 0.0 {
         return f64::from(FRAMES_PER_SECOND);
     }
@@ -164,12 +167,12 @@ fn whole(clip: &Clip) -> f64 {
     }
 }
 
-/// Which axis points up: the one along which the body stands in the rest pose, unless the whole motion
-/// stands along the other. Where the rest pose is no standing body, as in files whose bones all lie along
-/// one axis, the motion alone decides.
-fn up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> Up {
-    let moving = poses.iter().map(standing).sum::<DVec3>() / poses.len() as f64;
-    let rest_up = match standing(rest) {
+/// Guesses the axis that points up: the axis along which the body stands in the rest pose, unless the body stands along
+/// the other axis throughout the motion. If the body does not stand in the rest pose, as in files that have all bones
+/// along one axis, the motion alone decides.
+fn guess_up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> Up {
+    let moving = poses.iter().map(body_axis).sum::<DVec3>() / poses.len() as f64;
+    let rest_up = match body_axis(rest) {
         rest if rest.y > 0.9 => Some(Up::Y),
         rest if rest.z > 0.9 => Some(Up::Z),
         _ => None,
@@ -183,9 +186,9 @@ fn up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> Up {
     }
 }
 
-/// The direction of a body's length: from its ankles over the pelvis to its head. Shorter than 1 where it is
-/// bent.
-fn standing(pose: &[DVec3; JOINTS]) -> DVec3 {
+/// Returns the direction from the ankles over the pelvis to the head: the mean of the unit vectors along the legs and
+/// along the trunk. It is shorter than 1 if the body is bent.
+fn body_axis(pose: &[DVec3; JOINTS]) -> DVec3 {
     let at = |joint: Joint| pose[joint.index()];
     let ankles = at(Joint::LeftAnkle).midpoint(at(Joint::RightAnkle));
     let pelvis = at(Joint::Pelvis);

@@ -1,4 +1,4 @@
-//! Motion as files: what animators, engines and researchers open, and what they bring.
+//! Reads and writes motions as files that animators, game engines and researchers use.
 //!
 //! ```text
 //! .bvh ──┐                 names          body              unit, axes, 20 fps
@@ -8,9 +8,9 @@
 //! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
 //! ```
 //!
-//! [`read`](read()) and [`write`](write()) choose the format by the end of the file's name. `read` recognises the
-//! skeleton by its joints' names, guesses unit and axes by the body, and [tells](ImportedMotion) what it
-//! took for granted; [`ReadOptions`] say it instead.
+//! [`read`](read()) and [`write`](write()) choose the format by the extension of the file's name. `read` recognises
+//! the skeleton by the names of its joints and guesses the unit and the axes from the size and pose of the body.
+//! [`ImportedMotion`] reports these guesses; [`ReadOptions`] can replace them by known values.
 
 mod body;
 pub mod bvh;
@@ -22,10 +22,10 @@ pub mod glb;
 mod import;
 mod mapping;
 mod names;
-mod near;
 mod npy;
 mod plausibility;
 mod schemes;
+mod similar_names;
 mod units;
 
 pub use error::{ReadError, WriteError};

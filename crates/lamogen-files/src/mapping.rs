@@ -1,4 +1,4 @@
-//! A mapping file: which joint has which name in a file of an unknown skeleton.
+//! Mapping files, which give the names of the joints in a file of an unknown skeleton.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -7,35 +7,35 @@ use std::path::{Path, PathBuf};
 use lamogen_motion::{JOINTS, Joint};
 
 use crate::clip::Clip;
-use crate::names::{joint_names, missing, node_names};
-use crate::near::near;
-use crate::schemes::Nodes;
+use crate::names::{joint_names, missing_joints, node_names};
+use crate::schemes::JointNodes;
+use crate::similar_names::similar_names;
 
-/// Names of joints in a file.
+/// The names of the joints in a file.
 ///
-/// As a file it is a JSON object from lamogen's joint names ([`Joint::name`]) to those of the file:
-/// `{"pelvis": "Root", "left_hip": "Thigh_L", …}`. Joints that are left out are placed as
-/// [`ImportedMotion::placed`](crate::ImportedMotion::placed) says.
+/// A mapping file is a JSON object from lamogen's joint names ([`Joint::name`]) to the names in the file:
+/// `{"pelvis": "Root", "left_hip": "Thigh_L", …}`. Joints that are left out are placed by the rules of
+/// [`ImportedMotion::placed`](crate::ImportedMotion::placed).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JointMapping {
     names: BTreeMap<&'static str, (Joint, String)>,
 }
 
-/// Why a mapping does not fit.
+/// The reason why a mapping cannot be read or does not fit a file.
 #[derive(Debug, thiserror::Error)]
 pub enum MappingError {
-    /// The file cannot be opened or read.
+    /// The mapping file cannot be opened or read.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
-    /// The file is not a JSON object of names.
+    /// The mapping file is not a JSON object of names.
     #[error("{path}: expected a JSON object such as {{\"pelvis\": \"Root\", …}}: {reason}")]
     #[allow(missing_docs)]
     Json {
         path: PathBuf,
         reason: serde_json::Error,
     },
-    /// A key is none of lamogen's joints.
+    /// A key is not the name of one of lamogen's joints.
     #[error("{path}: expected one of lamogen's joints ({known}), found {found:?}{near}", known = joint_names(&Joint::ALL))]
     #[allow(missing_docs)]
     Joint {
@@ -43,13 +43,13 @@ pub enum MappingError {
         found: String,
         near: String,
     },
-    /// Joints are missing that no rule can place.
+    /// The mapping lacks joints that no rule can place.
     #[error(
         "the mapping leaves out {missing}; only the spine, collars, feet, and either head or neck may be left out"
     )]
     #[allow(missing_docs)]
     Incomplete { missing: String },
-    /// Two joints have one name.
+    /// Two joints are mapped to the same name.
     #[error("{first} and {second} are both mapped to {found:?}; expected a node for each", first = .first.name(), second = .second.name())]
     #[allow(missing_docs)]
     Twice {
@@ -57,7 +57,7 @@ pub enum MappingError {
         second: Joint,
         found: String,
     },
-    /// The motion's file has no node of a name.
+    /// The motion's file has no node of the name that a joint is mapped to.
     #[error("{joint} is mapped to {found:?}, which the file lacks{near}; it has {known}", joint = .joint.name())]
     #[allow(missing_docs)]
     Node {
@@ -73,7 +73,7 @@ impl JointMapping {
     ///
     /// # Errors
     ///
-    /// If it cannot be read, is not a JSON object of strings, or has a key that is no joint.
+    /// If the file cannot be read, is not a JSON object of strings, or has a key that is not a joint.
     pub fn read(path: impl AsRef<Path>) -> Result<JointMapping, MappingError> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|reason| MappingError::Io {
@@ -83,11 +83,11 @@ impl JointMapping {
         JointMapping::parse(&text, path)
     }
 
-    /// The mapping of a JSON text; `path` stands in error messages.
+    /// Parses a mapping from JSON text. `path` is used only in error messages.
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read).
+    /// The same as for [`read`](Self::read), except that no file is read.
     pub fn parse(json: &str, path: &Path) -> Result<JointMapping, MappingError> {
         let entries: BTreeMap<String, String> =
             serde_json::from_str(json).map_err(|reason| MappingError::Json {
@@ -98,7 +98,10 @@ impl JointMapping {
         for (found, name) in entries {
             let joint = Joint::from_name(&found).ok_or_else(|| MappingError::Joint {
                 path: path.to_owned(),
-                near: meant(&near(&found, Joint::ALL.iter().map(|joint| joint.name()))),
+                near: suggestion(&similar_names(
+                    &found,
+                    Joint::ALL.iter().map(|joint| joint.name()),
+                )),
                 found: found.clone(),
             })?;
             mapping = mapping.with(joint, name);
@@ -106,16 +109,16 @@ impl JointMapping {
         Ok(mapping)
     }
 
-    /// The mapping with one more joint.
+    /// Returns the mapping with one more joint, or with a new name for a joint that it already has.
     #[must_use]
     pub fn with(mut self, joint: Joint, name: impl Into<String>) -> JointMapping {
         self.names.insert(joint.name(), (joint, name.into()));
         self
     }
 
-    /// The nodes that are meant.
-    pub(crate) fn nodes(&self, clip: &Clip) -> Result<Nodes, MappingError> {
-        let mut nodes: Nodes = [None; JOINTS];
+    /// Finds the nodes of a clip that the joints are mapped to.
+    pub(crate) fn nodes(&self, clip: &Clip) -> Result<JointNodes, MappingError> {
+        let mut nodes: JointNodes = [None; JOINTS];
         for (joint, name) in self.names.values() {
             let earlier = self.names.values().take_while(|(other, _)| other != joint);
             if let Some((first, _)) = { earlier }.find(|(_, other)| other == name) {
@@ -129,11 +132,14 @@ impl JointMapping {
             nodes[joint.index()] = Some(node.ok_or_else(|| MappingError::Node {
                 joint: *joint,
                 found: name.clone(),
-                near: meant(&near(name, clip.nodes.iter().map(|node| &*node.name))),
+                near: suggestion(&similar_names(
+                    name,
+                    clip.nodes.iter().map(|node| &*node.name),
+                )),
                 known: node_names(clip),
             })?);
         }
-        match missing(&nodes).as_slice() {
+        match missing_joints(&nodes).as_slice() {
             [] => Ok(nodes),
             missing => Err(MappingError::Incomplete {
                 missing: joint_names(missing),
@@ -142,10 +148,11 @@ impl JointMapping {
     }
 }
 
-fn meant(near: &[&str]) -> String {
-    match near {
+/// Formats similar names as the end of an error message.
+fn suggestion(names: &[&str]) -> String {
+    match names {
         [] => String::new(),
-        near => format!(" (meant was perhaps {})", near.join(" or ")),
+        names => format!(" (meant was perhaps {})", names.join(" or ")),
     }
 }
 
@@ -178,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named_with_what_was_perhaps_meant() {
+    fn errors_name_the_mistake_and_similar_names() {
         let message = parse(r#"{"left_hipp": "Thigh_L"}"#).unwrap_err();
         assert!(
             message.contains("map.json") && message.contains("perhaps left_hip"),

@@ -1,13 +1,13 @@
-//! Which nodes of a file are which joints.
+//! Recognition of the joints of a file by the names of its nodes.
 
 use std::collections::HashMap;
 
 use lamogen_motion::{JOINTS, Joint};
 
 use crate::clip::{Clip, END_SITE};
-use crate::schemes::{Nodes, REQUIRED, SCHEMES, Scheme, key};
+use crate::schemes::{JointNodes, NamingScheme, REQUIRED, SCHEMES, key};
 
-/// A skeleton that is no known one.
+/// The error of a skeleton that follows no known naming scheme.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "expected a skeleton of a known scheme ({known}), found joints called {found}{closest}. For another \
@@ -19,41 +19,43 @@ use crate::schemes::{Nodes, REQUIRED, SCHEMES, Scheme, key};
 pub struct UnknownSkeleton {
     /// The names of the file's joints.
     pub found: String,
-    /// The scheme that comes closest, and what it lacks.
+    /// The scheme that fits best, and the joints that the file lacks for it.
     pub closest: String,
 }
 
-/// The nodes of a file by the key of their names.
-struct Index<'a> {
+/// The nodes of a file, by the [`key`] of their names.
+struct NodeIndex<'a> {
     clip: &'a Clip,
     nodes: HashMap<String, Vec<usize>>,
 }
 
-/// What a scheme finds in a file.
-struct Found {
-    scheme: &'static Scheme,
-    nodes: Nodes,
+/// The nodes of a file that have the names of a scheme.
+struct SchemeMatch {
+    scheme: &'static NamingScheme,
+    nodes: JointNodes,
+    /// The number of joints that have a node.
     count: usize,
 }
 
-/// A pelvis may be hidden among many names; so many prefixes are tried.
+/// The most prefixes that are tried for a scheme. Every node whose name ends like a pelvis gives a prefix.
 const MAX_PREFIXES: usize = 32;
 
-/// Recognises the skeleton by a scheme as a whole: the one whose required joints are all there and
-/// that names most others. Returns its name, too.
-pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, Nodes), UnknownSkeleton> {
-    let index = Index::new(clip);
-    let mut best: Option<Found> = None;
-    let mut closest: Option<Found> = None;
+/// Recognises the naming scheme of a skeleton and returns its name and the nodes of the joints.
+///
+/// Of the schemes for which the file has all required joints, the one with the most joints is chosen.
+pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, JointNodes), UnknownSkeleton> {
+    let index = NodeIndex::new(clip);
+    let mut best: Option<SchemeMatch> = None;
+    let mut closest: Option<SchemeMatch> = None;
     for scheme in SCHEMES {
         for prefix in index.prefixes(scheme) {
             let found = index.find(scheme, &prefix);
-            let place = match missing(&found.nodes).is_empty() {
+            let slot = match missing_joints(&found.nodes).is_empty() {
                 true => &mut best,
                 false => &mut closest,
             };
-            if place.as_ref().is_none_or(|best| found.count > best.count) {
-                *place = Some(found);
+            if slot.as_ref().is_none_or(|best| found.count > best.count) {
+                *slot = Some(found);
             }
         }
     }
@@ -64,7 +66,7 @@ pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, Nodes), UnknownSke
             closest: closest
                 .filter(|found| found.count >= REQUIRED.len() / 2)
                 .map(|found| {
-                    let missing: Vec<String> = missing(&found.nodes)
+                    let missing: Vec<String> = missing_joints(&found.nodes)
                         .into_iter()
                         .filter_map(|joint| found.scheme.keys(joint).into_iter().next())
                         .collect();
@@ -76,8 +78,8 @@ pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, Nodes), UnknownSke
     }
 }
 
-/// The required joints that have no node; the head, if there is no neck either.
-pub(crate) fn missing(nodes: &Nodes) -> Vec<Joint> {
+/// Returns the required joints that have no node. The head is one of them if neither the head nor the neck has a node.
+pub(crate) fn missing_joints(nodes: &JointNodes) -> Vec<Joint> {
     let has = |joint: Joint| nodes[joint.index()].is_some();
     let mut missing: Vec<Joint> = REQUIRED.into_iter().filter(|&joint| !has(joint)).collect();
     if !has(Joint::Head) && !has(Joint::Neck) {
@@ -86,18 +88,18 @@ pub(crate) fn missing(nodes: &Nodes) -> Vec<Joint> {
     missing
 }
 
-/// The names of joints, for a message.
+/// Lists the names of joints for a message.
 pub(crate) fn joint_names(joints: &[Joint]) -> String {
     let names: Vec<&str> = joints.iter().map(|joint| joint.name()).collect();
     names.join(", ")
 }
 
-/// The names of a file's nodes, for a message.
+/// Lists the names of a file's nodes for a message.
 pub(crate) fn node_names(clip: &Clip) -> String {
-    const MOST: usize = 80;
+    const MAX_NAMES: usize = 80;
     let named = || clip.nodes.iter().filter(|node| node.name != END_SITE);
     let names: Vec<String> = named()
-        .take(MOST)
+        .take(MAX_NAMES)
         .map(|node| node.name.chars().take(60).collect())
         .collect();
     match named().count() - names.len() {
@@ -106,7 +108,7 @@ pub(crate) fn node_names(clip: &Clip) -> String {
     }
 }
 
-impl<'a> Index<'a> {
+impl<'a> NodeIndex<'a> {
     fn new(clip: &'a Clip) -> Self {
         let mut nodes: HashMap<String, Vec<usize>> = HashMap::new();
         for (index, node) in clip.nodes.iter().enumerate() {
@@ -114,12 +116,12 @@ impl<'a> Index<'a> {
                 nodes.entry(key(&node.name)).or_default().push(index);
             }
         }
-        Index { clip, nodes }
+        NodeIndex { clip, nodes }
     }
 
-    /// What may stand before all names of a scheme, read off the nodes that may be its pelvis; first
-    /// nothing.
-    fn prefixes(&self, scheme: &Scheme) -> Vec<String> {
+    /// Returns the prefixes that all names of a scheme may have in the file, the shortest first. They are what precedes
+    /// the scheme's name of the pelvis in the names of nodes.
+    fn prefixes(&self, scheme: &NamingScheme) -> Vec<String> {
         let pelvis = scheme.keys(Joint::Pelvis);
         let mut prefixes: Vec<String> = pelvis
             .iter()
@@ -136,14 +138,14 @@ impl<'a> Index<'a> {
         prefixes
     }
 
-    /// The joints that a scheme finds. A knee counts only below its hip, and so on: else a word means
-    /// something else here.
-    fn find(&self, scheme: &'static Scheme, prefix: &str) -> Found {
-        let mut nodes: Nodes = [None; JOINTS];
-        let marked = |mark| self.nodes.contains_key(&format!("{prefix}{}", key(mark)));
-        if scheme.mark.is_none_or(marked) {
+    /// Finds the joints of a scheme. A knee is accepted only below its hip, and so on: elsewhere the same word means
+    /// something else.
+    fn find(&self, scheme: &'static NamingScheme, prefix: &str) -> SchemeMatch {
+        let mut nodes: JointNodes = [None; JOINTS];
+        let has_marker = |marker| self.nodes.contains_key(&format!("{prefix}{}", key(marker)));
+        if scheme.marker.is_none_or(has_marker) {
             for joint in Joint::ALL {
-                let above = match limb(joint) {
+                let ancestor = match is_limb_joint(joint) {
                     true => joint.parent().and_then(|parent| nodes[parent.index()]),
                     false => nodes[Joint::Pelvis.index()],
                 };
@@ -153,15 +155,17 @@ impl<'a> Index<'a> {
                     .flatten()
                     .copied()
                     .filter(|&node| {
-                        !limb(joint) || above.is_some_and(|above| self.clip.hangs_from(node, above))
+                        !is_limb_joint(joint)
+                            || ancestor
+                                .is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor))
                     })
-                    // Of several nodes with one name, such as a bone and a mesh, the one in the body.
+                    // Of several nodes with the same name, such as a bone and a mesh, prefer one inside the skeleton.
                     .min_by_key(|&node| {
-                        above.is_none_or(|above| !self.clip.hangs_from(node, above))
+                        ancestor.is_none_or(|ancestor| !self.clip.is_at_or_below(node, ancestor))
                     });
             }
         }
-        Found {
+        SchemeMatch {
             scheme,
             nodes,
             count: nodes.iter().flatten().count(),
@@ -169,8 +173,8 @@ impl<'a> Index<'a> {
     }
 }
 
-/// Whether a joint hangs from its parent also in every file.
-fn limb(joint: Joint) -> bool {
+/// Returns whether a joint is below its parent in the skeletons of all programs.
+fn is_limb_joint(joint: Joint) -> bool {
     use Joint::*;
     matches!(
         joint,
@@ -193,7 +197,7 @@ mod tests {
     use crate::clip::Node;
     use glam::{DQuat, DVec3};
 
-    /// A clip of nodes without movement, `name` or `name<parent`.
+    /// Returns a clip of nodes without movement, each given as `name` or `name<parent`.
     fn clip(nodes: &[&str]) -> Clip {
         let names: Vec<&str> = nodes
             .iter()
@@ -234,7 +238,7 @@ mod tests {
     ];
 
     #[test]
-    fn any_common_prefix_is_seen_through() {
+    fn any_common_prefix_is_ignored() {
         for prefix in [
             "",
             "mixamorig:",
@@ -270,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_skeleton_is_told_what_it_has_what_it_lacks_and_what_to_do() {
+    fn the_error_of_an_unknown_skeleton_says_what_it_has_what_it_lacks_and_what_to_do() {
         let mut names = MIXAMO.to_vec();
         names[13] = "Hook<RightForeArm";
         let message = recognise(&clip(&names)).unwrap_err().to_string();
@@ -294,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_knee_that_hangs_from_no_hip_is_not_one() {
+    fn a_knee_that_is_not_below_a_hip_is_not_accepted() {
         let mut names = MIXAMO.to_vec();
         names[2] = "LeftLeg<Hips";
         assert!(recognise(&clip(&names)).is_err());

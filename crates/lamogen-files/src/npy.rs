@@ -1,4 +1,4 @@
-//! Motions as NumPy's arrays, as HumanML3D stores them.
+//! Reading motions from NumPy arrays, as HumanML3D stores them.
 
 use std::path::Path;
 
@@ -6,12 +6,14 @@ use lamogen_motion::npy;
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
 
 use crate::error::ReadError;
-use crate::import::{ImportedMotion, ReadOptions, frames_of};
+use crate::import::{ImportedMotion, ReadOptions, frame_count};
 use crate::plausibility::notices;
 use crate::units::{Unit, Up};
 
-/// The motion of an array of joints or pose features. An array tells neither unit nor axes: they are
-/// HumanML3D's, metres and Y up at 20 frames a second, unless the options say otherwise.
+/// Reads a motion from an array of joints or pose features.
+///
+/// An array states neither unit, axes nor frame rate. By default they are those of HumanML3D: metres, Y up, 20 frames per
+/// second.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let array = npy::read(path)?;
     if array.is_integer && options.unit.is_none() {
@@ -23,7 +25,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion,
         options.unit.unwrap_or(Unit::Metre),
         options.up.unwrap_or(Up::Y),
     );
-    let layout = Layout::of(&array.shape).ok_or_else(|| ReadError::Shape {
+    let layout = ArrayLayout::from_shape(&array.shape).ok_or_else(|| ReadError::Shape {
         path: path.to_owned(),
         found: array.shape.clone(),
     })?;
@@ -40,8 +42,8 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion,
     let rate = options.frames_per_second.unwrap_or(FRAMES_PER_SECOND);
     let rows = layout.rows(&array.values, index);
     let motion = match layout.content {
-        Content::Joints(joints) => from_joints(&rows, joints, unit, up),
-        Content::Features => from_features(&rows),
+        FrameContent::Joints(joints) => motion_from_joints(&rows, joints, unit, up),
+        FrameContent::Features => motion_from_features(&rows),
     };
     let motion = motion.and_then(|motion| match rate == FRAMES_PER_SECOND {
         true => Ok(motion),
@@ -73,84 +75,95 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion,
     })
 }
 
-/// What an array holds, by its shape.
+/// The layout of the motions in an array, derived from its shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Layout {
+struct ArrayLayout {
     motions: usize,
     frames: usize,
-    content: Content,
-    /// Whether frames are the last axis, as MDM writes them, and not the first of a motion's.
+    content: FrameContent,
+    /// Whether frames are the last axis of a motion, as MDM writes them, and not the first one.
     time_is_last: bool,
 }
 
+/// The numbers that an array holds for each frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Content {
-    /// Positions of so many joints, of which the first are HumanML3D's.
+enum FrameContent {
+    /// The positions of this number of joints. The first 22 are those of HumanML3D.
     Joints(usize),
+    /// The pose features of HumanML3D.
     Features,
 }
 
-impl Content {
-    /// Numbers a frame.
+impl FrameContent {
+    /// Returns the count of numbers per frame.
     fn width(self) -> usize {
         match self {
-            Content::Joints(joints) => 3 * joints,
-            Content::Features => POSE_FEATURES,
+            FrameContent::Joints(joints) => 3 * joints,
+            FrameContent::Features => POSE_FEATURES,
         }
     }
 }
 
-/// Bodies whose first joints are HumanML3D's: that itself, SMPL with its hands, SMPL-H with its fingers.
-const BODIES: [usize; 3] = [JOINTS, 24, 52];
+/// The joint counts of bodies that start with the joints of HumanML3D: HumanML3D itself, SMPL with hands, and SMPL-H with
+/// fingers.
+const JOINT_COUNTS: [usize; 3] = [JOINTS, 24, 52];
 
-impl Layout {
-    fn of(shape: &[usize]) -> Option<Layout> {
-        Layout::of_motion(shape).or_else(|| match shape {
-            [motions, rest @ ..] if *motions > 0 && rest.len() > 1 => Some(Layout {
+impl ArrayLayout {
+    /// Returns the layout of an array of one or several motions.
+    fn from_shape(shape: &[usize]) -> Option<ArrayLayout> {
+        ArrayLayout::from_motion_shape(shape).or_else(|| match shape {
+            [motions, rest @ ..] if *motions > 0 && rest.len() > 1 => Some(ArrayLayout {
                 motions: *motions,
-                ..Layout::of_motion(rest)?
+                ..ArrayLayout::from_motion_shape(rest)?
             }),
             _ => None,
         })
     }
 
-    fn of_motion(shape: &[usize]) -> Option<Layout> {
-        let joints = |count: &usize| BODIES.contains(count);
-        let layout = |frames, content, time_is_last| Layout {
+    /// Returns the layout of an array of one motion.
+    fn from_motion_shape(shape: &[usize]) -> Option<ArrayLayout> {
+        let is_body = |count: &usize| JOINT_COUNTS.contains(count);
+        let layout = |frames, content, time_is_last| ArrayLayout {
             motions: 1,
             frames,
             content,
             time_is_last,
         };
         match shape {
-            [frames, count, 3] if joints(count) => {
-                Some(layout(*frames, Content::Joints(*count), false))
+            [frames, count, 3] if is_body(count) => {
+                Some(layout(*frames, FrameContent::Joints(*count), false))
             }
-            [count, 3, frames] if joints(count) => {
-                Some(layout(*frames, Content::Joints(*count), true))
+            [count, 3, frames] if is_body(count) => {
+                Some(layout(*frames, FrameContent::Joints(*count), true))
             }
-            [frames, POSE_FEATURES] => Some(layout(*frames, Content::Features, false)),
-            [frames, width] if width.is_multiple_of(3) && joints(&(width / 3)) => {
-                Some(layout(*frames, Content::Joints(width / 3), false))
+            [frames, POSE_FEATURES] => Some(layout(*frames, FrameContent::Features, false)),
+            [frames, width] if width.is_multiple_of(3) && is_body(&(width / 3)) => {
+                Some(layout(*frames, FrameContent::Joints(width / 3), false))
             }
             _ => None,
         }
     }
 
-    /// The numbers of a motion, frame by frame.
+    /// Returns the numbers of one motion, frame by frame.
     fn rows(&self, values: &[f32], index: usize) -> Vec<f32> {
         let (width, frames) = (self.content.width(), self.frames);
-        let own = &values[index * frames * width..][..frames * width];
+        let motion = &values[index * frames * width..][..frames * width];
         match self.time_is_last {
-            false => own.to_vec(),
+            false => motion.to_vec(),
             true => (0..frames)
-                .flat_map(|frame| (0..width).map(move |place| own[place * frames + frame]))
+                .flat_map(|frame| (0..width).map(move |place| motion[place * frames + frame]))
                 .collect(),
         }
     }
 }
 
-fn from_joints(rows: &[f32], joints: usize, unit: Unit, up: Up) -> Result<Motion, MotionError> {
+/// Creates a motion from the joint positions of its frames.
+fn motion_from_joints(
+    rows: &[f32],
+    joints: usize,
+    unit: Unit,
+    up: Up,
+) -> Result<Motion, MotionError> {
     let pose = |row: &[f32]| {
         std::array::from_fn(|joint| {
             let place = glam::Vec3::from_slice(&row[3 * joint..]).as_dvec3();
@@ -160,11 +173,11 @@ fn from_joints(rows: &[f32], joints: usize, unit: Unit, up: Up) -> Result<Motion
     Motion::from_joints(rows.chunks_exact(3 * joints).map(pose).collect())
 }
 
-/// A motion of another frame rate at [`FRAMES_PER_SECOND`]; joints go straight from frame to frame.
+/// Resamples a motion from another frame rate to [`FRAMES_PER_SECOND`]. Joint positions are interpolated linearly.
 fn resampled(motion: &Motion, rate: f32) -> Result<Motion, MotionError> {
     let poses = motion.joints();
     let seconds = (poses.len() - 1) as f64 / f64::from(rate);
-    let frames = frames_of(seconds);
+    let frames = frame_count(seconds);
     let pose = |frame: usize| {
         let place = frame as f64 / f64::from(FRAMES_PER_SECOND) * f64::from(rate);
         let first = (place as usize).min(poses.len() - 1);
@@ -178,7 +191,8 @@ fn resampled(motion: &Motion, rate: f32) -> Result<Motion, MotionError> {
     Motion::from_joints((0..frames).map(pose).collect())
 }
 
-fn from_features(rows: &[f32]) -> Result<Motion, MotionError> {
+/// Creates a motion from the pose features of its frames.
+fn motion_from_features(rows: &[f32]) -> Result<Motion, MotionError> {
     Motion::from_pose_features(rows.as_chunks().0.to_vec())
 }
 
@@ -187,7 +201,7 @@ mod tests {
     use super::*;
     use burn::tensor::{Device, Tensor, TensorData};
 
-    fn written(values: &[f32], shape: &[usize]) -> Result<ImportedMotion, String> {
+    fn write_and_read(values: &[f32], shape: &[usize]) -> Result<ImportedMotion, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npy");
         npy::write(&path, values, shape).unwrap();
@@ -195,23 +209,26 @@ mod tests {
     }
 
     #[test]
-    fn joints_are_read_in_every_shape_they_are_stored_in() {
+    fn joints_are_read_in_every_known_shape() {
         let values: Vec<f32> = (0..5 * 66).map(|i| i as f32 * 0.01).collect();
-        let whole = written(&values, &[5, 22, 3]).unwrap();
+        let whole = write_and_read(&values, &[5, 22, 3]).unwrap();
         assert_eq!(whole.motion.joints().as_flattened().as_flattened(), values);
         assert_eq!((whole.unit, whole.source_frames), (Unit::Metre, 5));
         for shape in [&[5, 66][..], &[1, 5, 22, 3], &[1, 5, 66]] {
-            assert_eq!(written(&values, shape).unwrap(), whole);
+            assert_eq!(write_and_read(&values, shape).unwrap(), whole);
         }
         assert_eq!(
-            written(&values[..66], &[1, 22, 3]).unwrap().motion.frames(),
+            write_and_read(&values[..66], &[1, 22, 3])
+                .unwrap()
+                .motion
+                .frames(),
             1
         );
     }
 
     #[test]
     fn other_programs_arrays_are_read() {
-        // Of two motions of five frames and 24 joints, the number of joint j's axis a at frame t of motion m.
+        // The coordinate of axis a of joint j at frame t of motion m, for two motions of five frames.
         let number = |m: usize, t: usize, j: usize, a: usize| {
             (1000 * m + 100 * t) as f32 * 0.01 + (3 * j + a) as f32 * 0.001
         };
@@ -227,7 +244,7 @@ mod tests {
                 .flat_map(|(j, a)| (0..5).map(move |t| number(m, t, j, a)))
                 .collect()
         };
-        let expected = written(&motion(0, 22), &[5, 22, 3]).unwrap().motion;
+        let expected = write_and_read(&motion(0, 22), &[5, 22, 3]).unwrap().motion;
         for (values, shape) in [
             (motion(0, 24), &[5, 24, 3][..]),
             (motion(0, 52), &[5, 52, 3]),
@@ -235,7 +252,7 @@ mod tests {
             (last(0, 22), &[22, 3, 5]),
             (last(0, 24), &[1, 24, 3, 5]),
         ] {
-            let found = written(&values, shape).unwrap();
+            let found = write_and_read(&values, shape).unwrap();
             assert_eq!(found.motion, expected, "{shape:?}");
             assert!(found.other_animations.is_empty());
         }
@@ -256,7 +273,7 @@ mod tests {
             let first = of(None).unwrap();
             assert_eq!(first.motion, expected);
             assert_eq!(first.other_animations, ["of the motions 0 to 1 all but 0"]);
-            let second = written(&motion(1, 22), &[5, 22, 3]).unwrap().motion;
+            let second = write_and_read(&motion(1, 22), &[5, 22, 3]).unwrap().motion;
             assert_eq!(of(Some("1")).unwrap().motion, second);
             for wrong in ["2", "-1", "walk"] {
                 let message = of(Some(wrong)).unwrap_err().to_string();
@@ -294,14 +311,14 @@ mod tests {
     }
 
     #[test]
-    fn features_give_the_joints_that_tensors_give() {
+    fn features_give_the_same_joints_as_tensors() {
         let values: Vec<f32> = (0..40 * 263)
             .map(|i| (i as f32 * 0.37).sin() * 0.3)
             .collect();
         let data = TensorData::new(values.clone(), [40, 263]);
         let expected = Motion::from_features(Tensor::from_data(data, &Device::flex())).unwrap();
         for shape in [&[40, 263][..], &[1, 40, 263]] {
-            let found = written(&values, shape).unwrap().motion;
+            let found = write_and_read(&values, shape).unwrap().motion;
             assert!(found.distance(&expected) < 1e-5);
         }
     }
@@ -316,14 +333,18 @@ mod tests {
             &[22, 3],
         ] {
             let values = vec![0.0; shape.iter().product()];
-            let message = written(&values, shape).unwrap_err();
+            let message = write_and_read(&values, shape).unwrap_err();
             assert!(
                 message.contains("(frames, 22, 3)") && message.contains(&format!("{shape:?}")),
                 "{message}"
             );
         }
-        assert!(written(&[], &[0, 22, 3]).unwrap_err().contains("none"));
-        let message = written(&[f32::NAN; 66], &[1, 22, 3]).unwrap_err();
+        assert!(
+            write_and_read(&[], &[0, 22, 3])
+                .unwrap_err()
+                .contains("none")
+        );
+        let message = write_and_read(&[f32::NAN; 66], &[1, 22, 3]).unwrap_err();
         assert!(message.contains("pelvis"), "{message}");
     }
 }

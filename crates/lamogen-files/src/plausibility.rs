@@ -1,16 +1,16 @@
-//! What is strange about a body that was read, though it may be meant.
+//! Checks for unusual properties of a body that was read. They may be intended.
 
 use std::fmt;
 
 use glam::DVec3;
 use lamogen_motion::{JOINTS, Joint, Motion};
 
-/// Something strange throughout a motion. The motion is read as it is.
+/// An unusual property that a motion has throughout. The motion is read without any change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImportNotice {
     /// The head is below the pelvis and the ankles are above it.
     UpsideDown,
-    /// Toes point and knees bend backwards: the motion is a mirror image whose joints kept their names.
+    /// Toes point and knees bend backwards: the motion is a mirror image, but its joints kept their names.
     Mirrored,
 }
 
@@ -27,23 +27,28 @@ impl fmt::Display for ImportNotice {
     }
 }
 
-/// The share of frames that makes a thing be so throughout.
+/// The fraction of frames in which a property must hold to count as holding throughout.
 const THROUGHOUT: f64 = 0.95;
 
-/// What is strange about a motion.
+/// Returns the unusual properties of a motion.
 pub(crate) fn notices(motion: &Motion) -> Vec<ImportNotice> {
     let poses = motion.joints();
-    let throughout = |is_so: fn(&Pose) -> bool| {
-        let count = poses.iter().filter(|pose| is_so(&Pose(pose))).count();
+    let throughout = |has_property: fn(&Pose) -> bool| {
+        let count = poses
+            .iter()
+            .filter(|pose| has_property(&Pose(pose)))
+            .count();
         count as f64 >= THROUGHOUT * poses.len() as f64
     };
     let mut notices = Vec::new();
     if throughout(|pose| pose.is_upside_down()) {
         notices.push(ImportNotice::UpsideDown);
     }
-    let bent = poses.iter().filter(|pose| Pose(pose).knees().is_some());
+    let bent = poses
+        .iter()
+        .filter(|pose| Pose(pose).knee_offset().is_some());
     let backwards = { bent.clone() }
-        .filter(|pose| Pose(pose).knees().is_some_and(|ahead| ahead < 0.0))
+        .filter(|pose| Pose(pose).knee_offset().is_some_and(|offset| offset < 0.0))
         .count();
     let knees_bend_backwards = backwards as f64 >= THROUGHOUT * bent.count() as f64;
     if throughout(|pose| pose.has_toes_behind()) && knees_bend_backwards {
@@ -52,51 +57,56 @@ pub(crate) fn notices(motion: &Motion) -> Vec<ImportNotice> {
     notices
 }
 
+/// The joint positions of one frame, `[joint][axis]`, in metres.
 struct Pose<'a>(&'a [[f32; 3]; JOINTS]);
 
 impl Pose<'_> {
-    fn at(&self, joint: Joint) -> DVec3 {
+    fn position(&self, joint: Joint) -> DVec3 {
         DVec3::from(self.0[joint.index()].map(f64::from))
     }
 
+    /// Returns whether the head is below the pelvis and both ankles are above it.
     fn is_upside_down(&self) -> bool {
-        let pelvis = self.at(Joint::Pelvis).y;
-        let ankles = [Joint::LeftAnkle, Joint::RightAnkle].map(|ankle| self.at(ankle).y);
-        self.at(Joint::Head).y < pelvis && ankles.iter().all(|ankle| *ankle > pelvis)
+        let pelvis = self.position(Joint::Pelvis).y;
+        let ankles = [Joint::LeftAnkle, Joint::RightAnkle].map(|ankle| self.position(ankle).y);
+        self.position(Joint::Head).y < pelvis && ankles.iter().all(|ankle| *ankle > pelvis)
     }
 
-    /// Where the trunk faces, by the names of left and right.
-    fn facing(&self) -> DVec3 {
-        let across = self.at(Joint::LeftHip) - self.at(Joint::RightHip)
-            + self.at(Joint::LeftShoulder)
-            - self.at(Joint::RightShoulder);
-        let up = self.at(Joint::Neck) - self.at(Joint::Pelvis);
+    /// Returns the direction that the front of the trunk faces, derived from the left and right hips and shoulders.
+    fn facing_direction(&self) -> DVec3 {
+        let across = self.position(Joint::LeftHip) - self.position(Joint::RightHip)
+            + self.position(Joint::LeftShoulder)
+            - self.position(Joint::RightShoulder);
+        let up = self.position(Joint::Neck) - self.position(Joint::Pelvis);
         across.cross(up).normalize_or_zero()
     }
 
+    /// Returns whether the feet point backwards on average.
     fn has_toes_behind(&self) -> bool {
-        let facing = self.facing();
+        let facing = self.facing_direction();
         let toes = [
             (Joint::LeftAnkle, Joint::LeftFoot),
             (Joint::RightAnkle, Joint::RightFoot),
         ];
         let ahead: f64 = { toes.iter() }
-            .map(|&(ankle, foot)| (self.at(foot) - self.at(ankle)).dot(facing))
+            .map(|&(ankle, foot)| (self.position(foot) - self.position(ankle)).dot(facing))
             .sum();
-        // Feet without a length point nowhere.
+        // Feet without length have no direction.
         ahead < -0.04
     }
 
-    /// How far the more bent knee is ahead of the line from hip to ankle, in metres; none where no knee is bent.
-    fn knees(&self) -> Option<f64> {
-        const BENT: f64 = 0.03;
-        let facing = self.facing();
+    /// Returns the distance of the more bent knee in front of the line from hip to ankle, in metres: negative behind the
+    /// line, and `None` if no knee is bent.
+    fn knee_offset(&self) -> Option<f64> {
+        /// The offset in metres above which a knee counts as bent.
+        const MIN_BENT_OFFSET: f64 = 0.03;
+        let facing = self.facing_direction();
         let legs = [
             [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle],
             [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
         ];
         let ahead = legs.map(|leg| {
-            let [hip, knee, ankle] = leg.map(|joint| self.at(joint));
+            let [hip, knee, ankle] = leg.map(|joint| self.position(joint));
             let line = (ankle - hip).normalize_or_zero();
             let off = (knee - hip) - (knee - hip).dot(line) * line;
             off.dot(facing)
@@ -105,7 +115,7 @@ impl Pose<'_> {
             true => ahead[0],
             false => ahead[1],
         };
-        (most.abs() > BENT).then_some(most)
+        (most.abs() > MIN_BENT_OFFSET).then_some(most)
     }
 }
 
@@ -114,7 +124,7 @@ mod tests {
     use super::*;
     use lamogen_motion::RestPose;
 
-    /// A body that stands with bent knees, in the same pose throughout.
+    /// Returns the poses of a body that stands still with bent knees.
     fn standing() -> Vec<[[f32; 3]; JOINTS]> {
         let rest = RestPose::humanml3d();
         let mut pose = [[0.0f32; 3]; JOINTS];
@@ -131,31 +141,37 @@ mod tests {
         vec![pose; 20]
     }
 
-    fn of(change: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<ImportNotice> {
+    fn notices_after(change: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<ImportNotice> {
         let poses = standing().into_iter().map(|pose| pose.map(&change));
         notices(&Motion::from_joints(poses.collect()).unwrap())
     }
 
     #[test]
-    fn a_body_that_stands_is_not_strange_wherever_it_faces() {
-        assert_eq!(of(|point| point), []);
-        assert_eq!(of(|[x, y, z]| [z, y, -x]), []);
+    fn a_standing_body_has_no_notice_whatever_its_direction() {
+        assert_eq!(notices_after(|point| point), []);
+        assert_eq!(notices_after(|[x, y, z]| [z, y, -x]), []);
         // Lying on its back.
-        assert_eq!(of(|[x, y, z]| [x, z, -y]), []);
+        assert_eq!(notices_after(|[x, y, z]| [x, z, -y]), []);
     }
 
     #[test]
-    fn what_stands_on_its_head_or_in_a_mirror_is_noticed() {
-        assert_eq!(of(|[x, y, z]| [x, -y, -z]), [ImportNotice::UpsideDown]);
-        assert_eq!(of(|[x, y, z]| [-x, y, z]), [ImportNotice::Mirrored]);
+    fn upside_down_and_mirrored_bodies_are_noticed() {
         assert_eq!(
-            of(|[x, y, z]| [x, -y, z]),
+            notices_after(|[x, y, z]| [x, -y, -z]),
+            [ImportNotice::UpsideDown]
+        );
+        assert_eq!(
+            notices_after(|[x, y, z]| [-x, y, z]),
+            [ImportNotice::Mirrored]
+        );
+        assert_eq!(
+            notices_after(|[x, y, z]| [x, -y, z]),
             [ImportNotice::UpsideDown, ImportNotice::Mirrored]
         );
     }
 
     #[test]
-    fn what_is_so_only_for_a_while_is_not_noticed() {
+    fn a_property_of_only_some_frames_is_not_noticed() {
         let mut poses = standing();
         for pose in &mut poses[..10] {
             *pose = pose.map(|[x, y, z]| [x, -y, -z]);

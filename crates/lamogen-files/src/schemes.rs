@@ -1,29 +1,29 @@
-//! What other programs call the joints of a human.
+//! The names of the joints in the files of other programs.
 
 use lamogen_motion::{JOINTS, Joint};
 
-/// A way to name joints, as a whole. The same word means different joints in different schemes:
-/// `LeftShoulder` is the collar in Mixamo and the upper arm in Biovision's.
+/// The names of all joints in the files of one program. A scheme is matched as a whole, because the same word means
+/// different joints in different schemes: `LeftShoulder` is the collar in Mixamo and the upper arm in Biovision.
 ///
-/// Names are compared as [`key`] reduces them, and may all have one prefix. `%` stands for the side; of
-/// alternatives, parted by `|`, the first that a skeleton has counts. The spine is not named: it is
-/// what lies between pelvis and neck.
-pub(crate) struct Scheme {
+/// Names are compared by their [`key`], and all may have the same prefix. `%` stands for the side. Alternatives are
+/// separated by `|`; the first one that a skeleton has is used. The spine has no names: it consists of the nodes between
+/// pelvis and neck.
+pub(crate) struct NamingScheme {
     pub(crate) name: &'static str,
-    /// Left and right.
+    /// The words for left and right.
     sides: [&'static str; 2],
-    /// Pelvis, neck, head.
+    /// The names of pelvis, neck and head.
     middle: [&'static str; 3],
-    /// Hip, knee, ankle, foot.
+    /// The names of hip, knee, ankle and foot.
     leg: [&'static str; 4],
-    /// Collar, shoulder, elbow, wrist.
+    /// The names of collar, shoulder, elbow and wrist.
     arm: [&'static str; 4],
-    /// A name that tells it from a scheme with the same other names.
-    pub(crate) mark: Option<&'static str>,
+    /// The name of a node that distinguishes the scheme from another one with the same joint names.
+    pub(crate) marker: Option<&'static str>,
 }
 
-impl Scheme {
-    /// What a joint may be called, reduced to keys; nothing for the spine.
+impl NamingScheme {
+    /// Returns the keys of the names that a joint may have; none for the spine.
     pub(crate) fn keys(&self, joint: Joint) -> Vec<String> {
         use Joint::*;
         let (pattern, side) = match joint {
@@ -53,15 +53,15 @@ impl Scheme {
     }
 }
 
-/// A name without case, prefix up to a colon, blanks and other signs: `mixamorig:LeftUpLeg` becomes
-/// `leftupleg`, `upper_arm.L` becomes `upperarml`.
+/// Returns a name in lower case without its prefix up to the last colon, spaces and punctuation: `mixamorig:LeftUpLeg`
+/// becomes `leftupleg`, `upper_arm.L` becomes `upperarml`.
 pub(crate) fn key(name: &str) -> String {
     let name = name.rsplit(':').next().unwrap_or(name);
     let letters = name.chars().filter(|c| c.is_alphanumeric());
     letters.flat_map(char::to_lowercase).collect()
 }
 
-/// The joints that a skeleton must have, besides head or neck.
+/// The joints that a skeleton must have. In addition, it must have a head or a neck.
 pub(crate) const REQUIRED: [Joint; 13] = [
     Joint::Pelvis,
     Joint::LeftHip,
@@ -78,39 +78,39 @@ pub(crate) const REQUIRED: [Joint; 13] = [
     Joint::RightWrist,
 ];
 
-/// Which nodes of a file are which joints.
-pub(crate) type Nodes = [Option<usize>; JOINTS];
+/// The node of each joint in a file, if it has one.
+pub(crate) type JointNodes = [Option<usize>; JOINTS];
 
 const LEFT_RIGHT: [&str; 2] = ["Left", "Right"];
 const L_R: [&str; 2] = ["L", "R"];
 
-/// The schemes that are known; of two that fit alike the first counts.
-pub(crate) const SCHEMES: &[Scheme] = &[
-    Scheme {
+/// The known schemes. If two fit equally well, the first one is used.
+pub(crate) const SCHEMES: &[NamingScheme] = &[
+    NamingScheme {
         name: "HumanML3D",
         sides: LEFT_RIGHT,
         middle: ["pelvis", "neck", "head"],
         leg: ["%_hip", "%_knee", "%_ankle", "%_foot"],
         arm: ["%_collar", "%_shoulder", "%_elbow", "%_wrist"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "SMPL",
         sides: L_R,
         middle: ["Pelvis", "Neck", "Head"],
         leg: ["%_Hip", "%_Knee", "%_Ankle", "%_Foot|%_Toe"],
         arm: ["%_Collar|%_Thorax", "%_Shoulder", "%_Elbow", "%_Wrist"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "CMU (cgspeed)",
         sides: LEFT_RIGHT,
         middle: ["Hips", "Neck", "Head"],
         leg: ["%UpLeg", "%Leg", "%Foot", "%ToeBase|%ForeFoot"],
         arm: ["%Shoulder", "%Arm", "%ForeArm", "%Hand"],
-        mark: Some("LHipJoint"),
+        marker: Some("LHipJoint"),
     },
-    Scheme {
+    NamingScheme {
         name: "CMU (Acclaim)",
         sides: L_R,
         middle: ["hip|hips|root", "lowerneck", "head"],
@@ -121,82 +121,82 @@ pub(crate) const SCHEMES: &[Scheme] = &[
             "%radius|%elbow",
             "%wrist|%hand",
         ],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Mixamo, MotionBuilder, LAFAN1",
         sides: LEFT_RIGHT,
         middle: ["Hips", "Neck", "Head"],
         leg: ["%UpLeg", "%Leg", "%Foot", "%ToeBase|%Toe|%ForeFoot"],
         arm: ["%Shoulder", "%Arm", "%ForeArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
-        // The thigh is called what Mixamo calls the shin.
+    NamingScheme {
+        // The thigh has the name that the shin has in Mixamo.
         name: "SOMA (Kimodo)",
         sides: LEFT_RIGHT,
         middle: ["Hips", "Neck1|Neck", "Head"],
         leg: ["%Leg", "%Shin", "%Foot", "%ToeBase|%Toe"],
         arm: ["%Shoulder", "%Arm", "%ForeArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "MakeHuman",
         sides: L_R,
         middle: ["root|pelvis", "neck01|neck", "head"],
         leg: ["upperleg01.%", "lowerleg01.%", "foot.%", "toe1-1.%"],
         arm: ["clavicle.%", "upperarm01.%", "lowerarm01.%", "wrist.%"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Kinect",
         sides: LEFT_RIGHT,
         middle: ["HipCenter|SpineBase", "ShoulderCenter|Neck", "Head"],
         leg: ["Hip%", "Knee%", "Ankle%", "Foot%"],
         arm: ["", "Shoulder%", "Elbow%", "Wrist%"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "OpenNI",
         sides: LEFT_RIGHT,
         middle: ["WAIST|TORSO", "NECK", "HEAD"],
         leg: ["%_HIP", "%_KNEE", "%_FOOT", ""],
         arm: ["%_COLLAR", "%_SHOULDER", "%_ELBOW", "%_HAND"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Rokoko",
         sides: LEFT_RIGHT,
         middle: ["Hips|Hip", "Neck", "Head"],
         leg: ["%Thigh", "%Shin", "%Foot", "%Toe"],
         arm: ["%Shoulder", "%Arm", "%ForeArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Bandai-Namco",
         sides: L_R,
         middle: ["Hips", "Neck", "Head"],
         leg: ["UpperLeg_%", "LowerLeg_%", "Foot_%", "Toes_%|Toe_%"],
         arm: ["Shoulder_%", "UpperArm_%", "LowerArm_%", "Hand_%"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Biovision, 3ds Max-friendly",
         sides: LEFT_RIGHT,
         middle: ["Hips", "Neck", "Head"],
         leg: ["%Hip", "%Knee", "%Ankle", "%Toe|%Foot"],
         arm: ["%Collar", "%Shoulder", "%Elbow", "%Wrist"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Biovision, first files",
         sides: LEFT_RIGHT,
         middle: ["Hips", "Neck", "Head"],
         leg: ["%UpLeg", "%LowLeg", "%Foot", "%Toe"],
         arm: ["%Collar", "%UpArm", "%LowArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Daz, Poser",
         sides: ["l", "r"],
         middle: ["hip|pelvis", "neck|neckLower", "head"],
@@ -212,33 +212,33 @@ pub(crate) const SCHEMES: &[Scheme] = &[
             "%ForeArm|%ForearmBend",
             "%Hand",
         ],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Xsens",
         sides: LEFT_RIGHT,
         middle: ["Pelvis|Hips", "Neck", "Head"],
         leg: ["%UpperLeg", "%LowerLeg", "%Foot", "%Toe"],
         arm: ["%Shoulder", "%UpperArm", "%ForeArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Unreal",
         sides: ["l", "r"],
         middle: ["pelvis", "neck_01", "head"],
         leg: ["thigh_%", "calf_%", "foot_%", "ball_%"],
         arm: ["clavicle_%", "upperarm_%", "lowerarm_%", "hand_%"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Unity, VRM",
         sides: LEFT_RIGHT,
         middle: ["hips", "neck", "head"],
         leg: ["%UpperLeg", "%LowerLeg", "%Foot", "%Toes|%Toe"],
         arm: ["%Shoulder", "%UpperArm", "%LowerArm", "%Hand"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "VRoid",
         sides: L_R,
         middle: ["J_Bip_C_Hips", "J_Bip_C_Neck", "J_Bip_C_Head"],
@@ -254,23 +254,23 @@ pub(crate) const SCHEMES: &[Scheme] = &[
             "J_Bip_%_LowerArm",
             "J_Bip_%_Hand",
         ],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "Blender Rigify",
         sides: L_R,
         middle: ["hips|spine", "neck|spine.004", "head|spine.006|spine.005"],
         leg: ["thigh.%", "shin.%", "foot.%", "toe.%"],
         arm: ["shoulder.%", "upper_arm.%", "forearm.%", "hand.%"],
-        mark: None,
+        marker: None,
     },
-    Scheme {
+    NamingScheme {
         name: "3ds Max Biped, Reallusion",
         sides: L_R,
         middle: ["Pelvis|Hip", "Neck|NeckTwist01", "Head"],
         leg: ["% Thigh", "% Calf", "% Foot", "% Toe0|% ToeBase"],
         arm: ["% Clavicle", "% UpperArm", "% Forearm", "% Hand"],
-        mark: None,
+        marker: None,
     },
 ];
 

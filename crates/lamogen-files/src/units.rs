@@ -1,4 +1,4 @@
-//! What a file's numbers mean: the length of its unit, and which axis points up.
+//! The unit and the up axis of a file.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -6,12 +6,12 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-/// What one unit of a file is.
+/// A unit of length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
     /// Metres, as in glTF and HumanML3D.
     Metre,
-    /// Decimetres, as some programs with a scene of their own scale write them.
+    /// Decimetres, as written by some programs that have their own scene scale.
     Decimetre,
     /// Centimetres, as in most BVH files.
     Centimetre,
@@ -21,12 +21,12 @@ pub enum Unit {
     Inch,
     /// The unit of CMU's motion capture database: inches divided by 0.45, 56.4 mm.
     Cmu,
-    /// Another length, in metres.
+    /// A unit of any other length, given in metres.
     Metres(f64),
 }
 
 impl Unit {
-    /// The units that a file's is sought among.
+    /// The units among which the unit of a file is guessed.
     pub const KNOWN: [Unit; 6] = [
         Unit::Metre,
         Unit::Decimetre,
@@ -36,10 +36,10 @@ impl Unit {
         Unit::Cmu,
     ];
 
-    /// Lengths that a unit may have, in metres: in others a file's numbers would lose their digits.
+    /// The allowed lengths of a unit in metres. In smaller or larger units the numbers of a file would lose digits.
     pub const LENGTHS: RangeInclusive<f64> = 1e-6..=1e6;
 
-    /// Its length in metres.
+    /// Returns the length of the unit in metres.
     pub fn metres(self) -> f64 {
         match self {
             Unit::Metre => 1.0,
@@ -52,20 +52,21 @@ impl Unit {
         }
     }
 
-    /// The unit in which a body is nearest to a human's size, if in any it has at least half and at
-    /// most double of it. `size` is the way from ankle to hip to pelvis to head, in the file's unit.
+    /// Returns the unit in which a body is nearest to human size, if its size is between half and twice human size in
+    /// some unit. `size` is the length of the path from the ankle to the hip plus that from the pelvis to the head, in
+    /// the file's unit.
     pub(crate) fn of_body(size: f64) -> Option<Unit> {
-        let off = |unit: &Unit| (size * unit.metres() / HUMAN).ln().abs();
+        let deviation = |unit: &Unit| (size * unit.metres() / HUMAN_SIZE).ln().abs();
         Unit::KNOWN
             .into_iter()
-            .filter(|unit| off(unit) <= 2.0f64.ln())
-            .min_by(|a, b| off(a).total_cmp(&off(b)))
+            .filter(|unit| deviation(unit) <= 2.0f64.ln())
+            .min_by(|a, b| deviation(a).total_cmp(&deviation(b)))
     }
 }
 
-/// From ankle to knee to hip, and from pelvis along the spine to neck and head, in metres, on the body
-/// of HumanML3D.
-const HUMAN: f64 = 1.48;
+/// The size of the body of HumanML3D in metres: the length from ankle over knee to hip, plus the length from the pelvis
+/// along the spine to neck and head.
+const HUMAN_SIZE: f64 = 1.48;
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -81,7 +82,7 @@ impl fmt::Display for Unit {
     }
 }
 
-/// A word that is no unit.
+/// The error of a text that is not a unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "expected a unit (m, dm, cm, mm, in, cmu) or its length, 0.000001 to 1000000 metres, found {0:?}"
@@ -102,21 +103,21 @@ impl FromStr for Unit {
     }
 }
 
-/// Which axis of a file points up.
+/// The axis of a file that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
-    /// Y, as here.
+    /// Y, as in lamogen.
     Y,
     /// Z, as in Blender and most laboratories.
     Z,
-    /// Down along Y, as where pictures count their rows from the top.
+    /// The negative Y axis, as in files that follow image coordinates, in which rows are counted from the top.
     MinusY,
-    /// Down along Z.
+    /// The negative Z axis.
     MinusZ,
 }
 
 impl Up {
-    /// A point of the file with Y up.
+    /// Converts a point of the file to coordinates with Y up.
     pub(crate) fn to_y_up(self, point: DVec3) -> DVec3 {
         match self {
             Up::Y => point,
@@ -138,7 +139,7 @@ impl fmt::Display for Up {
     }
 }
 
-/// A word that is no axis.
+/// The error of a text that is not an axis.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected the axis that points up (y, z, -y or -z), found {0:?}")]
 pub struct UpError(pub String);
@@ -162,10 +163,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_body_tells_its_unit_from_a_child_to_a_giant() {
+    fn the_unit_is_guessed_from_bodies_of_children_and_of_very_tall_adults() {
         for unit in Unit::KNOWN {
             for human in [1.0, 1.3, 1.48, 1.7, 1.9] {
-                // A child in CMU's unit is as large as a tall adult in decimetres, of which there are more.
+                // A child in CMU's unit has the same size as a tall adult in decimetres, which is the more frequent case.
                 if unit == Unit::Cmu && human < 1.2 {
                     continue;
                 }

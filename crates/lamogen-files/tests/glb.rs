@@ -1,4 +1,4 @@
-//! Motions through GLB files and back, by the crate's door.
+//! Motions are written as GLB files and read back through the public functions of the crate.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 use lamogen_files::{ReadOptions, Unit, Up, WriteOptions, read, write};
 use lamogen_motion::{JOINTS, Joint, Motion, Rotations};
 
-/// Somebody turns round, bends over and swings all limbs.
+/// Returns a motion of a person who turns around, bends over and swings all limbs.
 fn motion(frames: usize) -> Motion {
     let pose = |frame: usize| {
         let time = frame as f32 / 20.0;
@@ -66,7 +66,7 @@ fn largest_gap(found: &Motion, expected: &[[[f32; 3]; JOINTS]]) -> f32 {
 }
 
 #[test]
-fn a_motion_comes_back_to_a_tenth_of_a_millimetre() {
+fn a_motion_is_read_back_to_a_tenth_of_a_millimetre() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.GLB");
     let motion = motion(60);

@@ -1,32 +1,34 @@
-//! From metres to pixels.
+//! The camera: projection from metres in the world to pixels in the picture.
 
 use std::f32::consts::FRAC_PI_6;
 
-/// What is further from the middle of the picture than this, in metres, is drawn there: broken
-/// motions then give a picture too, and no number in it overflows.
+/// The largest coordinate relative to the target of the camera, in metres. Larger ones are clamped, so that damaged
+/// motions give a picture too and no number overflows.
 const HORIZON: f32 = 1e4;
 
-/// A camera without perspective, so that a metre is a metre everywhere. It looks from the front
-/// left of a motion's first pose, and down a little.
+/// A camera with orthographic projection, so that a metre has the same size everywhere. It looks from the front left of a
+/// body that faces +Z, and down a little.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
+    /// Sine and cosine of the angle about the vertical axis.
     turn: (f32, f32),
+    /// Sine and cosine of the angle by which the camera looks down.
     tilt: (f32, f32),
 }
 
-/// A point as the camera sees it, in metres.
+/// The projection of a point, in metres relative to the target of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Seen {
-    /// To the right of the middle.
+pub(crate) struct ProjectedPoint {
+    /// The distance to the right of the target.
     pub right: f32,
-    /// Above the ground in the middle.
+    /// The distance above the target.
     pub up: f32,
-    /// Nearer to the camera than the middle.
+    /// The distance towards the camera.
     pub towards: f32,
 }
 
 impl Camera {
-    /// A camera that looks down by `tilt` radians.
+    /// Creates a camera that looks down by `tilt` radians.
     pub fn new(tilt: f32) -> Camera {
         Camera {
             turn: FRAC_PI_6.sin_cos(),
@@ -34,23 +36,23 @@ impl Camera {
         }
     }
 
-    /// How a point looks while the camera is aimed at the point `middle` of the ground, `[x, z]`.
-    pub fn see(&self, [x, y, z]: [f32; 3], middle: [f32; 2]) -> Seen {
-        let near = |value: f32| value.clamp(-HORIZON, HORIZON);
-        let (x, y, z) = (near(x - middle[0]), near(y), near(z - middle[1]));
+    /// Projects a point while the camera looks at the point `target` of the ground, `[x, z]`.
+    pub fn project(&self, [x, y, z]: [f32; 3], target: [f32; 2]) -> ProjectedPoint {
+        let clamp = |value: f32| value.clamp(-HORIZON, HORIZON);
+        let (x, y, z) = (clamp(x - target[0]), clamp(y), clamp(z - target[1]));
         let (turn_sin, turn_cos) = self.turn;
         let (tilt_sin, tilt_cos) = self.tilt;
         let forward = z * turn_cos - x * turn_sin;
-        Seen {
+        ProjectedPoint {
             right: x * turn_cos + z * turn_sin,
             up: y * tilt_cos - forward * tilt_sin,
             towards: forward * tilt_cos + y * tilt_sin,
         }
     }
 
-    /// The point of the ground that is so many metres to the right of the point `middle`, and
-    /// nearer.
-    pub fn beside(&self, [x, z]: [f32; 2], right: f32, nearer: f32) -> [f32; 2] {
+    /// Moves a point of the ground, `[x, z]`, to the right in the picture and towards the camera, both in metres on the
+    /// ground.
+    pub fn move_target(&self, [x, z]: [f32; 2], right: f32, nearer: f32) -> [f32; 2] {
         let (sin, cos) = self.turn;
         [
             x + right * cos - nearer * sin,
@@ -58,33 +60,35 @@ impl Camera {
         ]
     }
 
-    /// How high a circle on the ground looks beside its width.
-    pub fn flatness(&self) -> f32 {
+    /// Returns the height of a circle on the ground in the picture, relative to its width.
+    pub fn foreshortening(&self) -> f32 {
         self.tilt.0
     }
 }
 
-/// A camera in front of a place of the picture.
+/// A camera with its target, and the position and scale of its view in the picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct View {
-    /// How it looks.
+pub(crate) struct CameraView {
     pub camera: Camera,
-    /// The point of the ground that it is aimed at, `[x, z]`.
-    pub middle: [f32; 2],
-    /// Where that point is drawn, in pixels from the left and from the top.
+    /// The point of the ground that the camera looks at, `[x, z]`.
+    pub target: [f32; 2],
+    /// The position of this point in the picture, in pixels from the left and from the top.
     pub origin: [f32; 2],
-    /// Pixels a metre.
+    /// Pixels per metre.
     pub scale: f32,
 }
 
-impl View {
-    /// Where a point is drawn, and how near it is, in metres.
-    pub fn place(&self, point: [f32; 3]) -> ([f32; 2], f32) {
-        let seen = self.camera.see(point, self.middle);
+impl CameraView {
+    /// Returns the position of a point in the picture in pixels, and its distance towards the camera in metres.
+    pub fn to_pixels(&self, point: [f32; 3]) -> ([f32; 2], f32) {
+        let projected = self.camera.project(point, self.target);
         let [x, y] = self.origin;
         (
-            [x + seen.right * self.scale, y - seen.up * self.scale],
-            seen.towards,
+            [
+                x + projected.right * self.scale,
+                y - projected.up * self.scale,
+            ],
+            projected.towards,
         )
     }
 }
@@ -94,31 +98,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_walks_forward_comes_nearer_and_to_the_right() {
+    fn walking_forward_leads_nearer_and_to_the_right() {
         let camera = Camera::new(0.2);
-        let [start, end] = [0.0, 1.0].map(|z| camera.see([0.0, 0.0, z], [0.0; 2]));
+        let [start, end] = [0.0, 1.0].map(|z| camera.project([0.0, 0.0, z], [0.0; 2]));
         assert!(end.right > start.right && end.towards > start.towards && end.up < start.up);
     }
 
     #[test]
-    fn beside_is_where_it_looks_to_be() {
+    fn a_moved_target_is_projected_where_it_should_be() {
         let camera = Camera::new(0.0);
-        let [x, z] = camera.beside([3.0, 4.0], 0.5, -0.25);
-        let seen = camera.see([x, 0.0, z], [3.0, 4.0]);
-        assert!((seen.right - 0.5).abs() < 1e-5 && (seen.towards + 0.25).abs() < 1e-5);
+        let [x, z] = camera.move_target([3.0, 4.0], 0.5, -0.25);
+        let projected = camera.project([x, 0.0, z], [3.0, 4.0]);
+        assert!((projected.right - 0.5).abs() < 1e-5 && (projected.towards + 0.25).abs() < 1e-5);
     }
 
     #[test]
     fn far_away_looks_the_same_if_the_camera_is_there_too() {
         let camera = Camera::new(0.2);
-        let here = camera.see([0.25, 1.5, 0.5], [0.0, 0.0]);
-        assert_eq!(here, camera.see([100.25, 1.5, -99.5], [100.0, -100.0]));
+        let here = camera.project([0.25, 1.5, 0.5], [0.0, 0.0]);
+        assert_eq!(here, camera.project([100.25, 1.5, -99.5], [100.0, -100.0]));
     }
 
     #[test]
-    fn every_finite_number_is_seen_at_a_finite_place() {
+    fn every_finite_point_is_projected_to_a_finite_one() {
         let camera = Camera::new(0.2);
-        let seen = camera.see([f32::MAX, f32::MIN, f32::MAX], [f32::MIN, f32::MAX]);
-        assert!(seen.right.is_finite() && seen.up.is_finite() && seen.towards.is_finite());
+        let projected = camera.project([f32::MAX, f32::MIN, f32::MAX], [f32::MIN, f32::MAX]);
+        assert!(
+            projected.right.is_finite()
+                && projected.up.is_finite()
+                && projected.towards.is_finite()
+        );
     }
 }

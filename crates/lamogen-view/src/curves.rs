@@ -1,27 +1,27 @@
-//! Laban features over time.
+//! Curves of Laban features over time.
 
 use lamogen_laban::{Component, LabanSeries};
 use lamogen_motion::FRAMES_PER_SECOND;
 use plotters::prelude::*;
 
 use crate::printable;
-use crate::text::shortened;
+use crate::text::shorten;
 
-/// One curve in each of the four panels.
+/// A Laban series that is drawn as one curve in each of the four panels.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve<'a> {
-    /// What the legend calls it.
+    /// The label in the legend.
     pub label: &'a str,
-    /// The features it shows.
+    /// The features to draw.
     pub series: &'a LabanSeries,
-    /// Its colour, red, green, blue.
+    /// The colour as red, green and blue.
     pub colour: [u8; 3],
-    /// Whether it is dashed, as a target is.
+    /// Whether the curve is dashed, as targets are.
     pub dashed: bool,
 }
 
 impl<'a> Curve<'a> {
-    /// A grey curve: where things were.
+    /// Creates a grey curve for the baseline, the motion without guidance.
     pub fn baseline(series: &'a LabanSeries) -> Self {
         Curve {
             label: "baseline",
@@ -31,7 +31,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// A dashed curve: what was asked for.
+    /// Creates a dashed curve for the target of guidance.
     pub fn target(series: &'a LabanSeries) -> Self {
         Curve {
             label: "target",
@@ -41,7 +41,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// A red curve: what came out.
+    /// Creates a red curve for the guided motion.
     pub fn guided(series: &'a LabanSeries) -> Self {
         Curve {
             label: "guided",
@@ -52,36 +52,39 @@ impl<'a> Curve<'a> {
     }
 }
 
-/// A picture that cannot be drawn.
+/// The error of curves that cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("the curves cannot be drawn: {0}")]
 pub struct CurveError(pub(crate) String);
 
+/// The width and height of the picture in pixels.
 const SIZE: (u32, u32) = (1100, 760);
-/// Letters of the title, in pixels.
+/// The size of the letters of the title, in pixels.
 const TITLE: u32 = 22;
 
-/// Draws Weight, Time, Flow and Shape over time, a panel each, as an SVG document.
+/// Draws Weight, Time, Flow and Shape over time in four panels as an SVG document. Numbers that are not finite are left
+/// out.
 ///
 /// # Errors
 ///
-/// If the picture cannot be drawn; numbers that are not finite are left out.
+/// If the picture cannot be drawn.
 pub fn curves(title: &str, curves: &[Curve<'_>]) -> Result<String, CurveError> {
     panels(title, curves, SIZE)
 }
 
-/// The panels of [`curves`] in so many pixels, without a title if it is empty.
+/// Draws the panels of [`curves`] in a picture of a size in pixels. An empty title is left out.
 pub(crate) fn panels(
     title: &str,
     curves: &[Curve<'_>],
     size: (u32, u32),
 ) -> Result<String, CurveError> {
     let mut svg = String::new();
-    draw(&mut svg, title, curves, size).map_err(|error| CurveError(error.to_string()))?;
+    draw_panels(&mut svg, title, curves, size).map_err(|error| CurveError(error.to_string()))?;
     Ok(svg)
 }
 
-fn draw(
+/// Draws the panels into `svg`.
+fn draw_panels(
     svg: &mut String,
     title: &str,
     curves: &[Curve<'_>],
@@ -90,7 +93,7 @@ fn draw(
     let mut area = SVGBackend::with_string(svg, size).into_drawing_area();
     area.fill(&WHITE)?;
     if !title.is_empty() {
-        let title = shortened(&printable(title), TITLE as f32, size.0 as f32);
+        let title = shorten(&printable(title), TITLE as f32, size.0 as f32);
         area = area.titled(&title, ("sans-serif", TITLE))?;
     }
     let panels = area.split_evenly((2, 2));
@@ -99,11 +102,10 @@ fn draw(
         let largest = values().filter(|x| x.is_finite()).fold(0.0, f32::max);
         let frames = curves.iter().map(|c| c.series.frames().len()).max();
         let seconds = frames.unwrap_or(1).saturating_sub(1).max(1) as f32 / FRAMES_PER_SECOND;
-        // Room above the curves for the legend, about so many pixels beside those of the whole
-        // plot.
-        let legend = 18.0 * curves.len() as f32 + 20.0;
-        let plot = panel.dim_in_pixel().1 as f32 - 85.0;
-        let top = largest.max(1e-6) / (1.0 - legend / plot).max(0.5);
+        // Reserve space for the legend above the curves. Both heights are estimates in pixels.
+        let legend_height = 18.0 * curves.len() as f32 + 20.0;
+        let plot_height = panel.dim_in_pixel().1 as f32 - 85.0;
+        let top = largest.max(1e-6) / (1.0 - legend_height / plot_height).max(0.5);
         let mut chart = ChartBuilder::on(panel)
             .caption(
                 format!("{component} ({})", component.unit()),
@@ -119,7 +121,7 @@ fn draw(
             .bold_line_style(RGBColor(229, 231, 235))
             .x_desc("seconds")
             .label_style(("sans-serif", 12))
-            .y_label_formatter(&|value| places(*value, top))
+            .y_label_formatter(&|value| tick_label(*value, top))
             .draw()?;
         for curve in curves {
             let [red, green, blue] = curve.colour;
@@ -134,7 +136,7 @@ fn draw(
                 true => chart.draw_series(DashedLineSeries::new(points, 6, 4, style))?,
                 false => chart.draw_series(LineSeries::new(points, style))?,
             };
-            // A dashed line shows a gap in the legend too.
+            // In the legend, dashed lines have a gap too.
             let gap = if curve.dashed { 4 } else { 0 };
             drawn.label(printable(curve.label)).legend(move |(x, y)| {
                 EmptyElement::at((x, y))
@@ -154,8 +156,8 @@ fn draw(
     Ok(())
 }
 
-/// A number on an axis that ends at `top`, with as many places as tell its ticks apart.
-fn places(value: f32, top: f32) -> String {
+/// Formats a number of an axis that ends at `top`, with enough decimals to distinguish the ticks.
+fn tick_label(value: f32, top: f32) -> String {
     let size = top.log10().floor();
     match (value == 0.0, size < -4.0) {
         (true, _) => "0".into(),
@@ -203,13 +205,13 @@ mod tests {
     }
 
     #[test]
-    fn small_numbers_are_told_apart_on_the_axis() {
-        assert_eq!(places(0.01, 0.07), "0.01");
-        assert_eq!(places(0.35, 0.4), "0.35");
-        assert_eq!(places(20.0, 60.0), "20");
-        assert_eq!(places(2e-6, 7e-6), "2.0e-6");
-        assert_eq!(places(0.0, 7e-6), "0");
-        assert_eq!(places(0.0004, 0.0007), "0.0004");
+    fn small_numbers_are_distinguished_on_the_axis() {
+        assert_eq!(tick_label(0.01, 0.07), "0.01");
+        assert_eq!(tick_label(0.35, 0.4), "0.35");
+        assert_eq!(tick_label(20.0, 60.0), "20");
+        assert_eq!(tick_label(2e-6, 7e-6), "2.0e-6");
+        assert_eq!(tick_label(0.0, 7e-6), "0");
+        assert_eq!(tick_label(0.0004, 0.0007), "0.0004");
     }
 
     #[test]

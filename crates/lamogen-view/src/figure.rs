@@ -1,4 +1,4 @@
-//! One pose as a stick figure.
+//! A pose drawn as a stick figure.
 
 use std::f32::consts::TAU;
 use std::fmt::Write;
@@ -7,46 +7,46 @@ use lamogen_motion::JOINTS;
 use lamogen_motion::Joint::{self, *};
 use svg::node::element::{Circle, Group, Path};
 
-use crate::camera::{Camera, View};
+use crate::camera::{Camera, CameraView};
 
-/// Joints along a line, and half the thickness there in metres.
-type Line = &'static [(Joint, f32)];
+/// A chain of joints, with the radius of the limb at each joint in metres.
+type JointChain = &'static [(Joint, f32)];
 
-/// What is painted at once, in one colour.
-struct Part {
+/// A part of the body that is painted in one colour.
+struct BodyPart {
     colour: &'static str,
-    lines: &'static [Line],
+    chains: &'static [JointChain],
 }
 
-/// Number of parts.
+/// The number of body parts.
 pub(crate) const PARTS: usize = 5;
 
-/// Their colours. The right side is warm, the left cold.
+/// The colours of the body parts. The right side has warm colours, the left side cold ones.
 pub(crate) const COLOURS: [&str; PARTS] = ["#c2410c", "#0369a1", "#374151", "#ea580c", "#0284c7"];
 
-/// Right leg, left leg, trunk with the head, right arm, left arm.
-const BODY: [Part; PARTS] = [
-    Part {
+/// The body parts: right leg, left leg, trunk with head, right arm, left arm.
+const BODY: [BodyPart; PARTS] = [
+    BodyPart {
         colour: COLOURS[0],
-        lines: &[&[
+        chains: &[&[
             (RightHip, 0.066),
             (RightKnee, 0.05),
             (RightAnkle, 0.036),
             (RightFoot, 0.032),
         ]],
     },
-    Part {
+    BodyPart {
         colour: COLOURS[1],
-        lines: &[&[
+        chains: &[&[
             (LeftHip, 0.066),
             (LeftKnee, 0.05),
             (LeftAnkle, 0.036),
             (LeftFoot, 0.032),
         ]],
     },
-    Part {
+    BodyPart {
         colour: COLOURS[2],
-        lines: &[
+        chains: &[
             &[
                 (Pelvis, 0.075),
                 (Spine1, 0.075),
@@ -56,7 +56,7 @@ const BODY: [Part; PARTS] = [
                 (Head, 0.04),
             ],
             &[(RightHip, 0.066), (LeftHip, 0.066)],
-            // The sides; what lies between them is the chest.
+            // The right and the left side of the trunk. The chest is between them.
             &[
                 (Neck, 0.04),
                 (RightCollar, 0.042),
@@ -73,72 +73,76 @@ const BODY: [Part; PARTS] = [
             ],
         ],
     },
-    Part {
+    BodyPart {
         colour: COLOURS[3],
-        lines: &[&[
+        chains: &[&[
             (RightShoulder, 0.046),
             (RightElbow, 0.036),
             (RightWrist, 0.032),
         ]],
     },
-    Part {
+    BodyPart {
         colour: COLOURS[4],
-        lines: &[&[
+        chains: &[&[
             (LeftShoulder, 0.046),
             (LeftElbow, 0.036),
             (LeftWrist, 0.032),
         ]],
     },
 ];
-const TRUNK: &Part = &BODY[2];
+const TRUNK: &BodyPart = &BODY[2];
+/// The corners of the triangle that fills the chest.
 const CHEST: [Joint; 3] = [Spine1, LeftShoulder, RightShoulder];
-const THICKEST: f32 = 0.09;
+/// The largest radius of a limb, in metres.
+const MAX_RADIUS: f32 = 0.09;
 
-/// Radius of the head, and how far its middle lies beyond the joint, in metres: the joint is where
-/// head and neck meet.
-const HEAD: f32 = 0.105;
+/// The radius of the head in metres.
+const HEAD_RADIUS: f32 = 0.105;
+/// The distance in metres from the joint of the head, which is between head and neck, to the centre of the head.
 const HEAD_BEYOND_JOINT: f32 = 0.08;
 
-/// Pixels of white around limbs, which sets those in front off those behind.
+/// The width in pixels of the white outline that separates limbs from those behind them.
 const OUTLINE: f32 = 1.5;
 
-/// What a pose takes of the picture, in metres from where the camera is aimed, thickness included.
+/// The extent of poses in the picture including the thickness of limbs, in metres from the target of the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
-    /// Furthest to the left (negative) and to the right.
+    /// The leftmost coordinate, which is negative left of the target.
     pub left: f32,
+    /// The rightmost coordinate.
     pub right: f32,
-    /// Lowest (negative below the ground in the middle) and highest.
+    /// The lowest coordinate, which is negative below the target.
     pub bottom: f32,
+    /// The highest coordinate.
     pub top: f32,
 }
 
 impl Extent {
-    /// The extent of nothing.
-    pub const NONE: Extent = Extent {
+    /// The extent without any point.
+    pub const EMPTY: Extent = Extent {
         left: f32::INFINITY,
         right: f32::NEG_INFINITY,
         bottom: f32::INFINITY,
         top: f32::NEG_INFINITY,
     };
 
-    /// The extent of one pose.
-    pub fn of(pose: &[[f32; 3]; JOINTS], camera: &Camera, middle: [f32; 2]) -> Extent {
-        let limbs = pose.iter().map(|&point| (point, THICKEST));
-        let points = limbs.chain([(head(pose), HEAD)]);
-        points.fold(Extent::NONE, |extent, (point, radius)| {
-            let seen = camera.see(point, middle);
-            extent.and(Extent {
-                left: seen.right - radius,
-                right: seen.right + radius,
-                bottom: seen.up - radius,
-                top: seen.up + radius,
+    /// Returns the extent of one pose while the camera looks at `target`.
+    pub fn of_pose(pose: &[[f32; 3]; JOINTS], camera: &Camera, target: [f32; 2]) -> Extent {
+        let limbs = pose.iter().map(|&point| (point, MAX_RADIUS));
+        let points = limbs.chain([(head_centre(pose), HEAD_RADIUS)]);
+        points.fold(Extent::EMPTY, |extent, (point, radius)| {
+            let projected = camera.project(point, target);
+            extent.union(Extent {
+                left: projected.right - radius,
+                right: projected.right + radius,
+                bottom: projected.up - radius,
+                top: projected.up + radius,
             })
         })
     }
 
-    /// The extent of both.
-    pub fn and(self, other: Extent) -> Extent {
+    /// Returns the smallest extent that contains both.
+    pub fn union(self, other: Extent) -> Extent {
         Extent {
             left: self.left.min(other.left),
             right: self.right.max(other.right),
@@ -148,33 +152,35 @@ impl Extent {
     }
 }
 
-/// Draws a pose: a trunk and limbs with thickness, far ones behind near ones.
-pub(crate) fn figure(pose: &[[f32; 3]; JOINTS], view: &View) -> Group {
-    let nearness = |part: &Part| {
-        let joints = part.lines.concat();
-        let each = joints.iter().map(|(j, _)| view.place(pose[j.index()]).1);
-        each.sum::<f32>() / joints.len() as f32
+/// Draws a pose as a trunk and limbs with thickness. Far parts are behind near ones.
+pub(crate) fn stick_figure(pose: &[[f32; 3]; JOINTS], view: &CameraView) -> Group {
+    let nearness = |part: &BodyPart| {
+        let joints = part.chains.concat();
+        let distances = joints
+            .iter()
+            .map(|(joint, _)| view.to_pixels(pose[joint.index()]).1);
+        distances.sum::<f32>() / joints.len() as f32
     };
-    let mut parts: Vec<(f32, &Part)> = BODY.iter().map(|part| (nearness(part), part)).collect();
+    let mut parts: Vec<(f32, &BodyPart)> = BODY.iter().map(|part| (nearness(part), part)).collect();
     parts.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-    let at = |joint: Joint| view.place(pose[joint.index()]).0;
+    let position = |joint: Joint| view.to_pixels(pose[joint.index()]).0;
     let mut group = Group::new()
         .set("stroke", "white")
         .set("stroke-width", 2.0 * OUTLINE)
         .set("paint-order", "stroke");
     for (_, part) in parts {
-        let mut path = outline(part, at, view.scale);
+        let mut path = part_outline(part, position, view.scale);
         if part.colour == TRUNK.colour {
-            triangle(&mut path, CHEST.map(at));
+            push_triangle(&mut path, CHEST.map(position));
         }
         group = group.add(Path::new().set("d", path).set("fill", part.colour));
         if part.colour == TRUNK.colour {
-            let [x, y] = view.place(head(pose)).0;
+            let [x, y] = view.to_pixels(head_centre(pose)).0;
             group = group.add(
                 Circle::new()
                     .set("cx", format!("{x:.1}"))
                     .set("cy", format!("{y:.1}"))
-                    .set("r", format!("{:.1}", HEAD * view.scale))
+                    .set("r", format!("{:.1}", HEAD_RADIUS * view.scale))
                     .set("fill", part.colour),
             );
         }
@@ -182,39 +188,40 @@ pub(crate) fn figure(pose: &[[f32; 3]; JOINTS], view: &View) -> Group {
     group
 }
 
-/// Draws what a pose hides of the ground from a light straight above.
-pub(crate) fn shadow(pose: &[[f32; 3]; JOINTS], view: &View, colour: &str) -> Path {
-    let flatness = view.camera.flatness();
-    // Drawn as seen from above, then flattened with the ground.
-    let upright = |[x, _, z]: [f32; 3]| {
-        let [x, y] = view.place([x, 0.0, z]).0;
-        [x, y / flatness]
+/// Draws the shadow of a pose on the ground under a light straight above.
+pub(crate) fn shadow(pose: &[[f32; 3]; JOINTS], view: &CameraView, colour: &str) -> Path {
+    let foreshortening = view.camera.foreshortening();
+    // The shadow is drawn as seen from above and then foreshortened like the ground.
+    let from_above = |[x, _, z]: [f32; 3]| {
+        let [x, y] = view.to_pixels([x, 0.0, z]).0;
+        [x, y / foreshortening]
     };
     let mut path = String::new();
     for part in &BODY {
-        path += &outline(part, |joint| upright(pose[joint.index()]), view.scale);
+        path += &part_outline(part, |joint| from_above(pose[joint.index()]), view.scale);
     }
-    let middle = upright(head(pose));
-    let radius = HEAD * view.scale;
-    capsule(&mut path, (middle, radius), (middle, radius));
+    let centre = from_above(head_centre(pose));
+    let radius = HEAD_RADIUS * view.scale;
+    push_capsule(&mut path, (centre, radius), (centre, radius));
     Path::new()
         .set("d", path)
         .set("fill", colour)
-        .set("transform", format!("scale(1 {flatness})"))
+        .set("transform", format!("scale(1 {foreshortening})"))
 }
 
-/// The outline of a part's lines, `scale` pixels a metre thick.
-fn outline(part: &Part, at: impl Fn(Joint) -> [f32; 2], scale: f32) -> String {
-    let bones = part.lines.iter().flat_map(|line| line.windows(2));
+/// Returns the outline of a body part as path data. `position` gives the position of each joint in pixels; `scale` is in
+/// pixels per metre.
+fn part_outline(part: &BodyPart, position: impl Fn(Joint) -> [f32; 2], scale: f32) -> String {
+    let bones = part.chains.iter().flat_map(|chain| chain.windows(2));
     bones.fold(String::new(), |mut path, bone| {
-        let [a, b] = [bone[0], bone[1]].map(|(joint, radius)| (at(joint), radius * scale));
-        capsule(&mut path, a, b);
+        let [a, b] = [bone[0], bone[1]].map(|(joint, radius)| (position(joint), radius * scale));
+        push_capsule(&mut path, a, b);
         path
     })
 }
 
-/// The middle of the head.
-fn head(pose: &[[f32; 3]; JOINTS]) -> [f32; 3] {
+/// Returns the centre of the head.
+fn head_centre(pose: &[[f32; 3]; JOINTS]) -> [f32; 3] {
     let [neck, head] = [Neck, Head].map(|joint| pose[joint.index()]);
     let along: [f32; 3] = std::array::from_fn(|axis| head[axis] - neck[axis]);
     let length = along.iter().map(|x| x * x).sum::<f32>().sqrt();
@@ -224,13 +231,13 @@ fn head(pose: &[[f32; 3]; JOINTS]) -> [f32; 3] {
     std::array::from_fn(|axis| head[axis] + along[axis] / length * HEAD_BEYOND_JOINT)
 }
 
-/// Appends the outline of two circles and what lies between their common tangents. All outlines
-/// turn the same way, so that their union is filled where they overlap.
-fn capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f32; 2], f32)) {
+/// Appends the outline of two circles and the area between their common tangents. All outlines have the same orientation,
+/// so that overlapping ones are filled as their union.
+fn push_capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f32; 2], f32)) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length = dx.hypot(dy);
     let written = if length <= (a_radius - b_radius).abs() + 0.05 {
-        // One circle hides the other.
+        // One circle contains the other.
         let ([x, y], r) = match a_radius > b_radius {
             true => (a, a_radius),
             false => (b, b_radius),
@@ -242,7 +249,7 @@ fn capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f
             d = 2.0 * r
         )
     } else {
-        // The tangents touch both circles at this angle from the line between the middles.
+        // The tangents touch both circles at this angle from the line between the centres.
         let angle = ((a_radius - b_radius) / length).acos();
         let direction = dy.atan2(dx);
         let at = |[x, y]: [f32; 2], radius: f32, angle: f32| {
@@ -270,8 +277,8 @@ fn capsule(path: &mut String, (a, a_radius): ([f32; 2], f32), (b, b_radius): ([f
     written.expect("writing to a string does not fail");
 }
 
-/// Appends a triangle that turns as capsules do.
-fn triangle(path: &mut String, [a, b, c]: [[f32; 2]; 3]) {
+/// Appends a triangle with the same orientation as capsules.
+fn push_triangle(path: &mut String, [a, b, c]: [[f32; 2]; 3]) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let [b, c] = if area < 0.0 { [c, b] } else { [b, c] };
     write!(
@@ -286,18 +293,18 @@ fn triangle(path: &mut String, [a, b, c]: [[f32; 2]; 3]) {
 mod tests {
     use super::*;
 
-    fn view() -> View {
-        View {
+    fn view() -> CameraView {
+        CameraView {
             camera: Camera::new(0.2),
-            middle: [0.0; 2],
+            target: [0.0; 2],
             origin: [100.0, 200.0],
             scale: 100.0,
         }
     }
 
-    /// The order in which the colours are painted.
-    fn order(pose: &[[f32; 3]; JOINTS]) -> Vec<usize> {
-        let svg = figure(pose, &view()).to_string();
+    /// Returns the body parts in the order in which they are painted.
+    fn painting_order(pose: &[[f32; 3]; JOINTS]) -> Vec<usize> {
+        let svg = stick_figure(pose, &view()).to_string();
         let mut order: Vec<usize> = (0..COLOURS.len()).collect();
         order.sort_by_key(|&part| svg.find(COLOURS[part]).expect("every part is drawn"));
         order
@@ -308,10 +315,10 @@ mod tests {
         let (right, left) = (3, 4);
         for (near, far) in [(right, left), (left, right)] {
             let mut pose = [[0.0, 1.0, 0.0]; JOINTS];
-            for (joint, _) in BODY[near].lines[0] {
+            for (joint, _) in BODY[near].chains[0] {
                 pose[joint.index()][2] = 0.5;
             }
-            let order = order(&pose);
+            let order = painting_order(&pose);
             let position = |part| order.iter().position(|&p| p == part).unwrap();
             assert!(position(near) > position(far), "{order:?}");
         }
@@ -322,16 +329,16 @@ mod tests {
         let mut pose = [[0.0, 1.0, 0.0]; JOINTS];
         pose[Neck.index()][1] = 1.4;
         pose[Head.index()][1] = 1.5;
-        assert_eq!(head(&pose), [0.0, 1.5 + HEAD_BEYOND_JOINT, 0.0]);
+        assert_eq!(head_centre(&pose), [0.0, 1.5 + HEAD_BEYOND_JOINT, 0.0]);
         let camera = Camera::new(0.0);
-        let extent = Extent::of(&pose, &camera, [0.0; 2]);
-        assert!((extent.top - (1.5 + HEAD_BEYOND_JOINT + HEAD)).abs() < 1e-6);
-        assert!((extent.bottom - (1.0 - THICKEST)).abs() < 1e-6);
+        let extent = Extent::of_pose(&pose, &camera, [0.0; 2]);
+        assert!((extent.top - (1.5 + HEAD_BEYOND_JOINT + HEAD_RADIUS)).abs() < 1e-6);
+        assert!((extent.bottom - (1.0 - MAX_RADIUS)).abs() < 1e-6);
     }
 
     #[test]
     fn every_joint_is_part_of_the_body() {
-        let drawn = BODY.iter().flat_map(|part| part.lines.concat());
+        let drawn = BODY.iter().flat_map(|part| part.chains.concat());
         let drawn: Vec<Joint> = drawn.map(|(joint, _)| joint).collect();
         for joint in Joint::ALL {
             assert!(drawn.contains(&joint), "{}", joint.name());
@@ -341,17 +348,18 @@ mod tests {
     #[test]
     fn bones_without_length_are_drawn_as_circles() {
         let pose = [[0.0; 3]; JOINTS];
-        let svg = figure(&pose, &view()).to_string() + &shadow(&pose, &view(), "#ddd").to_string();
+        let svg =
+            stick_figure(&pose, &view()).to_string() + &shadow(&pose, &view(), "#ddd").to_string();
         assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     }
 
     #[test]
-    fn limbs_of_any_direction_turn_the_same_way() {
-        // Twice the area within a polygon of the four corners; its sign is the turn.
+    fn outlines_of_all_directions_have_the_same_orientation() {
+        // Twice the signed area of the polygon of the four corners; its sign is the orientation.
         for step in 0..12 {
             let (sin, cos) = (step as f32 * TAU / 12.0).sin_cos();
             let mut path = String::new();
-            capsule(
+            push_capsule(
                 &mut path,
                 ([50.0, 50.0], 6.0),
                 ([50.0 + 30.0 * cos, 50.0 + 30.0 * sin], 4.0),

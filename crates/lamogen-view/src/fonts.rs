@@ -1,4 +1,4 @@
-//! Letters for pictures in pixels: the same on every machine.
+//! The fonts of pictures in pixels, which are the same on every machine.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -6,31 +6,31 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use resvg::usvg::fontdb::{Database, ID, Source, Stretch, Style, Weight};
 use resvg::usvg::{FontResolver, Options};
 
-/// DejaVu Sans for the scripts of Europe; its origin and licence lie beside it.
+/// DejaVu Sans with the scripts of Europe. Its origin and its licence are described in the same folder.
 const EMBEDDED: &[u8] = include_bytes!("../fonts/DejaVuSans-subset.ttf");
 
-/// Where letters come from that the embedded font lacks.
+/// The treatment of characters that the embedded font lacks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Missing {
-    /// A font of the machine, if it has one.
+pub(crate) enum MissingGlyphs {
+    /// They are drawn in a font of the system, if one has them.
     FromSystem,
-    /// From nowhere: they are drawn as boxes.
+    /// They are drawn as boxes.
     Boxes,
 }
 
-/// How SVG is read: every family is the embedded font.
-pub(crate) fn options(missing: Missing) -> Options<'static> {
-    let (database, id) = embedded();
+/// Returns the options for parsing SVG. Every font family is replaced by the embedded font.
+pub(crate) fn svg_options(missing: MissingGlyphs) -> Options<'static> {
+    let (database, id) = embedded_font();
     Options {
         fontdb: Arc::clone(database),
         font_resolver: FontResolver {
             select_font: Box::new(|_, _| Some(*id)),
             select_fallback: Box::new(move |letter, used, database| match missing {
-                Missing::Boxes => None,
-                Missing::FromSystem => {
+                MissingGlyphs::Boxes => None,
+                MissingGlyphs::FromSystem => {
                     let font = system_font(letter).filter(|font| !used.contains(font))?;
-                    // It holds the embedded font under the same id.
-                    *database = Arc::clone(with_system());
+                    // This database has the embedded font under the same id.
+                    *database = Arc::clone(embedded_and_system_fonts());
                     Some(font)
                 }
             }),
@@ -39,7 +39,8 @@ pub(crate) fn options(missing: Missing) -> Options<'static> {
     }
 }
 
-fn embedded() -> &'static (Arc<Database>, ID) {
+/// Returns a database with only the embedded font, and the id of that font.
+fn embedded_font() -> &'static (Arc<Database>, ID) {
     static FONT: OnceLock<(Arc<Database>, ID)> = OnceLock::new();
     FONT.get_or_init(|| {
         let mut database = Database::new();
@@ -48,36 +49,37 @@ fn embedded() -> &'static (Arc<Database>, ID) {
     })
 }
 
-/// The embedded font and those of the machine. Looking for them takes a while and is only done for
+/// Returns a database with the embedded font and the fonts of the system. Finding these takes time, so it is done only for
 /// a text that needs them.
-fn with_system() -> &'static Arc<Database> {
+fn embedded_and_system_fonts() -> &'static Arc<Database> {
     static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
     FONTS.get_or_init(|| {
-        let mut database = Database::clone(&embedded().0);
+        let mut database = Database::clone(&embedded_font().0);
         database.load_system_fonts();
         Arc::new(database)
     })
 }
 
-/// A font of the machine that has the letter, upright and of usual weight where there is one.
-/// Looked for once: every font file is read.
+/// Returns a font of the system that has a letter, preferably an upright one of normal weight.
+///
+/// The result is cached for each letter, because the search reads every font file.
 fn system_font(letter: char) -> Option<ID> {
-    static FOUND: OnceLock<Mutex<HashMap<char, Option<ID>>>> = OnceLock::new();
-    let found = FOUND.get_or_init(Mutex::default);
-    let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-    *found.entry(letter).or_insert_with(|| {
+    static CACHE: OnceLock<Mutex<HashMap<char, Option<ID>>>> = OnceLock::new();
+    let cache = CACHE.get_or_init(Mutex::default);
+    let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
+    *cache.entry(letter).or_insert_with(|| {
         let default = FontResolver::default_fallback_selector();
-        let plain = |database: &Database, id| {
+        let is_normal = |database: &Database, id| {
             database.face(id).is_some_and(|face| {
                 (face.style, face.weight, face.stretch)
                     == (Style::Normal, Weight::NORMAL, Stretch::Normal)
             })
         };
-        let mut database = Arc::clone(with_system());
-        let mut tried = vec![embedded().1];
+        let mut database = Arc::clone(embedded_and_system_fonts());
+        let mut tried = vec![embedded_font().1];
         while let Some(id) = default(letter, &tried, &mut database) {
             tried.push(id);
-            if plain(&database, id) {
+            if is_normal(&database, id) {
                 return Some(id);
             }
         }
@@ -90,8 +92,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_embedded_font_is_a_font_and_small() {
-        assert_eq!(embedded().0.len(), 1);
+    fn the_embedded_font_is_valid_and_small() {
+        assert_eq!(embedded_font().0.len(), 1);
         assert!(EMBEDDED.len() < 200_000);
     }
 }

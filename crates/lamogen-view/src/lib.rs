@@ -1,11 +1,11 @@
-//! Pictures of motion: strips of stick figures and Laban features over time as SVG and PNG, animations as
-//! GIF, and a page that plays motions.
+//! Pictures of motions: strips of stick figures and curves of Laban features as SVG and PNG, animations as GIF, and an
+//! HTML page that plays motions in 3D.
 
 mod animation;
 mod camera;
+mod camera_path;
 mod curves;
 mod figure;
-mod follow;
 mod fonts;
 mod ground;
 mod losses;
@@ -31,11 +31,11 @@ use std::path::Path;
 
 use text::printable;
 
-/// Writes a picture whole or not at all: the text of an SVG or the bytes of a PNG or GIF.
+/// Writes a picture to a file, whole or not at all: the text of an SVG or HTML document, or the bytes of a PNG or GIF.
 ///
 /// # Errors
 ///
-/// If the file cannot be written; the message names it.
+/// If the file cannot be written. The message names the file.
 pub fn save(path: impl AsRef<Path>, picture: &(impl AsRef<[u8]> + ?Sized)) -> std::io::Result<()> {
     let path = path.as_ref();
     lamogen_motion::write_atomically(path, |file| file.write_all(picture.as_ref()))

@@ -1,20 +1,21 @@
-//! How the losses of a training fell.
+//! Plots of training losses.
 
 use crate::curves::CurveError;
 use crate::plot::{Axis, Line, plot};
 
-/// One line of the picture.
+/// The losses of a training as one line of the plot.
 #[derive(Clone, Copy, Debug)]
 pub struct LossCurve<'a> {
-    /// What the legend calls it.
+    /// The label in the legend.
     pub label: &'a str,
-    /// Steps and losses.
+    /// Pairs of a training step and its loss.
     pub points: &'a [(u64, f64)],
-    /// Its colour, red, green, blue.
+    /// The colour as red, green and blue.
     pub colour: [u8; 3],
 }
 
-/// Draws losses over steps, on a logarithmic scale, as an SVG document. Losses that are not finite or not above 0 are left out.
+/// Draws losses over training steps on a logarithmic scale as an SVG document. Losses that are not finite or not above 0
+/// are left out.
 ///
 /// # Errors
 ///
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_curve_and_its_name_are_drawn_and_broken_losses_left_out() {
+    fn every_curve_and_its_label_are_drawn_and_invalid_losses_left_out() {
         let falling: Vec<(u64, f64)> = (1..100).map(|step| (step, 1.0 / step as f64)).collect();
         let broken = [
             (10, f64::NAN),
@@ -71,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_a_single_point_are_no_trouble() {
+    fn no_curve_and_a_single_point_are_valid() {
         let curve = LossCurve {
             label: "",
             points: &[(5, 0.7)],

@@ -1,12 +1,12 @@
-//! Motions as a page that plays them: one HTML file with everything in it.
+//! A page that plays motions: one HTML file that contains everything it needs.
 //!
 //! ```text
-//! page/page.html  the document, with {{holes}}    page/motion.js   the motions, decoded and interpolated
-//! page/page.css   how it looks                    page/camera.js   the eye and the numbers of 3D
-//! data.rs         motions and curves as JSON      page/body.js     the body around its joints
-//! markup.rs       text as HTML, holes filled      page/colour.js, page/scene.js  the picture, on a 2D canvas
-//! numbers.rs      the table of largest values     page/chart.js    the curves
-//!                                                 page/player.js, page/controls.js, page/main.js
+//! page/page.html  the template of the document      page/motion.js   decoding and interpolation of motions
+//! page/page.css   the style sheet                   page/camera.js   vectors, camera and projection
+//! data.rs         motions and curves as JSON        page/body.js     the shapes of the body around its joints
+//! markup.rs       HTML escaping, template filling   page/colour.js, page/scene.js  drawing on a 2D canvas
+//! numbers.rs      the table of largest values       page/chart.js    the curves
+//!                                                   page/player.js, page/controls.js, page/main.js
 //! ```
 
 mod data;
@@ -17,21 +17,21 @@ use lamogen_motion::Motion;
 
 use crate::Curve;
 use crate::text::printable;
-use markup::{escape, fill};
+use markup::{escape, fill_template};
 
-/// One motion of a [`Page`].
+/// A motion of a [`Page`].
 #[derive(Clone, Copy, Debug)]
 pub struct Figure<'a> {
-    /// What it is called.
+    /// The label of the motion.
     pub label: &'a str,
-    /// How it moves.
+    /// The motion to play.
     pub motion: &'a Motion,
-    /// Its colour, red, green, blue.
+    /// The colour as red, green and blue.
     pub colour: [u8; 3],
 }
 
 impl<'a> Figure<'a> {
-    /// A grey figure, in the colour of [`Curve::baseline`].
+    /// Creates a grey figure, in the colour of [`Curve::baseline`].
     pub fn baseline(motion: &'a Motion) -> Self {
         Figure {
             label: "baseline",
@@ -40,7 +40,7 @@ impl<'a> Figure<'a> {
         }
     }
 
-    /// A red figure, in the colour of [`Curve::guided`].
+    /// Creates a red figure, in the colour of [`Curve::guided`].
     pub fn guided(motion: &'a Motion) -> Self {
         Figure {
             label: "guided",
@@ -50,20 +50,21 @@ impl<'a> Figure<'a> {
     }
 }
 
-/// What a page shows.
+/// The content of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
-    /// Its heading, such as the sentence.
+    /// The heading, such as the sentence of the motions.
     pub title: &'a str,
-    /// A line below, such as the tags and the seed; may be empty.
+    /// A line below the heading, such as the tags and the seed. It may be empty.
     pub notes: &'a str,
-    /// The motions, side by side or in one view; one to four are seen well. They may differ in length:
-    /// the shorter stands still at its end.
+    /// The motions, side by side or in one view. One to four are easy to see. They may have different lengths: shorter
+    /// ones stand still after their end.
     pub figures: &'a [Figure<'a>],
-    /// Laban curves beside them; none leaves their place out.
+    /// The Laban curves beside the motions. If there are none, the page has no section for them.
     pub curves: &'a [Curve<'a>],
 }
 
+/// The scripts that come before `main.js`, in this order.
 const SCRIPTS: [&str; 8] = [
     include_str!("page/motion.js"),
     include_str!("page/camera.js"),
@@ -75,15 +76,16 @@ const SCRIPTS: [&str; 8] = [
     include_str!("page/controls.js"),
 ];
 
-/// The page as one HTML document, which plays its motions in 3D in any browser of the last years. It
-/// loads nothing, from nowhere, and its Content-Security-Policy forbids it to; it may be sent by mail and
-/// opened from a disk. The same page is always the same text.
+/// Creates a page as one HTML document, which plays its motions in 3D in every browser of recent years.
 ///
-/// The view can be turned, zoomed and moved, by mouse, fingers and keys; time can be dragged, stepped,
-/// slowed and looped. Joints are embedded to half a tenth of a millimetre, unless one is farther than
-/// 3.2 m from its pelvis; a pair of four seconds takes less than 100 kB.
+/// The page loads nothing, and its Content-Security-Policy does not allow it to load anything. It can be sent by mail and
+/// opened from a disk. The same content always gives the same text.
 ///
-/// `window.lamogen` is the player's state for tests: `time`, `frame`, `playing`, `speed`, `loop`,
+/// The view can be turned, zoomed and moved with the mouse, fingers and keys. Time can be dragged, stepped, slowed down and
+/// looped. Positions of joints are embedded with an error of at most half a tenth of a millimetre, unless a joint is farther
+/// than 3.2 m from the pelvis. A pair of motions of four seconds takes less than 100 kB.
+///
+/// `window.lamogen` gives tests access to the state of the player: `time`, `frame`, `playing`, `speed`, `loop`,
 /// `overlay`, `follow`, `trails`, `camera`, `motions[i].pose(seconds)` (`page/main.js`).
 pub fn page(page: &Page<'_>) -> String {
     let labels: String = page
@@ -100,7 +102,7 @@ pub fn page(page: &Page<'_>) -> String {
         SCRIPTS.concat(),
         include_str!("page/main.js")
     );
-    fill(
+    fill_template(
         include_str!("page/page.html"),
         &[
             ("version", env!("CARGO_PKG_VERSION")),
@@ -109,7 +111,7 @@ pub fn page(page: &Page<'_>) -> String {
             ("style", include_str!("page/page.css")),
             ("figures", &labels),
             ("numbers", &numbers::table(page.curves)),
-            ("data", &data::json(page.figures, page.curves)),
+            ("data", &data::page_data(page.figures, page.curves)),
             ("script", &script),
         ],
     )
@@ -122,7 +124,7 @@ mod tests {
     use lamogen_laban::LabanSeries;
     use lamogen_motion::JOINTS;
 
-    /// A figure that sways, eighty frames.
+    /// Returns the motion of a figure that sways, with 80 frames.
     fn motion() -> Motion {
         let pose = |t: usize| {
             std::array::from_fn(|j| [(t as f32 * 0.1).sin(), j as f32 * 0.08, t as f32 * 0.02])
@@ -130,7 +132,7 @@ mod tests {
         Motion::from_joints((0..80).map(pose).collect::<Vec<[[f32; 3]; JOINTS]>>()).unwrap()
     }
 
-    fn of(title: &str, label: &str) -> String {
+    fn example_page(title: &str, label: &str) -> String {
         let (motion, series) = (
             motion(),
             LabanSeries::from_tensor(Tensor::ones([80, 4], &Default::default())),
@@ -152,10 +154,10 @@ mod tests {
     }
 
     #[test]
-    fn a_title_cannot_break_out() {
-        let calm = of("a person jumps", "strong");
+    fn a_title_cannot_inject_markup() {
+        let calm = example_page("a person jumps", "strong");
         let hostile = "</script><b onload=\"x\">'&amp;<!--{{data}}{{script}}\u{2028}\u{0}";
-        let page = of(hostile, hostile);
+        let page = example_page(hostile, hostile);
         for tag in ["<b", "<!--", "<script", "</script"] {
             assert_eq!(
                 page.matches(tag).count(),
@@ -179,9 +181,9 @@ mod tests {
 
     #[test]
     fn nothing_is_loaded_from_anywhere() {
-        let page = of("a person jumps", "strong");
+        let page = example_page("a person jumps", "strong");
         assert!(page.contains("Content-Security-Policy\" content=\"default-src 'none';"));
-        // The one address is the name of a namespace.
+        // The only address is the name of an XML namespace.
         let addresses = page.matches("://").count();
         assert_eq!(
             addresses,
@@ -203,15 +205,15 @@ mod tests {
 
     #[test]
     fn a_pair_of_four_seconds_is_small_and_always_the_same() {
-        let page = of("a person jumps", "strong");
+        let page = example_page("a person jumps", "strong");
         assert!(page.len() < 100_000, "{} bytes", page.len());
-        assert_eq!(page, of("a person jumps", "strong"));
+        assert_eq!(page, example_page("a person jumps", "strong"));
     }
 
     #[test]
-    fn every_hole_is_filled_and_every_tag_closed() {
-        let page = of("a person jumps", "strong");
-        assert!(!page.contains("{{"), "a hole is left");
+    fn every_placeholder_is_filled_and_every_tag_closed() {
+        let page = example_page("a person jumps", "strong");
+        assert!(!page.contains("{{"), "a placeholder is left");
         for tag in [
             "html", "head", "body", "main", "section", "div", "button", "svg", "script", "style",
             "table", "dialog",

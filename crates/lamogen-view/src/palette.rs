@@ -1,32 +1,33 @@
-//! The colours of an animation: few enough for GIF, and known before its first frame.
+//! The palette of an animation, which has few enough colours for GIF and is fixed before the first frame.
 
 use std::collections::HashMap;
 
 use crate::figure::COLOURS;
 
-/// Greys from the darkest letters to white.
+/// The grey of the darkest letters, and a middle grey. One ramp leads from the first to the second, another one to white.
 const GREYS: [&str; 2] = ["#111827", "#6b7280"];
+/// The number of greys from the middle grey to white.
 const GREY_STEPS: usize = 40;
-/// Steps from a limb's colour to white: its edges are smooth.
+/// The number of colours from the colour of a limb to white, for antialiased edges.
 const LIMB_STEPS: usize = 16;
-/// Any other colours, as of emoji in a label, red, green and blue in so many steps.
+/// The numbers of levels of red, green and blue for all other colours, such as those of emoji in a label.
 const OTHERS: [usize; 3] = [4, 5, 4];
 
-/// One palette for all frames: a colour looks the same in each of them, so nothing flickers.
+/// The palette of all frames. A colour has the same index in every frame, so nothing flickers.
 pub(crate) struct Palette {
     colours: Vec<[u8; 3]>,
-    /// Indices of colours met so far.
-    known: HashMap<[u8; 3], u8>,
+    /// The nearest index of each colour that has been looked up so far.
+    cache: HashMap<[u8; 3], u8>,
 }
 
 impl Palette {
-    /// Index of no colour: what was there before stays.
+    /// The index of transparent pixels, which keep the colour of the previous frame.
     pub const TRANSPARENT: u8 = 0;
 
-    /// The colours of figures, letters and ground, each with its way to white.
+    /// Creates a palette with the colours of figures, letters and ground, each with a ramp to white.
     pub fn new() -> Palette {
         let white = [255; 3];
-        // The first place is taken by the index for transparency.
+        // The first entry belongs to the index of transparency.
         let mut colours = vec![white, white];
         let [dark, middle] = GREYS.map(rgb);
         let mut ramp = |from: [u8; 3], to: [u8; 3], steps: usize| {
@@ -53,19 +54,19 @@ impl Palette {
         }
         Palette {
             colours,
-            known: HashMap::new(),
+            cache: HashMap::new(),
         }
     }
 
-    /// Red, green and blue of every index.
+    /// Returns red, green and blue of every index.
     pub fn bytes(&self) -> &[u8] {
         self.colours.as_flattened()
     }
 
-    /// The index of the nearest colour.
+    /// Returns the index of the nearest colour of the palette.
     pub fn index(&mut self, colour: [u8; 3]) -> u8 {
         let colours = &self.colours;
-        *self.known.entry(colour).or_insert_with(|| {
+        *self.cache.entry(colour).or_insert_with(|| {
             let distance = |other: &[u8; 3]| -> i32 {
                 let differences = colour.iter().zip(other);
                 differences
@@ -79,7 +80,7 @@ impl Palette {
     }
 }
 
-/// The three numbers of a colour such as `#c2410c`.
+/// Parses a colour such as `#c2410c` as red, green and blue.
 fn rgb(colour: &str) -> [u8; 3] {
     let number = u32::from_str_radix(&colour[1..], 16).expect("six digits after the #");
     let [_, red, green, blue] = number.to_be_bytes();
@@ -91,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gif_holds_it() {
+    fn it_is_small_enough_for_gif() {
         let palette = Palette::new();
         assert!(palette.colours.len() <= 256, "{}", palette.colours.len());
         assert_eq!(palette.bytes().len(), 3 * palette.colours.len());

@@ -1,4 +1,4 @@
-//! Lines over an axis.
+//! Plots of lines over two axes.
 
 use std::ops::Range;
 
@@ -7,19 +7,19 @@ use plotters::prelude::*;
 
 use crate::curves::CurveError;
 use crate::printable;
-use crate::text::shortened;
+use crate::text::shorten;
 
-/// A direction of a plot.
+/// An axis of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis<'a> {
-    /// What stands beside it.
+    /// The label beside the axis.
     pub label: &'a str,
-    /// Whether its scale is logarithmic; numbers that are not above 0 are then left out.
+    /// Whether the scale is logarithmic. Numbers that are not above 0 are then left out.
     pub logarithmic: bool,
 }
 
 impl<'a> Axis<'a> {
-    /// One whose numbers stand at equal distances.
+    /// Creates an axis with a linear scale.
     pub fn linear(label: &'a str) -> Self {
         Axis {
             label,
@@ -27,7 +27,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// One whose equal distances are equal factors.
+    /// Creates an axis with a logarithmic scale.
     pub fn logarithmic(label: &'a str) -> Self {
         Axis {
             label,
@@ -36,34 +36,37 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// One line of a plot.
+/// A line of a plot.
 #[derive(Clone, Debug)]
 pub struct Line<'a> {
-    /// What the legend calls it; nothing stands there if it is empty.
+    /// The label in the legend. A line with an empty label is not in the legend.
     pub label: &'a str,
-    /// Where it goes, from left to right. Points with a number that is not finite are left out.
+    /// The points `[x, y]` from left to right. Points with a number that is not finite are left out.
     pub points: Vec<[f64; 2]>,
-    /// Its colour, red, green, blue.
+    /// The colour as red, green and blue.
     pub colour: [u8; 3],
-    /// Whether its points are marked: where there are few.
+    /// Whether the points are marked with dots, which is useful for few points.
     pub marked: bool,
 }
 
+/// The width and height of the picture in pixels.
 const SIZE: (u32, u32) = (900, 480);
+/// The size of the letters of the title, in pixels.
 const TITLE: u32 = 20;
 
-/// Draws lines as an SVG document; the first axis goes to the right.
+/// Draws lines as an SVG document. The first axis is the horizontal one.
 ///
 /// # Errors
 ///
 /// If the picture cannot be drawn.
 pub fn plot(title: &str, axes: [Axis<'_>; 2], lines: &[Line<'_>]) -> Result<String, CurveError> {
     let mut svg = String::new();
-    draw(&mut svg, title, axes, lines).map_err(|error| CurveError(error.to_string()))?;
+    draw_plot(&mut svg, title, axes, lines).map_err(|error| CurveError(error.to_string()))?;
     Ok(svg)
 }
 
-fn draw(
+/// Draws the plot into `svg`.
+fn draw_plot(
     svg: &mut String,
     title: &str,
     axes: [Axis<'_>; 2],
@@ -71,30 +74,31 @@ fn draw(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
-    let title = shortened(&printable(title), TITLE as f32, SIZE.0 as f32);
-    let placed: Vec<Vec<(f64, f64)>> = lines
+    let title = shorten(&printable(title), TITLE as f32, SIZE.0 as f32);
+    // The points of each line in coordinates of the axes.
+    let plotted: Vec<Vec<(f64, f64)>> = lines
         .iter()
         .map(|line| {
             let points = line.points.iter();
-            let place = |&[x, y]: &[f64; 2]| (axes[0].place(x), axes[1].place(y));
-            let points = points.map(place);
+            let coordinates = |&[x, y]: &[f64; 2]| (axes[0].coordinate(x), axes[1].coordinate(y));
+            let points = points.map(coordinates);
             let points = points.filter(|(x, y)| x.is_finite() && y.is_finite());
             points.collect()
         })
         .collect();
-    let all = || placed.iter().flatten();
-    // Marks at the ends would be cut in half.
-    let room = match lines.iter().any(|line| line.marked) {
+    let all = || plotted.iter().flatten();
+    // Without a margin, marks at the ends would be cut in half.
+    let margin = match lines.iter().any(|line| line.marked) {
         true => 0.03,
         false => 0.0,
     };
-    let x = axes[0].scale(all().map(|point| point.0), room);
+    let x = axes[0].scale(all().map(|point| point.0), margin);
     let y = axes[1].scale(all().map(|point| point.1), 0.04);
-    let corner = free_corner(lines, &placed, [&x.range, &y.range]);
+    let corner = free_corner(lines, &plotted, [&x.range, &y.range]);
     let mut chart = ChartBuilder::on(&area)
         .caption(title, ("sans-serif", TITLE))
         .margin(12)
-        // The last number of the axis stands half beyond it.
+        // Half of the last number of the axis is to the right of the axis.
         .margin_right(30)
         .x_label_area_size(38)
         .y_label_area_size(58)
@@ -106,10 +110,10 @@ fn draw(
         .x_desc(printable(axes[0].label))
         .y_desc(printable(axes[1].label))
         .label_style(("sans-serif", 12))
-        .x_label_formatter(&|place| axes[0].name(*place))
-        .y_label_formatter(&|place| axes[1].name(*place))
+        .x_label_formatter(&|tick| axes[0].tick_label(*tick))
+        .y_label_formatter(&|tick| axes[1].tick_label(*tick))
         .draw()?;
-    for (line, points) in lines.iter().zip(placed) {
+    for (line, points) in lines.iter().zip(plotted) {
         let [red, green, blue] = line.colour;
         let colour = RGBColor(red, green, blue);
         let style = colour.stroke_width(2);
@@ -140,37 +144,38 @@ fn draw(
     Ok(())
 }
 
-/// Where the legend covers least of the lines; at the upper right, if that is as good as others.
+/// Returns the corner in which the legend covers the least of the lines; the upper right one if it is as good as others.
 fn free_corner(
     lines: &[Line<'_>],
-    placed: &[Vec<(f64, f64)>],
+    plotted: &[Vec<(f64, f64)>],
     ranges: [&Range<f64>; 2],
 ) -> SeriesLabelPosition {
-    /// Between two points.
+    /// The number of samples on a line between two of its points.
     const SAMPLES: usize = 16;
     let labels = lines.iter().map(|line| line.label.chars().count());
     let longest = labels.clone().max().unwrap_or(0) as f64;
     let entries = labels.filter(|length| *length > 0).count() as f64;
-    // In shares of the plot: a letter, the stroke before it, a line of text.
+    // Estimates relative to the size of the plot, for the stroke before the text, one letter, and one line of text.
     let (width, height) = (0.06 + 0.009 * longest, 0.02 + 0.05 * entries);
-    let share = |&(x, y): &(f64, f64)| {
-        let share = |place, range: &Range<f64>| (place - range.start) / (range.end - range.start);
-        (share(x, ranges[0]), share(y, ranges[1]))
+    let relative = |&(x, y): &(f64, f64)| {
+        let relative =
+            |coordinate, range: &Range<f64>| (coordinate - range.start) / (range.end - range.start);
+        (relative(x, ranges[0]), relative(y, ranges[1]))
     };
-    let mut seen: Vec<(f64, f64)> = Vec::new();
-    for points in placed {
-        let points: Vec<(f64, f64)> = points.iter().map(share).collect();
+    let mut samples: Vec<(f64, f64)> = Vec::new();
+    for points in plotted {
+        let points: Vec<(f64, f64)> = points.iter().map(relative).collect();
         for pair in points.windows(2) {
             let [from, to] = [pair[0], pair[1]];
-            seen.extend((0..SAMPLES).map(|sample| {
-                let way = sample as f64 / SAMPLES as f64;
+            samples.extend((0..SAMPLES).map(|sample| {
+                let part = sample as f64 / SAMPLES as f64;
                 (
-                    from.0 + way * (to.0 - from.0),
-                    from.1 + way * (to.1 - from.1),
+                    from.0 + part * (to.0 - from.0),
+                    from.1 + part * (to.1 - from.1),
                 )
             }));
         }
-        seen.extend(points.last());
+        samples.extend(points.last());
     }
     let corners = [
         (SeriesLabelPosition::UpperRight, true, true),
@@ -179,12 +184,12 @@ fn free_corner(
         (SeriesLabelPosition::LowerLeft, false, false),
     ];
     let covered = |right: bool, upper: bool| {
-        let within = |place: f64, far: bool, size: f64| match far {
-            true => place > 1.0 - size,
-            false => place < size,
+        let within = |coordinate: f64, far: bool, size: f64| match far {
+            true => coordinate > 1.0 - size,
+            false => coordinate < size,
         };
         let covers = |&&(x, y): &&(f64, f64)| within(x, right, width) && within(y, upper, height);
-        seen.iter().filter(covers).count()
+        samples.iter().filter(covers).count()
     };
     let best = corners
         .into_iter()
@@ -193,59 +198,62 @@ fn free_corner(
 }
 
 impl Axis<'_> {
-    /// Where a number stands; not finite if it stands nowhere.
-    fn place(self, number: f64) -> f64 {
+    /// Returns the coordinate of a number on the axis; it is not finite if the number has none.
+    fn coordinate(self, number: f64) -> f64 {
         match self.logarithmic {
-            // The logarithm of 0 is infinite, that of less is none.
+            // The logarithm of 0 is infinite, and that of a negative number is NaN.
             true => number.log10(),
             false => number,
         }
     }
 
-    /// A scale for places, with some room at its ends.
-    fn scale(self, places: impl Iterator<Item = f64>, room: f64) -> Scale {
-        let (least, most) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), place| {
-            (a.min(place), b.max(place))
-        });
+    /// Returns a scale for coordinates. `margin` is the space at each end, relative to their range.
+    fn scale(self, coordinates: impl Iterator<Item = f64>, margin: f64) -> AxisScale {
+        let (least, most) = coordinates.fold(
+            (f64::INFINITY, f64::NEG_INFINITY),
+            |(least, most), coordinate| (least.min(coordinate), most.max(coordinate)),
+        );
         let range = match most - least {
-            width if width > 0.0 && width.is_finite() => least - room * width..most + room * width,
-            // One number, or none.
+            width if width > 0.0 && width.is_finite() => {
+                least - margin * width..most + margin * width
+            }
+            // There is only one number, or none.
             0.0 => least - 0.5..least + 0.5,
             _ => 0.0..1.0,
         };
         let ticks = match self.logarithmic {
             true => {
-                let numbers = logarithmic(10f64.powf(range.start), 10f64.powf(range.end));
+                let numbers = logarithmic_ticks(10f64.powf(range.start), 10f64.powf(range.end));
                 numbers.into_iter().map(f64::log10).collect()
             }
-            false => linear(range.start, range.end),
+            false => linear_ticks(range.start, range.end),
         };
-        Scale { range, ticks }
+        AxisScale { range, ticks }
     }
 
-    /// What stands at a tick.
-    fn name(self, place: f64) -> String {
+    /// Returns the label of a tick at a coordinate.
+    fn tick_label(self, coordinate: f64) -> String {
         match self.logarithmic {
-            true => name(10f64.powf(place)),
-            false => name(place),
+            true => format_number(10f64.powf(coordinate)),
+            false => format_number(coordinate),
         }
     }
 }
 
-/// A range with ticks.
-struct Scale {
+/// The range and the ticks of an axis.
+struct AxisScale {
     range: Range<f64>,
     ticks: Vec<f64>,
 }
 
-impl Ranged for Scale {
+impl Ranged for AxisScale {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
 
-    fn map(&self, place: &f64, (first, last): (i32, i32)) -> i32 {
+    fn map(&self, coordinate: &f64, (first, last): (i32, i32)) -> i32 {
         let Range { start, end } = self.range;
-        let share = (place - start) / (end - start);
-        first + (share * f64::from(last - first)).round() as i32
+        let relative = (coordinate - start) / (end - start);
+        first + (relative * f64::from(last - first)).round() as i32
     }
 
     fn key_points<H: KeyPointHint>(&self, _: H) -> Vec<f64> {
@@ -257,19 +265,19 @@ impl Ranged for Scale {
     }
 }
 
-/// Round numbers at equal distances, a handful or two.
-fn linear(least: f64, most: f64) -> Vec<f64> {
+/// Returns about four to nine round numbers at equal intervals.
+fn linear_ticks(least: f64, most: f64) -> Vec<f64> {
     let rough = (most - least) / 8.0;
     let decade = 10f64.powf(rough.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * decade);
     let step = steps.into_iter().find(|step| *step >= rough);
     let step = step.unwrap_or(10.0 * decade);
-    let places = (least / step).ceil() as i64..=(most / step).floor() as i64;
-    places.map(|place| place as f64 * step).collect()
+    let multiples = (least / step).ceil() as i64..=(most / step).floor() as i64;
+    multiples.map(|multiple| multiple as f64 * step).collect()
 }
 
-/// Round numbers above 0, a handful or two.
-fn logarithmic(least: f64, most: f64) -> Vec<f64> {
+/// Returns round numbers above 0, usually between three and twelve.
+fn logarithmic_ticks(least: f64, most: f64) -> Vec<f64> {
     const FEW: [f64; 3] = [1.0, 2.0, 5.0];
     const MANY: [f64; 7] = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0];
     let decades = least.log10().floor() as i32..=most.log10().floor() as i32;
@@ -286,8 +294,8 @@ fn logarithmic(least: f64, most: f64) -> Vec<f64> {
     }
 }
 
-/// A number in as many digits as it has, but no more than four.
-fn name(number: f64) -> String {
+/// Formats a number with at most four significant digits and without trailing zeros.
+fn format_number(number: f64) -> String {
     if number == 0.0 {
         return "0".into();
     }
@@ -303,21 +311,22 @@ fn name(number: f64) -> String {
 mod tests {
     use super::*;
 
-    fn names(ticks: Vec<f64>) -> String {
-        ticks.into_iter().map(name).collect::<Vec<_>>().join(" ")
+    fn labels(ticks: Vec<f64>) -> String {
+        let labels = ticks.into_iter().map(format_number);
+        labels.collect::<Vec<_>>().join(" ")
     }
 
     #[test]
-    fn the_legend_stands_where_no_line_goes() {
+    fn the_legend_is_in_a_corner_without_lines() {
         let line = |points: Vec<[f64; 2]>| Line {
             label: "asked",
             points,
             colour: [0; 3],
             marked: true,
         };
-        let stands = |lines: &[Line<'_>]| {
+        let legend_corner = |lines: &[Line<'_>]| {
             let svg = plot("", [Axis::linear("x"), Axis::linear("y")], lines).unwrap();
-            // The last text is the legend's; the origin is at the upper left.
+            // The last text is that of the legend. The origin of coordinates is at the upper left.
             let text = svg.rsplit("<text ").next().unwrap();
             let place = |name: &str| -> f64 {
                 let rest = text.split(&format!("{name}=\"")).nth(1).unwrap();
@@ -327,28 +336,37 @@ mod tests {
         };
         let rises = [[0.0, 0.0], [1.0, 1.0]].to_vec();
         let falls = [[0.0, 1.0], [1.0, 0.0]].to_vec();
-        assert_eq!(stands(&[line(falls.clone())]), (true, true));
-        assert_eq!(stands(&[line(rises.clone())]), (false, true));
+        assert_eq!(legend_corner(&[line(falls.clone())]), (true, true));
+        assert_eq!(legend_corner(&[line(rises.clone())]), (false, true));
         let both = [rises, vec![[0.0, 1.0], [0.5, 0.5]]].map(line);
-        assert_eq!(stands(&both), (true, false));
+        assert_eq!(legend_corner(&both), (true, false));
     }
 
     #[test]
     fn scales_have_round_numbers_whatever_the_range() {
-        assert_eq!(names(logarithmic(0.18, 2.1)), "0.2 0.3 0.4 0.5 0.7 1 1.5 2");
         assert_eq!(
-            names(logarithmic(0.009, 12.0)),
+            labels(logarithmic_ticks(0.18, 2.1)),
+            "0.2 0.3 0.4 0.5 0.7 1 1.5 2"
+        );
+        assert_eq!(
+            labels(logarithmic_ticks(0.009, 12.0)),
             "0.01 0.02 0.05 0.1 0.2 0.5 1 2 5 10"
         );
-        assert_eq!(names(logarithmic(0.6, 1.7)), "0.7 1 1.5");
-        assert_eq!(logarithmic(1e-6, 2000.0).len(), 10);
-        assert_eq!(names(linear(0.0, 20000.0)), "0 5000 10000 15000 20000");
-        assert_eq!(names(linear(-0.31, 0.52)), "-0.2 0 0.2 0.4");
-        assert_eq!(names(linear(3.0, 3.004)), "3 3.001 3.002 3.003 3.004");
+        assert_eq!(labels(logarithmic_ticks(0.6, 1.7)), "0.7 1 1.5");
+        assert_eq!(logarithmic_ticks(1e-6, 2000.0).len(), 10);
+        assert_eq!(
+            labels(linear_ticks(0.0, 20000.0)),
+            "0 5000 10000 15000 20000"
+        );
+        assert_eq!(labels(linear_ticks(-0.31, 0.52)), "-0.2 0 0.2 0.4");
+        assert_eq!(
+            labels(linear_ticks(3.0, 3.004)),
+            "3 3.001 3.002 3.003 3.004"
+        );
     }
 
     #[test]
-    fn lines_are_drawn_and_what_stands_nowhere_is_left_out() {
+    fn lines_are_drawn_without_points_that_have_no_coordinates() {
         let axis = |label, logarithmic| Axis { label, logarithmic };
         let line = |label, points: &[[f64; 2]]| Line {
             label,

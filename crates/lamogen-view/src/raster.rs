@@ -1,59 +1,59 @@
-//! SVG as pixels.
+//! Rendering of SVG documents to pixels.
 
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::Tree;
 
-use crate::fonts::{Missing, options};
+use crate::fonts::{MissingGlyphs, svg_options};
 
-/// Longest side of a picture in pixels.
+/// The largest width and height of a picture in pixels.
 const LONGEST_SIDE: u32 = 32_767;
-/// Most pixels of a picture: a quarter of a gigabyte while it is drawn.
-const MOST_PIXELS: u64 = 1 << 26;
+/// The most pixels of a picture, which take a quarter of a gigabyte while it is drawn.
+const MAX_PIXELS: u64 = 1 << 26;
 
-/// A picture that cannot be turned into pixels.
+/// The error of a picture that cannot be rendered to pixels.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RasterError {
-    /// Text that is no SVG document.
+    /// The text is not an SVG document.
     #[error("expected an SVG document: {0}")]
     Svg(#[from] resvg::usvg::Error),
-    /// A scale that makes no sense.
+    /// The scale is not a finite number above 0.
     #[error("expected a finite scale above 0, found {0}")]
     Scale(f32),
-    /// More pixels than one wants.
+    /// The picture would have too many pixels.
     #[error(
-        "expected a picture of at most {LONGEST_SIDE} pixels a side and {MOST_PIXELS} in all, \
+        "expected a picture of at most {LONGEST_SIDE} pixels a side and {MAX_PIXELS} in all, \
          found {width} × {height}"
     )]
     #[allow(missing_docs)]
     Size { width: u64, height: u64 },
-    /// The encoder's own words.
+    /// The encoder reports an error.
     #[error("the picture could not be encoded as PNG: {0}")]
     Png(String),
 }
 
-/// Turns an SVG document into a PNG file, `scale` pixels for each of its units, on white.
+/// Renders an SVG document on white to the bytes of a PNG file, with `scale` pixels for each unit of the document.
 ///
-/// Letters are those of a font that this crate carries, so a picture is the same on every machine;
-/// only characters that it lacks (it has the scripts of Europe) are taken from the machine's fonts.
+/// Letters are drawn in a font that is embedded in this crate, so that a picture is the same on every machine. Only
+/// characters that this font lacks (it has the scripts of Europe) are drawn in fonts of the system.
 ///
 /// # Errors
 ///
-/// If the document is no SVG, the scale is not above 0, or the picture is larger than 32,767 pixels
-/// a side or 67 million in all.
+/// If the document is not SVG, the scale is not a finite number above 0, or the picture is larger than 32,767 pixels per
+/// side or 67 million pixels in all.
 pub fn png(svg: &str, scale: f32) -> Result<Vec<u8>, RasterError> {
-    render(svg, scale, Missing::FromSystem)?
+    render(svg, scale, MissingGlyphs::FromSystem)?
         .encode_png()
         .map_err(|error| RasterError::Png(error.to_string()))
 }
 
-/// The pixels of an SVG document, on white.
-pub(crate) fn render(svg: &str, scale: f32, missing: Missing) -> Result<Pixmap, RasterError> {
+/// Renders an SVG document on white.
+pub(crate) fn render(svg: &str, scale: f32, missing: MissingGlyphs) -> Result<Pixmap, RasterError> {
     if !(scale.is_finite() && scale > 0.0) {
         return Err(RasterError::Scale(scale));
     }
-    let tree = Tree::from_str(svg, &options(missing))?;
-    let mut pixels = blank(
+    let tree = Tree::from_str(svg, &svg_options(missing))?;
+    let mut pixels = blank_picture(
         f64::from(tree.size().width()) * f64::from(scale),
         f64::from(tree.size().height()) * f64::from(scale),
     )?;
@@ -62,20 +62,20 @@ pub(crate) fn render(svg: &str, scale: f32, missing: Missing) -> Result<Pixmap, 
     Ok(pixels)
 }
 
-/// Draws an SVG document over what is there, a pixel for each of its units.
+/// Draws an SVG document on top of a picture, with one pixel for each unit of the document.
 pub(crate) fn render_onto(pixels: &mut Pixmap, svg: &str) -> Result<(), RasterError> {
-    let tree = Tree::from_str(svg, &options(Missing::FromSystem))?;
+    let tree = Tree::from_str(svg, &svg_options(MissingGlyphs::FromSystem))?;
     resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
     Ok(())
 }
 
-/// White pixels, if they are not too many.
-fn blank(width: f64, height: f64) -> Result<Pixmap, RasterError> {
-    // Sizes beyond the integers saturate, and are too large then.
+/// Creates a white picture, or returns an error if it is too large.
+fn blank_picture(width: f64, height: f64) -> Result<Pixmap, RasterError> {
+    // Sizes beyond the range of integers saturate and are then too large.
     let [width, height] = [width, height].map(|side| side.ceil().max(1.0) as u64);
     let longest = u64::from(LONGEST_SIDE);
     let too_large = RasterError::Size { width, height };
-    if width > longest || height > longest || width * height > MOST_PIXELS {
+    if width > longest || height > longest || width * height > MAX_PIXELS {
         return Err(too_large);
     }
     let mut pixels = Pixmap::new(width as u32, height as u32).ok_or(too_large)?;
@@ -94,12 +94,12 @@ mod tests {
     }
 
     fn dark_pixels(svg: &str, scale: f32) -> usize {
-        let pixels = render(svg, scale, Missing::Boxes).unwrap();
+        let pixels = render(svg, scale, MissingGlyphs::Boxes).unwrap();
         pixels.pixels().iter().filter(|p| p.green() < 128).count()
     }
 
     #[test]
-    fn letters_appear_without_any_font_of_the_machine() {
+    fn letters_are_drawn_without_fonts_of_the_system() {
         let text = |text: &str| {
             picture(
                 200.0,
@@ -109,14 +109,14 @@ mod tests {
             )
         };
         assert_eq!(dark_pixels(&text(""), 1.0), 0);
-        // What the font lacks is drawn as a box, not left out.
+        // Characters that the font lacks are drawn as boxes and not left out.
         let box_like = dark_pixels(&text("人"), 1.0);
         assert!(box_like > 20, "{box_like}");
         for letters in ["jump", "Größe ²³×", "прыжок", "άλμα", "skočí łódź", "→ …"]
         {
             let dark = dark_pixels(&text(letters), 1.0);
             assert!(dark > 40, "{letters}: {dark}");
-            // Not as many boxes as letters.
+            // The letters are not all drawn as boxes.
             let boxes = box_like * letters.chars().filter(|c| *c != ' ').count();
             assert_ne!(dark, boxes, "{letters}");
         }
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn the_scale_multiplies_both_sides() {
         let half = "<rect width='50' height='40'/>";
-        let pixels = render(&picture(100.0, half), 2.5, Missing::Boxes).unwrap();
+        let pixels = render(&picture(100.0, half), 2.5, MissingGlyphs::Boxes).unwrap();
         assert_eq!((pixels.width(), pixels.height()), (250, 100));
         assert_eq!(dark_pixels(&picture(100.0, half), 2.5), 125 * 100);
         let file = png(&picture(100.0, half), 2.5).unwrap();
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn absurd_pictures_are_errors_that_name_their_size() {
+    fn pictures_of_invalid_sizes_are_errors_that_name_the_size() {
         for scale in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             assert!(matches!(
                 png(&picture(100.0, ""), scale),

@@ -1,23 +1,24 @@
-//! Everything about a motion in one picture.
+//! A sheet: a title, a strip and curves in one picture.
 
 use svg::node::{Blob, element::Group};
 
 use crate::curves::{Curve, CurveError, panels};
-use crate::strip::{Drawing, Row, draw, page};
-use crate::text::{LINE, block, wrapped};
+use crate::strip::{Row, StripDrawing, blank_page, draw_strip};
+use crate::text::{LINE_HEIGHT, text_block, wrap};
 
-/// Pixels around the parts.
+/// The margin around the parts in pixels.
 const MARGIN: f32 = 24.0;
-/// Letters of the title, in pixels, and most lines of it.
+/// The size of the letters of the title, in pixels.
 const TITLE: f32 = 24.0;
+/// The most lines of the title.
 const TITLE_LINES: usize = 2;
-/// Least width of what lies between the margins: four panels of curves need so much.
-const LEAST_WIDTH: f32 = 900.0;
-/// Height of the panels, in pixels.
-const PANELS: u32 = 640;
+/// The least width between the margins in pixels, which the four panels of curves need.
+const MIN_WIDTH: f32 = 900.0;
+/// The height of the panels of curves in pixels.
+const PANELS_HEIGHT: u32 = 640;
 
-/// Draws a title, [`strip`](crate::strip()) and, below, [`curves`](crate::curves()) as one SVG
-/// document. Without curves there are no panels, and without a title there is none.
+/// Draws a title, a [`strip`](crate::strip()) and, below it, [`curves`](crate::curves()) as one SVG document. An empty title
+/// is left out, and so are the panels if there are no curves.
 ///
 /// # Errors
 ///
@@ -28,28 +29,32 @@ pub fn sheet(
     poses: usize,
     curves: &[Curve<'_>],
 ) -> Result<String, CurveError> {
-    let strip = draw(rows, poses, LEAST_WIDTH);
+    let strip = draw_strip(rows, poses, MIN_WIDTH);
     let width = strip.width;
-    let title = wrapped(title, TITLE, width, TITLE_LINES);
+    let title = wrap(title, TITLE, width, TITLE_LINES);
     let mut height = MARGIN;
     let mut parts = Group::new();
     if !title.is_empty() {
-        parts = parts.add(block(&title, [MARGIN, height + TITLE], TITLE, "#111827"));
-        height += title.len() as f32 * TITLE * LINE + 0.5 * TITLE;
+        parts = parts.add(text_block(
+            &title,
+            [MARGIN, height + TITLE],
+            TITLE,
+            "#111827",
+        ));
+        height += title.len() as f32 * TITLE * LINE_HEIGHT + 0.5 * TITLE;
     }
-    let Drawing { content, .. } = strip;
-    // Labels stand a little to the right of the strip's edge; they should be in line with the
-    // title.
-    let left = MARGIN - crate::strip::LEFT;
+    let StripDrawing { content, .. } = strip;
+    // Labels start a little to the right of the strip's edge. The strip is moved so that they are aligned with the title.
+    let left = MARGIN - crate::strip::LABEL_LEFT;
     parts = parts.add(content.set("transform", format!("translate({left} {height})")));
     height += strip.height;
     if !curves.is_empty() {
-        let svg = panels("", curves, (width as u32, PANELS))?;
+        let svg = panels("", curves, (width as u32, PANELS_HEIGHT))?;
         let place = format!("<svg x=\"{MARGIN}\" y=\"{height}\" ");
         parts = parts.add(Blob::new(svg.replacen("<svg ", &place, 1)));
-        height += PANELS as f32;
+        height += PANELS_HEIGHT as f32;
     }
-    let page = page(width + 2.0 * MARGIN, height + MARGIN);
+    let page = blank_page(width + 2.0 * MARGIN, height + MARGIN);
     Ok(page.add(parts).to_string())
 }
 
@@ -60,7 +65,7 @@ mod tests {
     use lamogen_laban::{Component, LabanOptions, LabanSeries};
     use lamogen_motion::{JOINTS, Motion};
 
-    use crate::fonts::Missing;
+    use crate::fonts::MissingGlyphs;
     use crate::raster::render;
 
     fn motion() -> Motion {
@@ -82,8 +87,8 @@ mod tests {
         for component in Component::ALL {
             assert!(svg.contains(&format!("{component} (")), "{component}");
         }
-        // Every part is drawn, down to the lowest: the name of the time axis.
-        let pixels = render(&svg, 1.0, Missing::Boxes).unwrap();
+        // Every part is drawn, including the lowest one, the label of the time axis.
+        let pixels = render(&svg, 1.0, MissingGlyphs::Boxes).unwrap();
         let (width, height) = (pixels.width(), pixels.height());
         let drawn = |from: u32, to: u32| {
             let rows = pixels.pixels().chunks(width as usize);
@@ -103,7 +108,7 @@ mod tests {
         }];
         let height = |title: &str| {
             let svg = sheet(title, &rows, 3, &[]).unwrap();
-            render(&svg, 1.0, Missing::Boxes).unwrap().height()
+            render(&svg, 1.0, MissingGlyphs::Boxes).unwrap().height()
         };
         assert!(height("") < height("jump") && height("jump") < height(&"jump ".repeat(50)));
         assert!(height("jump") < 640);

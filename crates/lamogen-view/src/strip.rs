@@ -1,61 +1,62 @@
-//! Stick figures of a motion, side by side.
+//! Strips: stick figures of motions side by side.
 
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 use svg::Document;
 use svg::node::element::{Ellipse, Group, Line, Rectangle};
 
-use crate::camera::{Camera, View};
-use crate::figure::{Extent, figure};
-use crate::text::{LINE, block, line, wrapped};
+use crate::camera::{Camera, CameraView};
+use crate::figure::{Extent, stick_figure};
+use crate::text::{LINE_HEIGHT, text_block, text_line, wrap};
 
-/// One motion of a picture.
+/// A motion of a picture, with its label.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    /// What stands above it.
+    /// The label above the motion.
     pub label: &'a str,
-    /// The motion it shows.
+    /// The motion to draw.
     pub motion: &'a Motion,
 }
 
-/// Pixels a metre, unless figures are huge.
+/// Pixels per metre, unless figures are very large.
 const SCALE: f32 = 110.0;
-/// Least and most width of a figure's place, in metres.
-const PLACE: [f32; 2] = [1.25, 2.0];
-/// Least height of a row above the ground, and most height of its figures, in metres.
+/// The least and the largest width of the column of one figure, in metres.
+const COLUMN_WIDTH: [f32; 2] = [1.25, 2.0];
+/// The least height of a row above the ground, and the largest height of its figures, in metres.
 const HEIGHT: [f32; 2] = [1.7, 4.0];
-/// Room around the figures, in metres.
+/// The margin around the figures in metres.
 const MARGIN: f32 = 0.12;
-/// How far the camera looks down, in radians.
+/// The angle by which the camera looks down, in radians.
 const TILT: f32 = 0.12;
-/// Radius of the shadow below a figure, in metres.
+/// The radius of the shadow below a figure, in metres.
 const SHADOW: f32 = 0.3;
 
-/// Letters of labels and of times, in pixels.
+/// The size of the letters of labels, in pixels.
 const LABEL: f32 = 17.0;
+/// The size of the letters of times, in pixels.
 const TIME: f32 = 12.0;
-/// Most lines of a label.
+/// The most lines of a label.
 const LABEL_LINES: usize = 2;
-/// Pixels left of the labels.
-pub(crate) const LEFT: f32 = 12.0;
+/// The distance of labels from the left edge, in pixels.
+pub(crate) const LABEL_LEFT: f32 = 12.0;
 
-/// Draws `poses` moments of every motion, evenly spread from its first frame to its last, as an SVG
-/// document on white. Time runs to the right; each figure stands in its own place, so that a walk
-/// does not leave the picture, but heights are true. All rows share one scale. The camera looks
-/// down a little from the motion's front left.
+/// Draws `poses` frames of every motion, evenly spaced from the first frame to the last one, as an SVG document on white.
 ///
-/// Of rows of different lengths each is spread over its own length. Labels that are too long for
-/// two lines are shortened.
+/// Time runs to the right. Each figure has its own column, so that a walk does not leave the picture, but heights above
+/// the ground are kept. All rows have the same scale. The camera looks down a little from the front left.
+///
+/// If motions have different lengths, each of them is spread over its own length. Labels that are too long for two lines
+/// are shortened.
 pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
-    let Drawing {
+    let StripDrawing {
         content,
         width,
         height,
-    } = draw(rows, poses, 0.0);
-    page(width, height).add(content).to_string()
+    } = draw_strip(rows, poses, 0.0);
+    blank_page(width, height).add(content).to_string()
 }
 
-/// A white page of that many pixels.
-pub(crate) fn page(width: f32, height: f32) -> Document {
+/// Creates a white SVG document of a size in pixels.
+pub(crate) fn blank_page(width: f32, height: f32) -> Document {
     let [width, height] = [width, height].map(|side| side.ceil().max(1.0));
     Document::new()
         .set("viewBox", (0, 0, width, height))
@@ -70,43 +71,49 @@ pub(crate) fn page(width: f32, height: f32) -> Document {
         )
 }
 
-/// Something drawn, and how many pixels it takes.
-pub(crate) struct Drawing {
+/// The drawing of a strip, and its size in pixels.
+pub(crate) struct StripDrawing {
     pub content: Group,
     pub width: f32,
     pub height: f32,
 }
 
-/// What [`strip`] draws, at least so many pixels wide.
-pub(crate) fn draw(rows: &[Row<'_>], poses: usize, least_width: f32) -> Drawing {
+/// Draws the content of a [`strip`] that is at least `min_width` pixels wide.
+pub(crate) fn draw_strip(rows: &[Row<'_>], poses: usize, min_width: f32) -> StripDrawing {
     let poses = poses.max(1);
     let camera = Camera::new(TILT);
-    let shown = |row: &Row<'_>| moments(row.motion.frames(), poses);
+    let shown_frames = |row: &Row<'_>| evenly_spaced_frames(row.motion.frames(), poses);
     let extent = rows
         .iter()
-        .flat_map(|row| shown(row).map(|frame| (row.motion, frame)))
-        .map(|(motion, frame)| Extent::of(&motion.joints()[frame], &camera, below(motion, frame)))
-        .fold(Extent::NONE, Extent::and);
+        .flat_map(|row| shown_frames(row).map(|frame| (row.motion, frame)))
+        .map(|(motion, frame)| {
+            Extent::of_pose(
+                &motion.joints()[frame],
+                &camera,
+                ground_below_pelvis(motion, frame),
+            )
+        })
+        .fold(Extent::EMPTY, Extent::union);
     let [least, most] = HEIGHT;
     let (top, bottom) = (extent.top.max(least), (-extent.bottom).max(0.0));
     let scale = SCALE * (most / (top + bottom)).min(1.0);
-    // Places are as wide as the widest figure, and figures reach to both sides.
+    // Columns are as wide as the widest figure, which is centred by its larger reach to the left or right.
     let reach = extent.right.max(-extent.left);
-    let place = (2.0 * reach + MARGIN).clamp(PLACE[0], PLACE[1]) * SCALE;
-    let place = place.max(least_width / poses as f32);
+    let column = (2.0 * reach + MARGIN).clamp(COLUMN_WIDTH[0], COLUMN_WIDTH[1]) * SCALE;
+    let column = column.max(min_width / poses as f32);
     let above_ground = (top + MARGIN) * scale;
     let below_ground = (bottom + MARGIN) * scale;
 
-    let width = poses as f32 * place;
+    let width = poses as f32 * column;
     let mut height = 0.0;
     let mut content = Group::new();
     for row in rows {
-        let label = wrapped(row.label, LABEL, width - 2.0 * LEFT, LABEL_LINES);
-        let ground = height + 0.6 * LABEL + label.len() as f32 * LABEL * LINE + above_ground;
+        let label = wrap(row.label, LABEL, width - 2.0 * LABEL_LEFT, LABEL_LINES);
+        let ground = height + 0.6 * LABEL + label.len() as f32 * LABEL * LINE_HEIGHT + above_ground;
         content = content
-            .add(block(
+            .add(text_block(
                 &label,
-                [LEFT, height + 1.4 * LABEL],
+                [LABEL_LEFT, height + 1.4 * LABEL],
                 LABEL,
                 "#111827",
             ))
@@ -119,32 +126,32 @@ pub(crate) fn draw(rows: &[Row<'_>], poses: usize, least_width: f32) -> Drawing 
                     .set("stroke", "#d1d5db"),
             );
         let times = ground + below_ground + TIME;
-        let middles = (0..poses).map(|pose| (pose as f32 + 0.5) * place);
-        for (frame, middle) in shown(row).zip(middles.clone()) {
-            let view = View {
+        let middles = (0..poses).map(|pose| (pose as f32 + 0.5) * column);
+        for (frame, middle) in shown_frames(row).zip(middles.clone()) {
+            let view = CameraView {
                 camera,
-                middle: below(row.motion, frame),
+                target: ground_below_pelvis(row.motion, frame),
                 origin: [middle, ground],
                 scale,
             };
             let seconds = frame as f32 / FRAMES_PER_SECOND;
-            let time = line(&format!("{seconds:.2} s"), [middle, times], TIME, "#6b7280");
+            let time = text_line(&format!("{seconds:.2} s"), [middle, times], TIME, "#6b7280");
             content = content
                 .add(time.set("text-anchor", "middle"))
-                .add(blot(&view))
-                .add(figure(&row.motion.joints()[frame], &view));
+                .add(noon_shadow(&view))
+                .add(stick_figure(&row.motion.joints()[frame], &view));
         }
         height = times + 1.2 * TIME;
     }
-    Drawing {
+    StripDrawing {
         content,
         width,
         height,
     }
 }
 
-/// The frames that are shown of so many.
-fn moments(frames: usize, poses: usize) -> impl Iterator<Item = usize> {
+/// Returns `poses` frames, evenly spaced from the first to the last one; a single one is in the middle.
+fn evenly_spaced_frames(frames: usize, poses: usize) -> impl Iterator<Item = usize> {
     let last = frames - 1;
     (0..poses).map(move |pose| match poses {
         1 => last / 2,
@@ -152,20 +159,21 @@ fn moments(frames: usize, poses: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The point of the ground below the pelvis.
-fn below(motion: &Motion, frame: usize) -> [f32; 2] {
+/// Returns the point of the ground below the pelvis, `[x, z]`.
+fn ground_below_pelvis(motion: &Motion, frame: usize) -> [f32; 2] {
     let [x, _, z] = motion.position(frame, Joint::Pelvis);
     [x, z]
 }
 
-/// The shadow of a figure at noon, which shows how high above the ground it is.
-fn blot(view: &View) -> Ellipse {
+/// Draws a round shadow on the ground below a figure. Its distance from the figure shows the figure's height above the
+/// ground.
+fn noon_shadow(view: &CameraView) -> Ellipse {
     let [x, y] = view.origin;
     Ellipse::new()
         .set("cx", x)
         .set("cy", y)
         .set("rx", SHADOW * view.scale)
-        .set("ry", SHADOW * view.camera.flatness() * view.scale)
+        .set("ry", SHADOW * view.camera.foreshortening() * view.scale)
         .set("fill", "#e5e7eb")
 }
 
@@ -218,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_far_away_takes_no_more_room() {
+    fn a_motion_far_away_takes_no_more_space() {
         let size = |z: f32| {
             let motion = still([0.1, 0.9, z], 30);
             let row = Row {
@@ -243,7 +251,7 @@ mod tests {
             size(&strip(&[row], 3)).1
         };
         assert!(jump(3.0) > jump(1.5) + 1.2 * SCALE);
-        // A broken motion is drawn small instead of in a picture without end.
+        // A damaged motion is drawn small, and the picture does not become very large.
         assert!(jump(1e6) < 6.0 * SCALE && jump(f32::MAX) < 6.0 * SCALE);
     }
 

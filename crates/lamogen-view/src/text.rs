@@ -1,22 +1,22 @@
-//! Lines of text that fit.
+//! Text in pictures: its width, wrapping and shortening.
 
 use resvg::usvg::{Node, Tree};
 use svg::Document;
 use svg::node::element::{Group, Text};
 
-use crate::fonts::{Missing, options};
+use crate::fonts::{MissingGlyphs, svg_options};
 
-/// Height of a line of letters of size 1.
-pub(crate) const LINE: f32 = 1.3;
+/// The height of a line relative to the size of its letters.
+pub(crate) const LINE_HEIGHT: f32 = 1.3;
 
-/// Text without the characters that XML 1.0 has no place for.
+/// Removes control characters and the characters that XML 1.0 does not allow.
 pub(crate) fn printable(text: &str) -> String {
-    let has_a_place = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
-    text.chars().filter(has_a_place).collect()
+    let is_allowed = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.chars().filter(is_allowed).collect()
 }
 
-/// One line of letters of `size` pixels, its baseline beginning at `[x, y]`.
-pub(crate) fn line(text: &str, [x, y]: [f32; 2], size: f32, colour: &str) -> Text {
+/// Creates a line of text with letters of `size` pixels. Its baseline begins at `[x, y]`.
+pub(crate) fn text_line(text: &str, [x, y]: [f32; 2], size: f32, colour: &str) -> Text {
     Text::new(printable(text))
         .set("x", x)
         .set("y", y)
@@ -24,36 +24,36 @@ pub(crate) fn line(text: &str, [x, y]: [f32; 2], size: f32, colour: &str) -> Tex
         .set("fill", colour)
 }
 
-/// Lines below each other, the first one's baseline at `[x, y]`.
-pub(crate) fn block(lines: &[String], [x, y]: [f32; 2], size: f32, colour: &str) -> Group {
+/// Creates lines of text below each other. The baseline of the first line begins at `[x, y]`.
+pub(crate) fn text_block(lines: &[String], [x, y]: [f32; 2], size: f32, colour: &str) -> Group {
     let lines = lines.iter().enumerate();
     lines.fold(Group::new(), |group, (index, text)| {
-        let y = y + index as f32 * size * LINE;
-        group.add(line(text, [x, y], size, colour))
+        let y = y + index as f32 * size * LINE_HEIGHT;
+        group.add(text_line(text, [x, y], size, colour))
     })
 }
 
-/// Breaks a text between words into at most `most` lines that are at most `room` pixels long; what
-/// does not fit is cut off and marked with `…`.
-pub(crate) fn wrapped(text: &str, size: f32, room: f32, most: usize) -> Vec<String> {
-    // Line breaks and tabs part words too.
+/// Breaks a text between words into at most `max_lines` lines of at most `max_width` pixels. Text that does not fit is cut
+/// off and replaced by `…`.
+pub(crate) fn wrap(text: &str, size: f32, max_width: f32, max_lines: usize) -> Vec<String> {
+    // Line breaks and tabs separate words too.
     let words: Vec<String> = text.split_whitespace().map(printable).collect();
     let mut rest = words.join(" ");
     let mut lines = Vec::new();
     while !rest.is_empty() {
-        if fits(&rest, size, room) {
+        if fits(&rest, size, max_width) {
             lines.push(rest);
             break;
         }
-        if lines.len() + 1 == most.max(1) {
-            lines.push(shortened(&rest, size, room));
+        if lines.len() + 1 == max_lines.max(1) {
+            lines.push(shorten(&rest, size, max_width));
             break;
         }
-        let end = fitting(&rest, size, room, "");
-        // The line ends at the last space, or within a word that is too long for any line.
-        let fits_to_a_word = rest[end..].starts_with(' ');
+        let end = longest_fit(&rest, size, max_width, "");
+        // Break at the last space, or within a word that is too long for a line.
+        let ends_at_word = rest[end..].starts_with(' ');
         let end = match rest[..end].rfind(' ') {
-            Some(space) if !fits_to_a_word => space,
+            Some(space) if !ends_at_word => space,
             _ => end,
         };
         let after = rest.split_off(end);
@@ -62,13 +62,13 @@ pub(crate) fn wrapped(text: &str, size: f32, room: f32, most: usize) -> Vec<Stri
     lines
 }
 
-/// As much of a text as fits, with `…` if that is not all.
-pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
-    if fits(text, size, room) {
+/// Shortens a text to a width in pixels. If it is cut off, it ends in `…`.
+pub(crate) fn shorten(text: &str, size: f32, max_width: f32) -> String {
+    if fits(text, size, max_width) {
         return text.to_owned();
     }
-    let mut end = fitting(text, size, room, "…");
-    // A word is not cut, unless it is most of the line.
+    let mut end = longest_fit(text, size, max_width, "…");
+    // Words are not cut, except a word that fills more than half of the line.
     let word = text[..end].rfind(' ').filter(|&space| space > end / 2);
     if let Some(space) = word.filter(|_| !text[end..].starts_with(' ')) {
         end = space;
@@ -76,44 +76,45 @@ pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
     format!("{}…", text[..end].trim_end_matches([' ', ',', ';']))
 }
 
-/// Whether a text fits on a line.
-fn fits(text: &str, size: f32, room: f32) -> bool {
-    beginning(text, size, room).len() == text.len() && width(text, size) <= room
+/// Returns whether a text is at most `max_width` pixels wide.
+fn fits(text: &str, size: f32, max_width: f32) -> bool {
+    bounded_prefix(text, size, max_width).len() == text.len() && text_width(text, size) <= max_width
 }
 
-/// As many characters of a text as a line can have at most, so that a long text is not set as a whole to find what fits.
-fn beginning(text: &str, size: f32, room: f32) -> &str {
-    /// The thinnest letters of the font are wider than one over this of its size.
-    const THINNEST: f32 = 8.0;
-    let most = (THINNEST * room.max(0.0) / size.max(f32::MIN_POSITIVE)) as usize;
+/// Returns a prefix of a text that is certainly too long or the whole text, so that very long texts are not typeset as a
+/// whole.
+fn bounded_prefix(text: &str, size: f32, max_width: f32) -> &str {
+    /// Every letter of the font is wider than the font size divided by this number.
+    const SIZE_TO_NARROWEST: f32 = 8.0;
+    let most = (SIZE_TO_NARROWEST * max_width.max(0.0) / size.max(f32::MIN_POSITIVE)) as usize;
     match text.char_indices().nth(most.max(1)) {
         Some((end, _)) => &text[..end],
         None => text,
     }
 }
 
-/// Where the longest beginning ends that fits together with `tail`; at least one character.
-fn fitting(text: &str, size: f32, room: f32, tail: &str) -> usize {
-    let ends: Vec<usize> = beginning(text, size, room)
+/// Returns the length in bytes of the longest prefix that fits together with `tail`. It has at least one character.
+fn longest_fit(text: &str, size: f32, max_width: f32, tail: &str) -> usize {
+    let ends: Vec<usize> = bounded_prefix(text, size, max_width)
         .char_indices()
         .map(|(at, c)| at + c.len_utf8())
         .collect();
-    let fits = |&end: &usize| width(&format!("{}{tail}", &text[..end]), size) <= room;
-    let fitting = ends.partition_point(fits);
-    ends.get(fitting.max(1) - 1).copied().unwrap_or(0)
+    let fits = |&end: &usize| text_width(&format!("{}{tail}", &text[..end]), size) <= max_width;
+    let count = ends.partition_point(fits);
+    ends.get(count.max(1) - 1).copied().unwrap_or(0)
 }
 
-/// Width of a line in pixels, as the embedded font sets it. That is a wide font, so other fonts,
-/// which browsers choose, seldom need more.
-pub(crate) fn width(text: &str, size: f32) -> f32 {
-    // The embedded font has no letters of East Asia, which are as wide as a dash is.
+/// Computes the width of a line in pixels in the embedded font. This font is wide, so other fonts that browsers choose
+/// seldom need more space.
+pub(crate) fn text_width(text: &str, size: f32) -> f32 {
+    // The embedded font lacks the characters of East Asia, which are as wide as a dash.
     let wide = |c: char| matches!(c, '\u{1100}'..'\u{1e00}' | '\u{2e80}'..);
     let text: String = text
         .chars()
         .map(|c| if wide(c) { '—' } else { c })
         .collect();
-    let picture = Document::new().add(line(&text, [0.0, size], size, "black"));
-    let tree = Tree::from_str(&picture.to_string(), &options(Missing::Boxes));
+    let picture = Document::new().add(text_line(&text, [0.0, size], size, "black"));
+    let tree = Tree::from_str(&picture.to_string(), &svg_options(MissingGlyphs::Boxes));
     let tree = tree.expect("a line of text is an SVG document");
     let widths = tree.root().children().iter().map(|node| match node {
         Node::Text(text) => text.bounding_box().width(),
@@ -139,43 +140,43 @@ mod tests {
 
     #[test]
     fn widths_grow_with_letters_and_size() {
-        assert_eq!(width("", 20.0), 0.0);
-        let [i, m] = ["iiii", "mmmm"].map(|text| width(text, 20.0));
+        assert_eq!(text_width("", 20.0), 0.0);
+        let [i, m] = ["iiii", "mmmm"].map(|text| text_width(text, 20.0));
         assert!(0.0 < i && i < m && m < 4.0 * 20.0, "{i} {m}");
-        assert!((width("mmmm", 40.0) - 2.0 * m).abs() < 0.5);
-        assert!((width("人人", 20.0) - 40.0).abs() < 4.0);
-        assert!(width("a < b & c", 20.0) > width("a b c", 20.0));
+        assert!((text_width("mmmm", 40.0) - 2.0 * m).abs() < 0.5);
+        assert!((text_width("人人", 20.0) - 40.0).abs() < 4.0);
+        assert!(text_width("a < b & c", 20.0) > text_width("a b c", 20.0));
     }
 
     #[test]
-    fn long_texts_are_set_no_further_than_a_line_can_hold() {
+    fn long_texts_are_typeset_only_as_far_as_a_line_can_hold() {
         let text = "i l ".repeat(250_000);
-        assert!(beginning(&text, 17.0, 500.0).len() < 1000);
-        let lines = wrapped(&text, 17.0, 500.0, 3);
+        assert!(bounded_prefix(&text, 17.0, 500.0).len() < 1000);
+        let lines = wrap(&text, 17.0, 500.0, 3);
         assert_eq!(lines.len(), 3);
-        assert!(lines[2].ends_with('…') && width(&lines[2], 17.0) <= 500.0);
-        // The bound is none that a line of the thinnest letters reaches.
-        let thin = "i".repeat(beginning(&"i".repeat(5000), 17.0, 500.0).len());
-        assert!(width(&thin, 17.0) > 500.0);
+        assert!(lines[2].ends_with('…') && text_width(&lines[2], 17.0) <= 500.0);
+        // The bound is larger than a line of the narrowest letters.
+        let thin = "i".repeat(bounded_prefix(&"i".repeat(5000), 17.0, 500.0).len());
+        assert!(text_width(&thin, 17.0) > 500.0);
     }
 
     #[test]
     fn lines_fit_and_hold_every_word() {
-        let lines = wrapped(PROMPT, 17.0, 500.0, 9);
+        let lines = wrap(PROMPT, 17.0, 500.0, 9);
         assert!(lines.len() >= 3);
         assert!(
-            lines.iter().all(|line| width(line, 17.0) <= 500.0),
+            lines.iter().all(|line| text_width(line, 17.0) <= 500.0),
             "{lines:?}"
         );
         assert_eq!(lines.join(" "), PROMPT);
     }
 
     #[test]
-    fn what_does_not_fit_is_marked() {
-        let lines = wrapped(PROMPT, 17.0, 500.0, 2);
+    fn text_that_does_not_fit_is_marked() {
+        let lines = wrap(PROMPT, 17.0, 500.0, 2);
         assert_eq!(lines.len(), 2);
         assert!(
-            lines[1].ends_with('…') && width(&lines[1], 17.0) <= 500.0,
+            lines[1].ends_with('…') && text_width(&lines[1], 17.0) <= 500.0,
             "{lines:?}"
         );
         let kept = lines.join(" ");
@@ -185,23 +186,23 @@ mod tests {
             "whole words: {lines:?}"
         );
         assert_eq!(
-            wrapped("a \n person\tjumps", 17.0, 500.0, 2),
+            wrap("a \n person\tjumps", 17.0, 500.0, 2),
             ["a person jumps"]
         );
-        assert!(wrapped(" ", 17.0, 500.0, 2).is_empty());
+        assert!(wrap(" ", 17.0, 500.0, 2).is_empty());
     }
 
     #[test]
-    fn words_without_end_are_broken_anywhere() {
+    fn very_long_words_are_broken_anywhere() {
         for word in ["ü".repeat(200), "人".repeat(200)] {
-            let lines = wrapped(&word, 17.0, 300.0, 3);
+            let lines = wrap(&word, 17.0, 300.0, 3);
             assert_eq!(lines.len(), 3);
             assert!(
-                lines.iter().all(|line| width(line, 17.0) <= 300.0),
+                lines.iter().all(|line| text_width(line, 17.0) <= 300.0),
                 "{lines:?}"
             );
         }
-        // No room at all still takes one character a line, and ends.
-        assert_eq!(wrapped("jump", 17.0, 0.0, 9), ["j", "u", "m", "p"]);
+        // Even without any space, every line has one character, and the function returns.
+        assert_eq!(wrap("jump", 17.0, 0.0, 9), ["j", "u", "m", "p"]);
     }
 }

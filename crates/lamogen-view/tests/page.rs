@@ -1,4 +1,4 @@
-//! Pages of a walk, which are left in cargo's folder for tests (`target/tmp`) for a browser to open:
+//! Pages of a walk. They are kept in cargo's folder for tests (`target/tmp`), so that a browser can open them:
 //! `node xtask/judges/page.mjs target/tmp/page.html`.
 
 use std::f32::consts::TAU;
@@ -9,8 +9,8 @@ use lamogen_laban::{LabanOptions, LabanSeries};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 use lamogen_view::{Curve, Figure, Page, page, save};
 
-/// Adds a limb of two bones, seen from its root: lengths in metres, angles from straight down towards the
-/// front, in radians.
+/// Returns the two joints of a limb with two bones that starts at `root`. Lengths are in metres; angles are in radians,
+/// measured from straight down towards the front.
 fn limb(root: [f32; 3], lengths: [f32; 2], angles: [f32; 2]) -> [[f32; 3]; 2] {
     let along = |[x, y, z]: [f32; 3], length: f32, angle: f32| {
         [x, y - length * angle.cos(), z + length * angle.sin()]
@@ -19,7 +19,8 @@ fn limb(root: [f32; 3], lengths: [f32; 2], angles: [f32; 2]) -> [[f32; 3]; 2] {
     [middle, along(middle, lengths[1], angles[1])]
 }
 
-/// Somebody walks along +Z at so many metres a second and swings arms and legs by so many radians.
+/// Returns the motion of a person who walks along +Z. `speed` is in metres per second; `swing` is the amplitude of arms and
+/// legs in radians.
 fn walk(frames: usize, speed: f32, swing: f32) -> Motion {
     let pose = |frame: usize| {
         let time = frame as f32 / FRAMES_PER_SECOND;
@@ -27,13 +28,13 @@ fn walk(frames: usize, speed: f32, swing: f32) -> Motion {
         let mut pose = [[0.0; 3]; JOINTS];
         let mut put = |joint: Joint, at: [f32; 3]| pose[joint.index()] = at;
         let [height, forward] = [0.93 + 0.02 * (2.0 * stride).cos(), speed * time];
-        let seen = |x: f32, y: f32, z: f32| [x, height + y, forward + z];
-        put(Joint::Pelvis, seen(0.0, 0.0, 0.0));
-        put(Joint::Spine1, seen(0.0, 0.12, -0.02));
-        put(Joint::Spine2, seen(0.0, 0.26, -0.01));
-        put(Joint::Spine3, seen(0.0, 0.32, 0.0));
-        put(Joint::Neck, seen(0.0, 0.53, 0.0));
-        put(Joint::Head, seen(0.0, 0.62, 0.04));
+        let from_root = |x: f32, y: f32, z: f32| [x, height + y, forward + z];
+        put(Joint::Pelvis, from_root(0.0, 0.0, 0.0));
+        put(Joint::Spine1, from_root(0.0, 0.12, -0.02));
+        put(Joint::Spine2, from_root(0.0, 0.26, -0.01));
+        put(Joint::Spine3, from_root(0.0, 0.32, 0.0));
+        put(Joint::Neck, from_root(0.0, 0.53, 0.0));
+        put(Joint::Head, from_root(0.0, 0.62, 0.04));
         use Joint::*;
         for (side, phase, [hip, knee, ankle, foot], [collar, shoulder, elbow, wrist]) in [
             (
@@ -53,7 +54,7 @@ fn walk(frames: usize, speed: f32, swing: f32) -> Motion {
                 swing * (stride + phase).sin(),
                 (stride + phase).cos().max(0.0),
             );
-            let root = seen(0.06 * side, -0.08, 0.0);
+            let root = from_root(0.06 * side, -0.08, 0.0);
             let [bent, end] = limb(
                 root,
                 [0.38, 0.4],
@@ -63,9 +64,9 @@ fn walk(frames: usize, speed: f32, swing: f32) -> Motion {
             put(knee, bent);
             put(ankle, end);
             put(foot, [end[0] + 0.02 * side, end[1] - 0.05, end[2] + 0.13]);
-            let root = seen(0.19 * side, 0.43, -0.02);
+            let root = from_root(0.19 * side, 0.43, -0.02);
             let [bent, end] = limb(root, [0.26, 0.25], [-forth, 0.35 - forth + swing * 0.5]);
-            put(collar, seen(0.07 * side, 0.44, -0.01));
+            put(collar, from_root(0.07 * side, 0.44, -0.01));
             put(shoulder, root);
             put(elbow, [bent[0] + 0.03 * side, bent[1], bent[2]]);
             put(wrist, [end[0] + 0.02 * side, end[1], end[2]]);
@@ -75,7 +76,8 @@ fn walk(frames: usize, speed: f32, swing: f32) -> Motion {
     Motion::from_joints((0..frames).map(pose).collect()).unwrap()
 }
 
-fn left(name: &str, html: &str) {
+/// Saves a page in the folder for tests.
+fn save_page(name: &str, html: &str) {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     save(&path, html).unwrap();
     assert_eq!(std::fs::read_to_string(path).unwrap(), html);
@@ -100,7 +102,7 @@ fn a_pair_with_its_curves_is_a_page_below_a_hundred_kilobytes() {
             Curve::guided(&after),
         ],
     });
-    left("page.html", &html);
+    save_page("page.html", &html);
     assert!(html.len() < 100_000, "{} bytes", html.len());
 }
 
@@ -133,7 +135,7 @@ fn four_motions_of_any_length_and_hard_names_are_a_page() {
         figures: &figures,
         curves: &[],
     });
-    left("page-four.html", &html);
+    save_page("page-four.html", &html);
     assert!(!html.contains("<b>") && !html.contains("<script>alert"));
 }
 
@@ -147,6 +149,6 @@ fn a_motion_of_one_frame_is_a_page() {
         figures: &[Figure::baseline(&still)],
         curves: &[Curve::baseline(&series)],
     });
-    left("page-still.html", &html);
+    save_page("page-still.html", &html);
     assert!(html.contains("\"frames\":1"));
 }

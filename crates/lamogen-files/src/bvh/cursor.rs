@@ -1,16 +1,16 @@
-//! The words of a BVH, and where they stand.
+//! A cursor that reads a BVH text word by word and knows the line numbers for error messages.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a BVH cannot be read.
+/// The reason why a BVH cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum BvhError {
     /// The file cannot be opened or read.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
-    /// Something else than BVH stands in a line.
+    /// A line does not follow the BVH format.
     #[error("{path}, line {line}: expected {expected}, found {found}")]
     #[allow(missing_docs)]
     Syntax {
@@ -21,7 +21,7 @@ pub enum BvhError {
     },
 }
 
-/// A place in the text.
+/// A position in the text of a BVH.
 #[derive(Clone)]
 pub(super) struct Cursor<'a> {
     text: &'a str,
@@ -38,7 +38,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word without taking it; empty at the end of the file. Braces are words of their own.
+    /// Returns the next word without consuming it; it is empty at the end of the file. Each brace is a separate word.
     pub(super) fn peek(&mut self) -> &'a str {
         let rest = self.text.trim_start();
         let skipped = &self.text[..self.text.len() - rest.len()];
@@ -47,7 +47,7 @@ impl<'a> Cursor<'a> {
         self.peek_in_line()
     }
 
-    /// The next word of this line; empty at its end.
+    /// Returns the next word of the current line without consuming it; it is empty at the end of the line.
     pub(super) fn peek_in_line(&mut self) -> &'a str {
         self.text = self
             .text
@@ -61,54 +61,59 @@ impl<'a> Cursor<'a> {
         &self.text[..end.unwrap_or(self.text.len())]
     }
 
-    /// The next word.
-    pub(super) fn token(&mut self) -> &'a str {
+    /// Consumes and returns the next word.
+    pub(super) fn next_token(&mut self) -> &'a str {
         let token = self.peek();
         self.text = &self.text[token.len()..];
         token
     }
 
-    /// Takes a word that must be one of some, in any case; what follows a colon in it stays.
-    pub(super) fn keyword(&mut self, words: &[&str], expected: &str) -> Result<(), BvhError> {
+    /// Consumes the next word, which must be one of `words`, in upper or lower case. A colon in the word and the
+    /// characters after it are not consumed.
+    pub(super) fn expect_keyword(
+        &mut self,
+        words: &[&str],
+        expected: &str,
+    ) -> Result<(), BvhError> {
         let token = self.peek();
         let word = token.split(':').next().unwrap_or(token);
         if !words
             .iter()
             .any(|expected| word.eq_ignore_ascii_case(expected))
         {
-            return Err(self.error(expected, &self.shown()));
+            return Err(self.error(expected, &self.describe_next()));
         }
         self.text = &self.text[word.len()..];
         Ok(())
     }
 
-    /// Takes a colon if there is one.
-    pub(super) fn colon(&mut self) {
+    /// Consumes the next colon if there is one.
+    pub(super) fn skip_colon(&mut self) {
         self.peek();
         self.text = self.text.strip_prefix(':').unwrap_or(self.text);
     }
 
-    /// Everything up to the opening brace, which is taken, too.
-    pub(super) fn name(&mut self) -> Result<String, BvhError> {
+    /// Consumes and returns the text up to the opening brace, and consumes the brace too.
+    pub(super) fn joint_name(&mut self) -> Result<String, BvhError> {
         self.peek();
-        let at = self.clone();
+        let start = self.clone();
         let end = self.text.find(['{', '}', '\n']).unwrap_or(self.text.len());
         let name = self.text[..end].trim().to_owned();
         self.text = &self.text[end..];
-        match self.token() {
+        match self.next_token() {
             "{" => Ok(name),
-            _ => Err(at.error("a joint's name and {", &at.shown())),
+            _ => Err(start.error("a joint's name and {", &start.describe_next())),
         }
     }
 
-    /// The next word as a finite number.
+    /// Consumes the next word and returns it as a finite number.
     pub(super) fn number(&mut self, expected: &str) -> Result<f64, BvhError> {
         self.parse(expected, |token| {
             token.parse::<f64>().ok().filter(|value| value.is_finite())
         })
     }
 
-    /// The next word as whatever `parse` makes of it.
+    /// Consumes the next word and returns the value that `parse` reads from it.
     pub(super) fn parse<T>(
         &mut self,
         expected: &str,
@@ -116,11 +121,11 @@ impl<'a> Cursor<'a> {
     ) -> Result<T, BvhError> {
         self.peek();
         let found = self.clone();
-        parse(self.token()).ok_or_else(|| found.error(expected, &found.shown()))
+        parse(self.next_token()).ok_or_else(|| found.error(expected, &found.describe_next()))
     }
 
-    /// The next word as error messages show it.
-    pub(super) fn shown(&self) -> String {
+    /// Returns the next word in the form used in error messages.
+    pub(super) fn describe_next(&self) -> String {
         let token = self.clone().peek();
         match token.is_empty() {
             true => "the end of the file".into(),
@@ -128,12 +133,13 @@ impl<'a> Cursor<'a> {
         }
     }
 
+    /// Creates an error at the line of the next word.
     pub(super) fn error(&self, expected: &str, found: &str) -> BvhError {
-        let mut at = self.clone();
-        at.peek();
+        let mut next = self.clone();
+        next.peek();
         BvhError::Syntax {
             path: self.path.to_owned(),
-            line: at.line,
+            line: next.line,
             expected: expected.into(),
             found: found.into(),
         }

@@ -1,26 +1,27 @@
-//! Rotations as three angles that do not jump.
+//! Conversion of rotations to three Euler angles without jumps from frame to frame.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat};
 
-/// Below this cosine of the second angle the first and the third turn about the same axis.
+/// The cosine of the second angle below which the first and the third angle turn about the same axis (gimbal lock).
 const POLE: f64 = 1e-7;
 
-/// The angles about Z, X and Y whose rotations in this order, each about the axes as the one before
-/// left them, make up a rotation: `Rz · Rx · Ry`. In radians; of all such triples the one nearest to
-/// that of the frame before.
-pub(super) fn zxy(rotation: DQuat, before: [f64; 3]) -> [f64; 3] {
+/// Computes the intrinsic Euler angles about Z, X and Y of a rotation `Rz · Rx · Ry`, in radians.
+///
+/// Of all equivalent triples of angles, the one nearest to `before`, the triple of the previous frame, is returned.
+pub(super) fn zxy_angles(rotation: DQuat, before: [f64; 3]) -> [f64; 3] {
     let matrix = DMat3::from_quat(rotation);
     let [column_x, column_y, column_z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
     let cosine = column_y.x.hypot(column_y.y);
     let x = column_y.z.atan2(cosine);
     if cosine < POLE {
-        // Only z ± y is known; each gets half of its change.
+        // Only z ± y is determined: each of the two angles takes half of its change.
         let sign = x.signum();
         let sum = (sign * column_z.x).atan2(column_x.x);
-        let change = nearest(sum, before[0] + sign * before[2]) - before[0] - sign * before[2];
-        let x = [x, PI - x].map(|x| nearest(x, before[1]));
+        let change =
+            nearest_equivalent(sum, before[0] + sign * before[2]) - before[0] - sign * before[2];
+        let x = [x, PI - x].map(|x| nearest_equivalent(x, before[1]));
         let x = if distance(x[0], before[1]) <= distance(x[1], before[1]) {
             x[0]
         } else {
@@ -31,21 +32,21 @@ pub(super) fn zxy(rotation: DQuat, before: [f64; 3]) -> [f64; 3] {
     let z = (-column_y.x).atan2(column_y.y);
     let y = (-column_x.z).atan2(column_z.z);
     let candidates = [[z, x, y], [z + PI, PI - x, y + PI]]
-        .map(|triple| std::array::from_fn(|axis| nearest(triple[axis], before[axis])));
-    let far = |triple: &[f64; 3]| -> f64 {
+        .map(|triple| std::array::from_fn(|axis| nearest_equivalent(triple[axis], before[axis])));
+    let total_change = |triple: &[f64; 3]| -> f64 {
         let pairs = triple.iter().zip(before);
         pairs.map(|(angle, before)| (angle - before).abs()).sum()
     };
     let [first, second] = candidates;
-    if far(&first) <= far(&second) {
+    if total_change(&first) <= total_change(&second) {
         first
     } else {
         second
     }
 }
 
-/// The angle plus the full turns that bring it nearest to another.
-fn nearest(angle: f64, to: f64) -> f64 {
+/// Adds the number of full turns to an angle that brings it nearest to another angle.
+fn nearest_equivalent(angle: f64, to: f64) -> f64 {
     angle + ((to - angle) / TAU).round() * TAU
 }
 
@@ -57,7 +58,7 @@ fn distance(a: f64, b: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn turn([z, x, y]: [f64; 3]) -> DQuat {
+    fn rotation_from([z, x, y]: [f64; 3]) -> DQuat {
         DQuat::from_rotation_z(z) * DQuat::from_rotation_x(x) * DQuat::from_rotation_y(y)
     }
 
@@ -71,8 +72,8 @@ mod tests {
                 angles[1] = if step % 8 == 0 { quarter } else { -quarter };
             }
             let before = [wave(1.3), wave(2.1), wave(0.7)];
-            let rotation = turn(angles);
-            let again = turn(zxy(rotation, before));
+            let rotation = rotation_from(angles);
+            let again = rotation_from(zxy_angles(rotation, before));
             assert!(
                 rotation.dot(again).abs() > 1.0 - 1e-12,
                 "{angles:?} {again}"
@@ -82,11 +83,11 @@ mod tests {
 
     #[test]
     fn a_spin_through_both_poles_has_no_jump() {
-        // Somersaults: the second angle runs on past a quarter turn instead of the others flipping.
+        // Somersaults: the second angle continues past a quarter turn, and the other two do not flip.
         let mut before = [0.0; 3];
         for step in 1..=720 {
             let angle = f64::from(step).to_radians() * 2.0;
-            let angles = zxy(turn([0.3, angle, -0.2]), before);
+            let angles = zxy_angles(rotation_from([0.3, angle, -0.2]), before);
             for (angle, before) in angles.into_iter().zip(before) {
                 assert!((angle - before).abs() < 0.4, "step {step}: {angles:?}");
             }
@@ -96,10 +97,10 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_about_the_vertical_counts_on_past_half_a_turn() {
+    fn a_turn_about_the_vertical_continues_past_half_a_turn() {
         let mut before = [0.0; 3];
         for step in 1..=100 {
-            before = zxy(turn([0.0, 0.0, f64::from(step) * 0.1]), before);
+            before = zxy_angles(rotation_from([0.0, 0.0, f64::from(step) * 0.1]), before);
         }
         assert!((before[2] - 10.0).abs() < 1e-9, "{before:?}");
     }

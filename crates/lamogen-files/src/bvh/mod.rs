@@ -1,4 +1,4 @@
-//! BVH: a text file with a hierarchy of joints and their rotations over time.
+//! BVH, a text format with a hierarchy of joints and their rotations over time.
 
 mod cursor;
 mod euler;
@@ -13,32 +13,35 @@ use crate::import::{ImportedMotion, ReadOptions, import};
 pub use cursor::BvhError;
 pub use write::{BvhNames, BvhOptions, text};
 
-/// Reads a motion from the text of a BVH, as [`read`](crate::read()) does from a file. `path` stands in error messages alone.
+/// Reads a motion from the text of a BVH file, in the same way as [`read`](crate::read()) reads it from a file. `path` is
+/// used only in error messages.
 ///
 /// # Errors
 ///
-/// If the text is damaged; its skeleton is unknown or has no human size; or there is more than an hour of motion.
+/// If the text is damaged; its skeleton is unknown or does not have the size of a human; or the motion is longer than an
+/// hour.
 pub fn read_text(
     text: &str,
     options: &ReadOptions,
     path: impl AsRef<Path>,
 ) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
-    imported(&read::parse(text, path)?, options, path)
+    import_bvh(&read::parse(text, path)?, options, path)
 }
 
-/// Reads a motion from a file.
+/// Reads a motion from a BVH file.
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
-    imported(&read::read(path)?, options, path)
+    import_bvh(&read::read(path)?, options, path)
 }
 
-fn imported(
-    bvh: &read::Bvh,
+/// Converts a parsed BVH to a motion.
+fn import_bvh(
+    bvh: &read::ParsedBvh,
     options: &ReadOptions,
     path: &Path,
 ) -> Result<ImportedMotion, ReadError> {
     Ok(ImportedMotion {
-        announced_frames: Some(bvh.announced).filter(|n| *n != bvh.clip.frames),
+        announced_frames: Some(bvh.announced_frames).filter(|n| *n != bvh.clip.frames),
         ..import(&bvh.clip, options, path)?
     })
 }

@@ -1,19 +1,19 @@
-//! Rotations as BVH text.
+//! Writing rotations as BVH text.
 
 use std::fmt::Write;
 
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint, Rotations};
 
-use super::euler::zxy;
+use super::euler::zxy_angles;
 use crate::units::Unit;
 
-/// How a BVH is written.
+/// Options for writing a BVH.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BvhOptions {
-    /// What one unit of the file is: centimetres, which most programs expect.
+    /// The unit of lengths in the file. The default is centimetres, which most programs expect.
     pub unit: Unit,
-    /// What the joints are called.
+    /// The names of the joints.
     pub names: BvhNames,
 }
 
@@ -26,19 +26,19 @@ impl Default for BvhOptions {
     }
 }
 
-/// What the joints of a BVH are called.
+/// The naming scheme of the joints in a BVH that lamogen writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum BvhNames {
-    /// As [`Joint::name`] has them: `pelvis`, `left_hip`, …
+    /// The names of [`Joint::name`]: `pelvis`, `left_hip`, …
     #[default]
     HumanMl3d,
-    /// As Mixamo's characters have them, without their prefix: `Hips`, `LeftUpLeg`, … Retargeting
-    /// tools know these.
+    /// The names of Mixamo's characters without their prefix: `Hips`, `LeftUpLeg`, … Retargeting tools know these
+    /// names.
     Mixamo,
 }
 
 impl BvhNames {
-    /// The name of a joint.
+    /// Returns the name of a joint.
     pub fn name(self, joint: Joint) -> &'static str {
         use Joint::*;
         match self {
@@ -71,16 +71,16 @@ impl BvhNames {
     }
 }
 
-/// A motion as the text of a BVH file, at the rotations' own frame rate.
+/// Formats a motion as the text of a BVH file, at the frame rate of the rotations.
 ///
-/// The axes are right-handed, Y up; without any rotation the body stands in a T-pose facing +Z, its
-/// left arm along +X. The root has six channels, `Xposition Yposition Zposition` and three rotations,
-/// its position standing in place of its `OFFSET`, which is 0; every other joint has three rotations. They
-/// are degrees in the order `Zrotation Xrotation Yrotation`: the rotation is `Rz · Rx · Ry`. Angles go
-/// on past 180° instead of jumping, so that a program may blend between frames.
+/// The axes are right-handed with Y up. Without any rotation, the body stands in a T-pose that faces +Z, with its left
+/// arm along +X. The root has six channels: `Xposition Yposition Zposition`, which replace its `OFFSET` of 0, and three
+/// rotations. Every other joint has three rotations. Rotations are in degrees, in the order
+/// `Zrotation Xrotation Yrotation`: the rotation is `Rz · Rx · Ry`. Angles continue past 180° and do not jump, so that
+/// programs can interpolate between frames.
 pub fn text(rotations: &Rotations, options: &BvhOptions) -> String {
     let rest = rotations.rest();
-    Body {
+    SkeletonAnimation {
         offsets: Joint::ALL.map(|joint| rest.offset(joint)),
         tips: rest.tips(),
         root: rotations.root(),
@@ -90,8 +90,8 @@ pub fn text(rotations: &Rotations, options: &BvhOptions) -> String {
     .text(options)
 }
 
-/// What the text is made of.
-struct Body<'a> {
+/// The skeleton and the animation that a BVH text is made from.
+struct SkeletonAnimation<'a> {
     offsets: [[f32; 3]; JOINTS],
     tips: [(Joint, [f32; 3]); 5],
     root: &'a [[f32; 3]],
@@ -99,12 +99,13 @@ struct Body<'a> {
     frames_per_second: f32,
 }
 
-impl Body<'_> {
+impl SkeletonAnimation<'_> {
+    /// Formats the whole file.
     fn text(&self, options: &BvhOptions) -> String {
         let scale = 1.0 / options.unit.metres();
         let mut text = String::from("HIERARCHY\n");
         let mut order = Vec::with_capacity(JOINTS);
-        self.hierarchy(
+        self.write_hierarchy(
             Joint::Pelvis,
             0,
             scale,
@@ -119,21 +120,22 @@ impl Body<'_> {
         let _ = writeln!(text, "Frame Time: {seconds}");
         let mut angles = [[0.0; 3]; JOINTS];
         for (root, local) in self.root.iter().zip(self.local) {
-            text.push_str(&triple(vector(*root) * scale));
+            text.push_str(&format_triple(to_vector(*root) * scale));
             for &joint in &order {
                 let j = joint.index();
-                let turn = DQuat::from_array(local[j].map(f64::from)).normalize();
-                angles[j] = zxy(turn, angles[j]);
+                let rotation = DQuat::from_array(local[j].map(f64::from)).normalize();
+                angles[j] = zxy_angles(rotation, angles[j]);
                 text.push(' ');
-                text.push_str(&triple(angles[j].map(f64::to_degrees).into()));
+                text.push_str(&format_triple(angles[j].map(f64::to_degrees).into()));
             }
             text.push('\n');
         }
         text
     }
 
-    /// One joint and all below it, and their order in the file, which is that of the channels.
-    fn hierarchy(
+    /// Appends a joint and all joints below it to `text`, and their order in the file, which is also the order of the
+    /// channels, to `order`.
+    fn write_hierarchy(
         &self,
         joint: Joint,
         depth: usize,
@@ -152,7 +154,7 @@ impl Body<'_> {
             ),
             Some(_) => (
                 "JOINT",
-                vector(self.offsets[joint.index()]) * scale,
+                to_vector(self.offsets[joint.index()]) * scale,
                 "3 Zrotation Xrotation Yrotation",
             ),
         };
@@ -160,31 +162,31 @@ impl Body<'_> {
             text,
             "{indent}{keyword} {name}\n{indent}{{\n{indent}\tOFFSET {offset}\n{indent}\tCHANNELS {channels}\n",
             name = names.name(joint),
-            offset = triple(offset),
+            offset = format_triple(offset),
         );
         for child in Joint::ALL {
             if child.parent() == Some(joint) {
-                self.hierarchy(child, depth + 1, scale, names, text, order);
+                self.write_hierarchy(child, depth + 1, scale, names, text, order);
             }
         }
         for (_, tip) in self.tips.iter().filter(|(at, _)| *at == joint) {
             let _ = write!(
                 text,
                 "{indent}\tEnd Site\n{indent}\t{{\n{indent}\t\tOFFSET {offset}\n{indent}\t}}\n",
-                offset = triple(vector(*tip) * scale),
+                offset = format_triple(to_vector(*tip) * scale),
             );
         }
         let _ = writeln!(text, "{indent}}}");
     }
 }
 
-fn vector(point: [f32; 3]) -> DVec3 {
+fn to_vector(point: [f32; 3]) -> DVec3 {
     DVec3::from(point.map(f64::from))
 }
 
-/// Three numbers with six decimals: a millionth of a degree is far below what is seen, also at the
-/// end of a chain of joints. No number is minus zero.
-fn triple(values: DVec3) -> String {
+/// Formats three numbers with six decimals and never writes minus zero. An error of a millionth of a degree is not
+/// visible, even at the end of a chain of joints.
+fn format_triple(values: DVec3) -> String {
     let [x, y, z] = values
         .to_array()
         .map(|value| if value.abs() < 5e-7 { 0.0 } else { value });
@@ -197,8 +199,8 @@ mod tests {
     use crate::bvh::read::parse;
     use std::path::Path;
 
-    /// Turns of every joint at every frame, made from sines, so that a joint reaches every attitude.
-    fn turns(frames: usize) -> Vec<[[f32; 4]; JOINTS]> {
+    /// Returns a rotation of every joint at every frame, made from sines, so that joints reach all orientations.
+    fn rotations(frames: usize) -> Vec<[[f32; 4]; JOINTS]> {
         let frame = |frame: usize| {
             std::array::from_fn(|joint| {
                 let wave = |speed: f64| 4.0 * (frame as f64 * speed + joint as f64 * 1.7).sin();
@@ -211,9 +213,12 @@ mod tests {
         (0..frames).map(frame).collect()
     }
 
-    /// A body with bones in all directions.
-    fn body<'a>(root: &'a [[f32; 3]], local: &'a [[[f32; 4]; JOINTS]]) -> Body<'a> {
-        Body {
+    /// Returns an animation of a body with bones in all directions.
+    fn animation<'a>(
+        root: &'a [[f32; 3]],
+        local: &'a [[[f32; 4]; JOINTS]],
+    ) -> SkeletonAnimation<'a> {
+        SkeletonAnimation {
             offsets: Joint::ALL.map(|joint| {
                 let j = joint.index() as f32;
                 [0.3 * j.sin(), 0.2 * (1.3 * j).cos(), 0.1 * (2.1 * j).sin()]
@@ -231,17 +236,17 @@ mod tests {
         }
     }
 
-    /// Where the joints are by the definition of local rotations.
-    fn joints(body: &Body<'_>, frame: usize) -> [DVec3; JOINTS] {
+    /// Computes the positions of the joints by the definition of local rotations.
+    fn joints(body: &SkeletonAnimation<'_>, frame: usize) -> [DVec3; JOINTS] {
         let mut places = [(DVec3::ZERO, DQuat::IDENTITY); JOINTS];
         for joint in Joint::ALL {
             let j = joint.index();
             let turn = DQuat::from_array(body.local[frame][j].map(f64::from)).normalize();
             places[j] = match joint.parent() {
-                None => (vector(body.root[frame]), turn),
+                None => (to_vector(body.root[frame]), turn),
                 Some(parent) => {
                     let (place, above) = places[parent.index()];
-                    (place + above * vector(body.offsets[j]), above * turn)
+                    (place + above * to_vector(body.offsets[j]), above * turn)
                 }
             };
         }
@@ -249,12 +254,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_within_a_hundredth_of_a_millimetre() {
-        let local = turns(300);
+    fn written_motions_read_back_within_a_hundredth_of_a_millimetre() {
+        let local = rotations(300);
         let root: Vec<[f32; 3]> = (0..300)
             .map(|frame| [frame as f32 * 0.01, 0.9, -3.0])
             .collect();
-        let body = body(&root, &local);
+        let body = animation(&root, &local);
         for (unit, names) in [
             (Unit::Centimetre, BvhNames::HumanMl3d),
             (Unit::Metre, BvhNames::Mixamo),
@@ -279,9 +284,9 @@ mod tests {
 
     #[test]
     fn angles_of_a_smooth_motion_never_jump() {
-        let local = turns(2000);
+        let local = rotations(2000);
         let root = vec![[0.0; 3]; 2000];
-        let text = body(&root, &local).text(&BvhOptions::default());
+        let text = animation(&root, &local).text(&BvhOptions::default());
         let rows: Vec<Vec<f64>> = text
             .lines()
             .skip_while(|line| !line.starts_with("Frame Time"))
@@ -299,7 +304,7 @@ mod tests {
     fn the_text_is_a_plain_bvh() {
         let local = [[[0.0, 0.0, 0.0, 1.0]; JOINTS]];
         let root = [[0.0, 0.5, -1e-9]];
-        let mut body = body(&root, &local);
+        let mut body = animation(&root, &local);
         let text = body.text(&BvhOptions::default());
         assert!(
             text.starts_with(

@@ -1,30 +1,30 @@
-//! A body of capsules around the T-pose, so that any viewer shows the motion at once.
+//! A body of capsules around the T-pose, so that every viewer shows the motion.
 
 use glam::DVec3;
 use lamogen_motion::{CHAINS, JOINTS, Joint, RestPose};
 
 use super::capsule::Capsule;
 
-/// The sides of the body, which have a colour each.
+/// A side of the body. Each side has its own colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum BodySide {
     Right,
     Left,
     Middle,
 }
 
-/// One capsule of the body and the joint that carries it.
+/// One capsule of the body, and the joint that it moves with.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limb {
+pub(super) struct BodyCapsule {
     pub(super) joint: Joint,
-    pub(super) side: Side,
+    pub(super) side: BodySide,
     pub(super) capsule: Capsule,
 }
 
-/// The joint that carries a piece of the trunk, from where to where it reaches, in metres aside of joints, and its
-/// radii in metres.
-type Flesh = (Joint, [(Joint, f64); 2], [f64; 2]);
-const TRUNK: [Flesh; 10] = {
+/// A capsule of the trunk: the joint that it moves with; its two ends, each given by a joint and an offset along +X in
+/// metres; and the radii at the ends in metres.
+type TrunkCapsule = (Joint, [(Joint, f64); 2], [f64; 2]);
+const TRUNK: [TrunkCapsule; 10] = {
     use Joint::*;
     [
         (Pelvis, [(LeftHip, 0.0), (RightHip, 0.0)], [0.088, 0.088]),
@@ -52,109 +52,113 @@ const TRUNK: [Flesh; 10] = {
     ]
 };
 
-/// Height in metres of the body that the thicknesses below are those of.
-const HEIGHT: f64 = 1.7;
+/// The height in metres of the body for which the radii in this file are given.
+const REFERENCE_HEIGHT: f64 = 1.7;
 
-impl Side {
-    pub(super) const ALL: [Side; 3] = [Side::Right, Side::Left, Side::Middle];
+impl BodySide {
+    pub(super) const ALL: [BodySide; 3] = [BodySide::Right, BodySide::Left, BodySide::Middle];
 
     pub(super) const fn name(self) -> &'static str {
         match self {
-            Side::Right => "right",
-            Side::Left => "left",
-            Side::Middle => "middle",
+            BodySide::Right => "right",
+            BodySide::Left => "left",
+            BodySide::Middle => "middle",
         }
     }
 
-    /// Its colour in sRGB, as in the pictures of `lamogen-view`: right warm, left cold.
+    /// Returns the colour in sRGB. As in the pictures of `lamogen-view`, the right side has a warm colour and the left side
+    /// a cold one.
     pub(super) const fn colour(self) -> [u8; 3] {
         match self {
-            Side::Right => [0xea, 0x58, 0x0c],
-            Side::Left => [0x02, 0x84, 0xc7],
-            Side::Middle => [0x6b, 0x72, 0x80],
+            BodySide::Right => [0xea, 0x58, 0x0c],
+            BodySide::Left => [0x02, 0x84, 0xc7],
+            BodySide::Middle => [0x6b, 0x72, 0x80],
         }
     }
 
-    fn of(joint: Joint) -> Side {
-        let holds = |chain: usize| CHAINS[chain][1..].contains(&joint);
+    /// Returns the side of a joint.
+    fn of(joint: Joint) -> BodySide {
+        let is_in = |chain: usize| CHAINS[chain][1..].contains(&joint);
         match joint {
-            _ if holds(0) || holds(3) => Side::Right,
-            _ if holds(1) || holds(4) => Side::Left,
-            _ => Side::Middle,
+            _ if is_in(0) || is_in(3) => BodySide::Right,
+            _ if is_in(1) || is_in(4) => BodySide::Left,
+            _ => BodySide::Middle,
         }
     }
 }
 
-/// The body's limbs: one around each bone, one around each tip, and the trunk.
+/// Returns the capsules of the body: one around each bone, one around each tip, and those of the trunk.
 ///
-/// Positions are those of [`standing`].
-pub(super) fn limbs(rest: &RestPose) -> Vec<Limb> {
-    let place = standing(rest);
-    around(rest, &place)
+/// The joints are at the positions of [`t_pose_on_ground`].
+pub(super) fn body_capsules(rest: &RestPose) -> Vec<BodyCapsule> {
+    let positions = t_pose_on_ground(rest);
+    capsules_around(rest, &positions)
 }
 
-/// Where the joints of the T-pose are when the body stands on the ground, its pelvis above the origin.
-pub(super) fn standing(rest: &RestPose) -> [DVec3; JOINTS] {
-    let mut place = [DVec3::ZERO; JOINTS];
+/// Returns the positions of the joints in the T-pose, with the body standing on the ground and the pelvis above the
+/// origin.
+pub(super) fn t_pose_on_ground(rest: &RestPose) -> [DVec3; JOINTS] {
+    let mut positions = [DVec3::ZERO; JOINTS];
     for joint in Joint::ALL {
         if let Some(parent) = joint.parent() {
-            place[joint.index()] = place[parent.index()] + offset(rest.offset(joint));
+            positions[joint.index()] = positions[parent.index()] + to_vector(rest.offset(joint));
         }
     }
-    let lowest = around(rest, &place)
+    let lowest = capsules_around(rest, &positions)
         .iter()
-        .flat_map(|limb| [0, 1].map(|end| limb.capsule.ends[end].y - limb.capsule.radii[end]))
+        .flat_map(|part| [0, 1].map(|end| part.capsule.ends[end].y - part.capsule.radii[end]))
         .fold(f64::INFINITY, f64::min);
-    place.map(|point| point - DVec3::Y * lowest)
+    positions.map(|point| point - DVec3::Y * lowest)
 }
 
-fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
+/// Returns the capsules of the body around joints at these positions.
+fn capsules_around(rest: &RestPose, positions: &[DVec3; JOINTS]) -> Vec<BodyCapsule> {
     let tips = rest.tips();
-    let tips = tips.map(|(joint, tip)| (joint, place[joint.index()] + offset(tip)));
-    let heights = place.iter().chain(tips.iter().map(|(_, end)| end));
+    let tips = tips.map(|(joint, tip)| (joint, positions[joint.index()] + to_vector(tip)));
+    let heights = positions.iter().chain(tips.iter().map(|(_, end)| end));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| {
         (low.min(point.y), high.max(point.y))
     });
-    let size = (high - low) / HEIGHT;
+    let size = (high - low) / REFERENCE_HEIGHT;
 
     let bones = Joint::ALL.into_iter().filter_map(|joint| {
         let parent = joint.parent()?;
         let capsule = Capsule {
-            ends: [place[parent.index()], place[joint.index()]],
-            radii: thickness(joint).map(|radius| radius * size),
+            ends: [positions[parent.index()], positions[joint.index()]],
+            radii: bone_radii(joint).map(|radius| radius * size),
         };
-        Some(Limb {
+        Some(BodyCapsule {
             joint: parent,
-            side: Side::of(joint),
+            side: BodySide::of(joint),
             capsule,
         })
     });
     let ends = tips.map(|(joint, end)| {
-        let start = place[joint.index()];
+        let start = positions[joint.index()];
         let radii = match joint {
             Joint::Head => [0.09, 0.09],
             Joint::LeftWrist | Joint::RightWrist => [0.03, 0.018],
             _ => [0.034, 0.026],
         }
         .map(|radius| radius * size);
-        // The limb ends where its skin does.
+        // The surface of the capsule, not the centre of its last sphere, ends at the tip.
         let along = (end - start).normalize_or_zero();
         let end = end - along * radii[1].min(start.distance(end));
-        Limb {
+        BodyCapsule {
             joint,
-            side: Side::of(joint),
+            side: BodySide::of(joint),
             capsule: Capsule {
                 ends: [start, end],
                 radii,
             },
         }
     });
-    // A spine alone is a pole; hips, waist and chest are wider than deep.
+    // Capsules around the spine alone would look like a pole: hips, waist and chest are wider than deep.
     let trunk = TRUNK.map(|(joint, ends, radii)| {
-        let end = |(joint, aside): (Joint, f64)| place[joint.index()] + DVec3::X * aside * size;
-        Limb {
+        let end = |(joint, aside): (Joint, f64)| positions[joint.index()] + DVec3::X * aside * size;
+        BodyCapsule {
             joint,
-            side: Side::Middle,
+            side: BodySide::Middle,
             capsule: Capsule {
                 ends: ends.map(end),
                 radii: radii.map(|radius| radius * size),
@@ -164,8 +168,8 @@ fn around(rest: &RestPose, place: &[DVec3; JOINTS]) -> Vec<Limb> {
     bones.chain(ends).chain(trunk).collect()
 }
 
-/// Radii in metres where the bone that ends in a joint starts and ends.
-fn thickness(joint: Joint) -> [f64; 2] {
+/// Returns the radii in metres at the start and the end of the bone that ends at a joint.
+fn bone_radii(joint: Joint) -> [f64; 2] {
     use Joint::*;
     match joint {
         Pelvis => [0.0, 0.0],
@@ -185,7 +189,7 @@ fn thickness(joint: Joint) -> [f64; 2] {
     }
 }
 
-fn offset(offset: [f32; 3]) -> DVec3 {
+fn to_vector(offset: [f32; 3]) -> DVec3 {
     DVec3::from(offset.map(f64::from))
 }
 
@@ -197,14 +201,14 @@ mod tests {
     #[test]
     fn the_body_stands_on_the_ground_with_all_its_bones_tips_and_trunk() {
         let rest = example::rotations().rest().clone();
-        let limbs = limbs(&rest);
-        assert_eq!(limbs.len(), JOINTS - 1 + 5 + TRUNK.len());
-        let lowest = limbs
+        let capsules = body_capsules(&rest);
+        assert_eq!(capsules.len(), JOINTS - 1 + 5 + TRUNK.len());
+        let lowest = capsules
             .iter()
-            .flat_map(|limb| [0, 1].map(|end| limb.capsule.ends[end].y - limb.capsule.radii[end]))
+            .flat_map(|part| [0, 1].map(|end| part.capsule.ends[end].y - part.capsule.radii[end]))
             .fold(f64::INFINITY, f64::min);
         assert!(lowest.abs() < 1e-9, "{lowest}");
-        let [x, _, z] = standing(&rest)[Joint::Pelvis.index()].to_array();
+        let [x, _, z] = t_pose_on_ground(&rest)[Joint::Pelvis.index()].to_array();
         assert_eq!([x, z], [0.0, 0.0]);
     }
 
@@ -212,11 +216,11 @@ mod tests {
     fn sides_are_those_of_the_chains() {
         for joint in Joint::ALL {
             let expected = match joint.name().split('_').next() {
-                Some("left") => Side::Left,
-                Some("right") => Side::Right,
-                _ => Side::Middle,
+                Some("left") => BodySide::Left,
+                Some("right") => BodySide::Right,
+                _ => BodySide::Middle,
             };
-            assert_eq!(Side::of(joint), expected, "{}", joint.name());
+            assert_eq!(BodySide::of(joint), expected, "{}", joint.name());
         }
     }
 }

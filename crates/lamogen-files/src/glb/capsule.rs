@@ -1,42 +1,41 @@
-//! A limb: the skin around two spheres.
+//! The mesh of a capsule: the surface around two spheres.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DQuat, DVec3};
 
-/// Two spheres and the cone that touches both.
+/// Two spheres and the cone between them that touches both.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Capsule {
     pub(super) ends: [DVec3; 2],
     pub(super) radii: [f64; 2],
 }
 
-/// Triangles with a normal at every vertex.
+/// A mesh of triangles with a normal at every vertex.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Mesh {
+pub(super) struct TriangleMesh {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) triangles: Vec<[u16; 3]>,
 }
 
-/// Corners of a ring around the limb.
+/// The number of vertices of a ring around the capsule.
 const SIDES: usize = 12;
-/// Rings of each rounded end, the pole left out.
+/// The number of rings of each rounded end, without the pole.
 const RINGS: usize = 3;
 
 impl Capsule {
-    /// Its surface, in triangles that are counterclockwise seen from outside.
+    /// Returns the surface as triangles that are counterclockwise when seen from outside.
     ///
-    /// A point of the surface lies one radius along its normal from the centre of the sphere it belongs
-    /// to. So the normal runs from pole to pole, and where the cone starts it stays as it is while the
-    /// centre moves on: no edge anywhere.
-    pub(super) fn mesh(&self) -> Mesh {
+    /// A point of the surface is one radius along its normal from the centre of its sphere. From pole to pole, the normal
+    /// turns steadily; along the cone it stays the same while the centre changes. The surface therefore has no edges.
+    pub(super) fn mesh(&self) -> TriangleMesh {
         let Capsule { ends, radii } = *self;
         let length = ends[0].distance(ends[1]);
         let axis = (ends[1] - ends[0]).try_normalize().unwrap_or(DVec3::Y);
-        let turn = DQuat::from_rotation_arc(DVec3::Y, axis);
+        let rotation = DQuat::from_rotation_arc(DVec3::Y, axis);
         let taper = radii[0] - radii[1];
-        // How far the normal leans on the cone. A sphere inside the other leaves no cone.
+        // The angle of the normal on the cone. If one sphere is inside the other, there is no cone.
         let cone = match length > taper.abs() {
             true => (taper / length).asin(),
             false if taper == 0.0 => 0.0,
@@ -51,7 +50,7 @@ impl Capsule {
             (1, cone + part * (FRAC_PI_2 - cone))
         });
 
-        let mut mesh = Mesh::default();
+        let mut mesh = TriangleMesh::default();
         let mut vertex = |end: usize, normal: DVec3| {
             let position = ends[end] + radii[end] * normal;
             mesh.positions.push(position.as_vec3().to_array());
@@ -62,7 +61,7 @@ impl Capsule {
             let (up, out) = height.sin_cos();
             for side in 0..SIDES {
                 let (sin, cos) = (side as f64 / SIDES as f64 * TAU).sin_cos();
-                vertex(end, turn * DVec3::new(out * cos, up, -out * sin));
+                vertex(end, rotation * DVec3::new(out * cos, up, -out * sin));
             }
         }
         vertex(1, axis);
@@ -93,7 +92,7 @@ mod tests {
     use super::*;
     use std::collections::HashMap;
 
-    fn limb() -> Capsule {
+    fn capsule() -> Capsule {
         Capsule {
             ends: [DVec3::new(0.1, 0.9, 0.0), DVec3::new(0.3, 0.4, -0.2)],
             radii: [0.08, 0.05],
@@ -101,8 +100,8 @@ mod tests {
     }
 
     #[test]
-    fn a_limb_is_closed_and_faces_outwards() {
-        let mesh = limb().mesh();
+    fn a_capsule_is_closed_and_faces_outwards() {
+        let mesh = capsule().mesh();
         let mut edges = HashMap::new();
         let mut volume = 0.0;
         for triangle in &mesh.triangles {
@@ -110,26 +109,32 @@ mod tests {
             volume += a.dot(b.cross(c)) / 6.0;
             let normal = (b - a).cross(c - a);
             for (i, next) in [(0, 1), (1, 2), (2, 0)] {
-                let seen = glam::Vec3::from(mesh.normals[usize::from(triangle[i])]);
-                assert!(seen.dot(normal) > 0.0, "{triangle:?}");
+                let vertex_normal = glam::Vec3::from(mesh.normals[usize::from(triangle[i])]);
+                assert!(vertex_normal.dot(normal) > 0.0, "{triangle:?}");
                 *edges.entry((triangle[i], triangle[next])).or_insert(0) += 1;
             }
         }
         for (&(a, b), &count) in &edges {
             assert_eq!((count, edges.get(&(b, a))), (1, Some(&1)), "edge {a} {b}");
         }
-        // A little less than that of cone and half balls: the corners lie on the surface, the faces inside.
-        let [r, s] = limb().radii;
+        // The volume is a little less than that of the cone and half spheres: only the vertices are on their surface.
+        let [r, s] = capsule().radii;
         let round = TAU / 3.0 * (r.powi(3) + s.powi(3));
-        let cone = TAU / 6.0 * limb().ends[0].distance(limb().ends[1]) * (r * r + r * s + s * s);
+        let cone =
+            TAU / 6.0 * capsule().ends[0].distance(capsule().ends[1]) * (r * r + r * s + s * s);
         let share = f64::from(volume) / (round + cone);
         assert!((0.9..1.0).contains(&share), "{share}");
     }
 
     #[test]
-    fn the_skin_is_a_radius_away_from_its_ends() {
-        let Capsule { ends, radii } = limb();
-        for (point, normal) in limb().mesh().positions.iter().zip(limb().mesh().normals) {
+    fn the_surface_is_one_radius_away_from_the_ends() {
+        let Capsule { ends, radii } = capsule();
+        for (point, normal) in capsule()
+            .mesh()
+            .positions
+            .iter()
+            .zip(capsule().mesh().normals)
+        {
             let point = DVec3::from(point.map(f64::from));
             let gap = |end: usize| (point.distance(ends[end]) - radii[end]).abs();
             assert!(gap(0).min(gap(1)) < 1e-6);
@@ -138,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limb_without_length_is_a_ball() {
+    fn a_capsule_without_length_is_a_sphere() {
         for radii in [[0.1, 0.1], [0.2, 0.1], [0.1, 0.2]] {
             let ends = [DVec3::ONE; 2];
             let mesh = Capsule { ends, radii }.mesh();

@@ -1,4 +1,4 @@
-//! A glTF file taken apart: its JSON, checked, and its buffers.
+//! The container of a glTF file: its checked JSON document and its buffers.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -14,22 +14,23 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::GlbError;
-use super::relevant::relevant;
+use super::reduction::reduce_to_animation;
 
-/// The parts of a file that say how nodes move.
-pub(super) struct Container {
+/// The parts of a glTF file that animate its nodes.
+pub(super) struct GltfFile {
     pub(super) root: Root,
     buffers: Vec<Vec<u8>>,
 }
 
-/// What is wrong with a file, without its path.
-pub(super) type Flaw = String;
+/// A description of what is wrong with a file, without the path of the file.
+pub(super) type FormatProblem = String;
 
-/// Bytes of all buffers together.
-const MOST_BYTES: u64 = 1 << 30;
+/// The most bytes of all buffers together.
+const MAX_BYTES: u64 = 1 << 30;
 
-/// Beginnings of the names of extensions that change how surfaces look or are stored, and not how nodes move.
-const LOOKS: [&str; 9] = [
+/// The prefixes of the names of extensions that change the appearance or the storage of surfaces, but not the movement of
+/// nodes.
+const SURFACE_EXTENSIONS: [&str; 9] = [
     "KHR_materials_",
     "KHR_texture_",
     "KHR_draco_mesh_compression",
@@ -41,52 +42,53 @@ const LOOKS: [&str; 9] = [
     "MSFT_texture_dds",
 ];
 
-impl Container {
-    /// Takes the bytes of a `.glb` or `.gltf` file apart, as far as an animation (by its name, else the first) needs them; which of the two
-    /// kinds of files they are they say themselves.
+impl GltfFile {
+    /// Parses the bytes of a `.glb` or `.gltf` file, as far as an animation needs them: the one of the given name, or else
+    /// the first one. The bytes themselves show which of the two kinds of files it is.
     ///
-    /// Buffers may lie in the file itself or beside it, not in a network.
-    pub(super) fn of(
+    /// Buffers may be in the file itself or in files beside it, but not in a network.
+    pub(super) fn parse(
         bytes: &[u8],
         path: &Path,
         animation: Option<&str>,
-    ) -> Result<Container, GlbError> {
-        let flawed = |reason| GlbError::Format {
+    ) -> Result<GltfFile, GlbError> {
+        let format_error = |reason| GlbError::Format {
             path: path.to_owned(),
             reason,
         };
-        let (json, chunk) = split(bytes).map_err(flawed)?;
-        let root = parse(json, animation).map_err(flawed)?;
-        let mut container = Container {
+        let (json, chunk) = split_chunks(bytes).map_err(format_error)?;
+        let root = parse_document(json, animation).map_err(format_error)?;
+        let mut file = GltfFile {
             root,
             buffers: Vec::new(),
         };
-        container.load_buffers(path, chunk)?;
-        Ok(container)
+        file.load_buffers(path, chunk)?;
+        Ok(file)
     }
 
+    /// Loads the bytes of all buffers. `chunk` is the binary chunk of a GLB file.
     fn load_buffers(&mut self, path: &Path, chunk: Option<&[u8]>) -> Result<(), GlbError> {
-        let mut room = MOST_BYTES;
+        let mut remaining = MAX_BYTES;
         for (index, buffer) in self.root.buffers.iter().enumerate() {
-            let flawed = |reason| GlbError::Format {
+            let format_error = |reason| GlbError::Format {
                 path: path.to_owned(),
                 reason: format!("buffer {index}: {reason}"),
             };
             let length = buffer.byte_length.0;
-            room = room.checked_sub(length).ok_or_else(|| {
-                flawed(format!(
-                    "expected at most {MOST_BYTES} bytes in all buffers, found more"
+            remaining = remaining.checked_sub(length).ok_or_else(|| {
+                format_error(format!(
+                    "expected at most {MAX_BYTES} bytes in all buffers, found more"
                 ))
             })?;
             let bytes = match &buffer.uri {
                 None if index == 0 => chunk.map(<[u8]>::to_vec).ok_or_else(|| {
-                    flawed("expected the binary chunk of a GLB file, found none".into())
+                    format_error("expected the binary chunk of a GLB file, found none".into())
                 })?,
-                None => return Err(flawed("expected a URI, found none".into())),
+                None => return Err(format_error("expected a URI, found none".into())),
                 Some(uri) => match uri.strip_prefix("data:") {
-                    Some(data) => embedded(data).map_err(flawed)?,
+                    Some(data) => decode_data_uri(data).map_err(format_error)?,
                     None => {
-                        let relative = beside(uri).map_err(flawed)?;
+                        let relative = relative_path(uri).map_err(format_error)?;
                         let side = path.parent().unwrap_or(Path::new("")).join(relative);
                         read_side_file(&side, length)
                             .map_err(|reason| GlbError::Io { path: side, reason })?
@@ -95,31 +97,37 @@ impl Container {
             };
             if (bytes.len() as u64) < length {
                 let found = bytes.len();
-                return Err(flawed(format!("expected {length} bytes, found {found}")));
+                return Err(format_error(format!(
+                    "expected {length} bytes, found {found}"
+                )));
             }
             self.buffers.push(bytes);
         }
         Ok(())
     }
 
-    /// How many rows an accessor has.
+    /// Returns the number of rows of an accessor, or 0 if there is no such accessor.
     pub(super) fn count(&self, accessor: Index<Accessor>) -> u64 {
         self.root
             .get(accessor)
             .map_or(0, |accessor| accessor.count.0)
     }
 
-    /// The rows of an accessor as floats; whole numbers that stand for fractions are made so.
+    /// Returns the rows of an accessor as floats. Normalised integers are converted to fractions.
     pub(super) fn floats<const N: usize>(
         &self,
         accessor: Index<Accessor>,
-    ) -> Result<Vec<[f64; N]>, Flaw> {
+    ) -> Result<Vec<[f64; N]>, FormatProblem> {
         let index = accessor.value();
         self.rows(accessor)
-            .map_err(|flaw| format!("accessor {index}: {flaw}"))
+            .map_err(|problem| format!("accessor {index}: {problem}"))
     }
 
-    fn rows<const N: usize>(&self, accessor: Index<Accessor>) -> Result<Vec<[f64; N]>, Flaw> {
+    /// Returns the rows of an accessor as floats; errors do not name the accessor.
+    fn rows<const N: usize>(
+        &self,
+        accessor: Index<Accessor>,
+    ) -> Result<Vec<[f64; N]>, FormatProblem> {
         let accessor = self
             .root
             .get(accessor)
@@ -138,7 +146,7 @@ impl Container {
         if count == 0 {
             return Err("expected at least one row, found none".into());
         }
-        let read = |bytes: &[u8]| number(bytes, component, accessor.normalized);
+        let read = |bytes: &[u8]| component_value(bytes, component, accessor.normalized);
         let row = |bytes: &[u8]| -> [f64; N] {
             let mut numbers = bytes.chunks_exact(component.size()).map(read);
             std::array::from_fn(|_| numbers.next().expect("a row of N numbers"))
@@ -146,53 +154,62 @@ impl Container {
         let size = component.size() * N;
         let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
         let mut rows: Vec<[f64; N]> = match (accessor.buffer_view, &accessor.sparse) {
-            (Some(view), _) => self.strided(view, offset, size, count)?.map(row).collect(),
-            // What is not said is zero (glTF 2.0, section 3.6.2.3).
+            (Some(view), _) => self
+                .strided_rows(view, offset, size, count)?
+                .map(row)
+                .collect(),
+            // Values that are not stored are zero (glTF 2.0, section 3.6.2.3).
             (None, Some(_)) => vec![[0.0; N]; count],
             (None, None) => return Err("expected a buffer view, found none".into()),
         };
         if let Some(sparse) = &accessor.sparse {
-            let flaw = |flaw: Flaw| format!("sparse: {flaw}");
-            let few = usize::try_from(sparse.count.0).map_err(|_| "its count is too large")?;
+            let in_sparse = |problem: FormatProblem| format!("sparse: {problem}");
+            let sparse_count =
+                usize::try_from(sparse.count.0).map_err(|_| "its count is too large")?;
             let Checked::Valid(kind) = sparse.indices.component_type else {
                 return Err("sparse: expected indices of a known type, found another".into());
             };
             let kind = kind.0;
             let (indices, values) = (&sparse.indices, &sparse.values);
-            let places = self
-                .strided(indices.buffer_view, indices.byte_offset.0, kind.size(), few)
-                .map_err(flaw)?;
+            let indices_bytes = self
+                .strided_rows(
+                    indices.buffer_view,
+                    indices.byte_offset.0,
+                    kind.size(),
+                    sparse_count,
+                )
+                .map_err(in_sparse)?;
             let numbers = self
-                .strided(values.buffer_view, values.byte_offset.0, size, few)
-                .map_err(flaw)?;
-            for (place, bytes) in places.zip(numbers) {
-                let place = number(place, kind, false) as usize;
-                *rows.get_mut(place).ok_or_else(|| {
-                    format!("sparse: expected an index below {count}, found {place}")
+                .strided_rows(values.buffer_view, values.byte_offset.0, size, sparse_count)
+                .map_err(in_sparse)?;
+            for (index, bytes) in indices_bytes.zip(numbers) {
+                let index = component_value(index, kind, false) as usize;
+                *rows.get_mut(index).ok_or_else(|| {
+                    format!("sparse: expected an index below {count}, found {index}")
                 })? = row(bytes);
             }
         }
         match rows.as_flattened().iter().position(|x| !x.is_finite()) {
-            Some(place) => Err(format!(
+            Some(index) => Err(format!(
                 "row {}: found a number that is not finite",
-                place / N
+                index / N
             )),
             None => Ok(rows),
         }
     }
 
-    /// Rows of so many bytes in a buffer view.
-    fn strided(
+    /// Returns `count` rows of `row` bytes each in a buffer view, from `offset` on.
+    fn strided_rows(
         &self,
         view: Index<View>,
         offset: u64,
         row: usize,
         count: usize,
-    ) -> Result<impl Iterator<Item = &[u8]>, Flaw> {
+    ) -> Result<impl Iterator<Item = &[u8]>, FormatProblem> {
         let view = self.root.get(view);
         let view = view.ok_or("expected a buffer view, found none")?;
         let stride = view.byte_stride.map_or(row, |stride| stride.0.max(row));
-        let places = slice(
+        let bytes = slice(
             &self.buffers[view.buffer.value()],
             view.byte_offset.map_or(0, |offset| offset.0),
             Some(view.byte_length.0),
@@ -203,16 +220,17 @@ impl Container {
             None => Some(0),
             Some(last) => { last.checked_mul(stride) }.and_then(|start| start.checked_add(row)),
         };
-        if end.is_none_or(|end| end > places.len()) {
-            let found = places.len();
+        if end.is_none_or(|end| end > bytes.len()) {
+            let found = bytes.len();
             return Err(format!(
                 "expected {count} rows of {row} bytes, found {found} bytes"
             ));
         }
-        Ok((0..count).map(move |index| &places[index * stride..][..row]))
+        Ok((0..count).map(move |index| &bytes[index * stride..][..row]))
     }
 }
 
+/// Returns the bytes from `offset` on, up to `length` bytes or to the end; `None` if there are too sparse_count.
 fn slice(bytes: &[u8], offset: u64, length: Option<u64>) -> Option<&[u8]> {
     let rest = bytes.get(usize::try_from(offset).ok()?..)?;
     match length {
@@ -221,8 +239,9 @@ fn slice(bytes: &[u8], offset: u64, length: Option<u64>) -> Option<&[u8]> {
     }
 }
 
-/// glTF 2.0, section 3.11: whole numbers of an animation stand for fractions.
-fn number(bytes: &[u8], component: ComponentType, normalized: bool) -> f64 {
+/// Converts one component of an accessor to a float. If `normalized`, integers are converted to fractions as animations
+/// use them (glTF 2.0, section 3.11).
+fn component_value(bytes: &[u8], component: ComponentType, normalized: bool) -> f64 {
     let (value, one) = match component {
         ComponentType::I8 => (f64::from(bytes[0] as i8), 127.0),
         ComponentType::U8 => (f64::from(bytes[0]), 255.0),
@@ -243,8 +262,8 @@ fn number(bytes: &[u8], component: ComponentType, normalized: bool) -> f64 {
     }
 }
 
-/// The JSON of a file and, of GLB, its binary chunk.
-fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Flaw> {
+/// Splits a file into its JSON and, if it is GLB, its binary chunk.
+fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatProblem> {
     if !bytes.starts_with(b"glTF") {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         return match text.trim_ascii_start().first() {
@@ -252,38 +271,38 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Flaw> {
             _ => Err("expected glTF, binary or JSON, found something else".into()),
         };
     }
-    let cut = || String::from("expected a whole GLB file, found it cut short");
-    let word = |place: usize| -> Result<usize, Flaw> {
-        let word = bytes.get(place..place + 4).ok_or_else(cut)?;
+    let cut_short = || String::from("expected a whole GLB file, found it cut short");
+    let word = |offset: usize| -> Result<usize, FormatProblem> {
+        let word = bytes.get(offset..offset + 4).ok_or_else(cut_short)?;
         let word = u32::from_le_bytes(word.try_into().expect("four bytes"));
-        usize::try_from(word).map_err(|_| cut())
+        usize::try_from(word).map_err(|_| cut_short())
     };
     match word(4)? {
         2 => {}
         version => return Err(format!("expected GLB of version 2, found {version}")),
     }
-    let file = bytes.get(..word(8)?).ok_or_else(cut)?;
-    let (mut json, mut binary, mut place) = (None, None, 12);
-    while place < file.len() {
-        let start = place + 8;
-        let end = start.checked_add(word(place)?).ok_or_else(cut)?;
-        let chunk = file.get(start..end).ok_or_else(cut)?;
-        match &file[place + 4..start] {
+    let file = bytes.get(..word(8)?).ok_or_else(cut_short)?;
+    let (mut json, mut binary, mut offset) = (None, None, 12);
+    while offset < file.len() {
+        let start = offset + 8;
+        let end = start.checked_add(word(offset)?).ok_or_else(cut_short)?;
+        let chunk = file.get(start..end).ok_or_else(cut_short)?;
+        match &file[offset + 4..start] {
             b"JSON" if json.is_none() => json = Some(chunk),
             b"BIN\0" if binary.is_none() => binary = Some(chunk),
-            // Other chunks are to be passed over (glTF 2.0, section 4.4.3).
+            // Readers must ignore other chunks (glTF 2.0, section 4.4.3).
             _ => {}
         }
-        place = end;
+        offset = end;
     }
     let json = json.ok_or("expected a JSON chunk, found none")?;
     Ok((json, binary))
 }
 
-/// Reads and checks what moves, leaving out what only looks.
-fn parse(json: &[u8], animation: Option<&str>) -> Result<Root, Flaw> {
+/// Parses and checks the parts of the document that animate nodes, and ignores those that only change the appearance.
+fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Root, FormatProblem> {
     #[derive(Deserialize)]
-    struct Versioned {
+    struct DocumentVersion {
         asset: Asset,
     }
     #[derive(Deserialize)]
@@ -291,28 +310,32 @@ fn parse(json: &[u8], animation: Option<&str>) -> Result<Root, Flaw> {
         version: String,
     }
     let unreadable = |error: serde_json::Error| format!("its JSON is not glTF's: {error}");
-    // Some programs write names in the encoding of their country.
+    // Some programs write names in other encodings than UTF-8.
     let document: Value =
         serde_json::from_str(&String::from_utf8_lossy(json)).map_err(unreadable)?;
-    let Versioned { asset } = Versioned::deserialize(&document).map_err(unreadable)?;
+    let DocumentVersion { asset } = DocumentVersion::deserialize(&document).map_err(unreadable)?;
     if asset.version.split('.').next() != Some("2") {
         return Err(format!("expected glTF 2, found version {}", asset.version));
     }
-    let mut root = Root::deserialize(relevant(&document, animation)).map_err(unreadable)?;
-    root.extensions_required
-        .retain(|name| !LOOKS.iter().any(|start| name.starts_with(start)));
-    let mut flaws = Vec::new();
-    root.validate(&root, gltf_json::Path::new, &mut |path, error| {
-        flaws.push(format!("{}: {error}", path()));
+    let mut root =
+        Root::deserialize(reduce_to_animation(&document, animation)).map_err(unreadable)?;
+    root.extensions_required.retain(|name| {
+        !SURFACE_EXTENSIONS
+            .iter()
+            .any(|start| name.starts_with(start))
     });
-    match flaws.into_iter().next() {
-        Some(flaw) => Err(flaw),
+    let mut problems = Vec::new();
+    root.validate(&root, gltf_json::Path::new, &mut |path, error| {
+        problems.push(format!("{}: {error}", path()));
+    });
+    match problems.into_iter().next() {
+        Some(problem) => Err(problem),
         None => Ok(root),
     }
 }
 
-/// The bytes of a `data:` URI.
-fn embedded(data: &str) -> Result<Vec<u8>, Flaw> {
+/// Decodes the bytes of a `data:` URI.
+fn decode_data_uri(data: &str) -> Result<Vec<u8>, FormatProblem> {
     let (_, text) = data
         .split_once(";base64,")
         .ok_or("expected base64 in its data URI, found another coding")?;
@@ -321,8 +344,8 @@ fn embedded(data: &str) -> Result<Vec<u8>, Flaw> {
         .map_err(|error| format!("its data URI is no base64: {error}"))
 }
 
-/// The file that a relative URI names.
-fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
+/// Returns the path of the file that a relative URI names.
+fn relative_path(uri: &str) -> Result<std::path::PathBuf, FormatProblem> {
     let refused =
         || format!("expected a file beside this one or in a folder below, found the URI {uri:?}");
     let mut name = Vec::with_capacity(uri.len());
@@ -342,7 +365,7 @@ fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
     }
     let name = String::from_utf8(name).map_err(|_| refused())?;
     let path = std::path::PathBuf::from(&name);
-    // Never above it: whoever sends a file must not have others read with it.
+    // Never a file above this folder: an untrusted glTF file must not make other files be read.
     let is_plain =
         { path.components() }.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     match is_plain && !name.is_empty() && !name.contains([':', '\0']) {
@@ -351,7 +374,7 @@ fn beside(uri: &str) -> Result<std::path::PathBuf, Flaw> {
     }
 }
 
-/// At most `length` bytes of a file that is one: no device, no pipe.
+/// Reads at most `length` bytes of a regular file. Devices and pipes are errors.
 fn read_side_file(path: &Path, length: u64) -> io::Result<Vec<u8>> {
     if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::new(
@@ -369,8 +392,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uris_name_files_beside_and_nothing_else() {
-        assert_eq!(beside("a%20b/walk.bin").unwrap(), Path::new("a b/walk.bin"));
+    fn uris_name_files_beside_the_gltf_file_and_no_others() {
+        assert_eq!(
+            relative_path("a%20b/walk.bin").unwrap(),
+            Path::new("a b/walk.bin")
+        );
         for uri in [
             "",
             "/etc/hostname",
@@ -383,16 +409,22 @@ mod tests {
             "%2Fetc%2Fhostname",
             "walk%00.bin",
         ] {
-            assert!(beside(uri).is_err(), "{uri}");
+            assert!(relative_path(uri).is_err(), "{uri}");
         }
     }
 
     #[test]
-    fn whole_numbers_stand_for_fractions() {
-        assert_eq!(number(&[0x80], ComponentType::I8, true), -1.0);
-        assert_eq!(number(&[0xff], ComponentType::U8, true), 1.0);
-        assert_eq!(number(&[0xff, 0x7f], ComponentType::I16, true), 1.0);
-        assert_eq!(number(&[2, 1], ComponentType::U16, false), 258.0);
-        assert_eq!(number(&1.5f32.to_le_bytes(), ComponentType::F32, true), 1.5);
+    fn normalised_integers_are_fractions() {
+        assert_eq!(component_value(&[0x80], ComponentType::I8, true), -1.0);
+        assert_eq!(component_value(&[0xff], ComponentType::U8, true), 1.0);
+        assert_eq!(
+            component_value(&[0xff, 0x7f], ComponentType::I16, true),
+            1.0
+        );
+        assert_eq!(component_value(&[2, 1], ComponentType::U16, false), 258.0);
+        assert_eq!(
+            component_value(&1.5f32.to_le_bytes(), ComponentType::F32, true),
+            1.5
+        );
     }
 }

@@ -1,29 +1,32 @@
-//! The frames of a clip: moments at equal distances on which an animation's keyframes lie, or lie near.
+//! The frames of a clip: times at equal intervals that match the keyframes of an animation exactly or nearly.
 
 use gltf_json::animation::Interpolation;
 use lamogen_motion::FRAMES_PER_SECOND;
 
-use super::curve::{Curve, Value};
+use super::curve::{KeyframeCurve, KeyframeValue};
 
-/// Keyframes nearer than this, in seconds, are one.
-const ONE_MOMENT: f64 = 5e-4;
-/// Frames a second where keyframes follow no common grid.
-const FINE: f64 = 120.0;
-/// Frames a second at least where something is not linear between keyframes.
-const BENT: f64 = 60.0;
-/// How far keyframes may lie beside a common grid, in parts of its frame.
-const OFF_GRID: f64 = 0.02;
+/// The interval in seconds below which two keyframes count as being at the same time.
+const SAME_TIME: f64 = 5e-4;
+/// The frame rate for keyframes that lie on no common grid.
+const IRREGULAR_RATE: f64 = 120.0;
+/// The lowest frame rate for curves that are not linear between keyframes.
+const MIN_NONLINEAR_RATE: f64 = 60.0;
+/// The largest distance of a keyframe from a frame of the grid, as a fraction of the interval between frames.
+const GRID_TOLERANCE: f64 = 0.02;
 
-/// Moments at equal distances.
-pub(super) struct Grid {
+/// The times of frames at equal intervals.
+pub(super) struct FrameGrid {
+    /// The time of the first frame, in seconds.
     start: f64,
+    /// The interval between frames, in seconds.
     pub(super) step: f64,
     pub(super) frames: usize,
 }
 
-impl Grid {
-    /// The moments for curves whose keyframes are at these times: their common grid, or a fine one.
-    pub(super) fn of(curves: &[(&[f64], Interpolation)]) -> Grid {
+impl FrameGrid {
+    /// Creates the grid for curves, given by the times of their keyframes and their interpolation: the common grid of the
+    /// keyframes, or a fine one if there is none.
+    pub(super) fn of_curves(curves: &[(&[f64], Interpolation)]) -> FrameGrid {
         let mut times: Vec<f64> = curves
             .iter()
             .flat_map(|(times, _)| *times)
@@ -32,54 +35,59 @@ impl Grid {
         times.sort_by(f64::total_cmp);
         let mut last = f64::NEG_INFINITY;
         times.retain(|&time| {
-            let is_new = time - last > ONE_MOMENT;
+            let is_new = time - last > SAME_TIME;
             if is_new {
                 last = time;
             }
             is_new
         });
-        let still = 1.0 / f64::from(FRAMES_PER_SECOND);
+        let default_step = 1.0 / f64::from(FRAMES_PER_SECOND);
         let [start, .., end] = times[..] else {
-            return Grid {
+            return FrameGrid {
                 start: times.first().copied().unwrap_or(0.0),
-                step: still,
+                step: default_step,
                 frames: 1,
             };
         };
         let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
         let shortest = gaps.clone().fold(f64::INFINITY, f64::min);
-        // Times are rounded to 32 bits; only all gaps together tell the step well.
+        // Times are rounded to 32 bits, so the step is precise only if it is computed from all gaps together.
         let steps: f64 = gaps.map(|gap| (gap / shortest).round()).sum();
         let mut step = (end - start) / steps;
         let is_on_grid = times.iter().all(|time| {
             let steps = (time - start) / step;
-            (steps - steps.round()).abs() < OFF_GRID
+            (steps - steps.round()).abs() < GRID_TOLERANCE
         });
         if !is_on_grid {
-            step = 1.0 / FINE;
+            step = 1.0 / IRREGULAR_RATE;
         }
-        let is_bent = |&(times, interpolation): &(&[f64], Interpolation)| {
+        let is_nonlinear = |&(times, interpolation): &(&[f64], Interpolation)| {
             times.len() > 1 && interpolation != Interpolation::Linear
         };
-        if curves.iter().any(is_bent) {
-            step /= (step * BENT - 1e-6).ceil().max(1.0);
+        if curves.iter().any(is_nonlinear) {
+            step /= (step * MIN_NONLINEAR_RATE - 1e-6).ceil().max(1.0);
         }
-        let last = ((end - start) / step - OFF_GRID).ceil();
-        Grid {
+        let last = ((end - start) / step - GRID_TOLERANCE).ceil();
+        FrameGrid {
             start,
             step,
             frames: (last as usize).saturating_add(1),
         }
     }
 
-    /// A curve at all moments; one value where it does not change.
-    pub(super) fn sampled<T: Value>(&self, curve: &Curve<T>) -> Vec<T> {
+    /// Returns the values of a curve at all frames, or a single value if it does not change.
+    pub(super) fn sample<T: KeyframeValue>(&self, curve: &KeyframeCurve<T>) -> Vec<T> {
         let frames = match curve.is_constant() {
             true => 1,
             false => self.frames,
         };
         (0..frames)
-            .map(|frame| curve.at(self.start + frame as f64 * self.step, OFF_GRID * self.step))
+            .map(|frame| {
+                curve.value_at(
+                    self.start + frame as f64 * self.step,
+                    GRID_TOLERANCE * self.step,
+                )
+            })
             .collect()
     }
 }

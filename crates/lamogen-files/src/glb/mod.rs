@@ -1,28 +1,28 @@
-//! GLB, the binary form of glTF 2.0: what engines, browsers and Blender open.
+//! GLB, the binary form of glTF 2.0, which game engines, browsers and Blender open.
 //!
-//! A file that lamogen writes holds a root node `lamogen`, below it the 22 joints under the names of
-//! [`Joint::name`](lamogen_motion::Joint::name), one animation, and a body. Units and axes are glTF's own and
-//! lamogen's: metres, seconds, right-handed, Y up, facing +Z, the body's left along +X. Blender turns Y up into its
-//! Z up by itself.
+//! A file that lamogen writes has a root node `lamogen`, below it the 22 joints with the names of
+//! [`Joint::name`](lamogen_motion::Joint::name), one animation, and a body. Units and axes are those of glTF and of
+//! lamogen: metres, seconds, right-handed, Y up, facing +Z, with the body's left along +X. Blender converts Y up to its
+//! own Z up.
 //!
-//! - The nodes' own transforms are the T-pose with its feet on the ground, without any rotation.
-//! - The animation has linear keyframes at the motion's frames, a frame rate apart: the pelvis' translation,
-//!   and a rotation of each joint that turns. Rotations have length 1 and no jumps of sign.
-//! - The body is **one skinned mesh** of capsules, each bound to one joint. The other way, a mesh of its own on
-//!   every joint's node, draws the same, but Blender makes of it empties with objects hung below, Unity and Godot
-//!   plain transforms; a skin makes an armature, a rig, a `Skeleton3D`, which can be retargeted and exported
-//!   again. Weights are whole (1 for one joint), for a capsule is stiff.
+//! - The transforms of the nodes are the T-pose with its feet on the ground, without any rotation.
+//! - The animation has linear keyframes at the frames of the motion: the translation of the pelvis, and a rotation of
+//!   each joint that turns. Rotations have length 1 and do not change their sign from frame to frame.
+//! - The body is **one skinned mesh** of capsules, each bound to one joint. The alternative, a separate mesh on the node
+//!   of every joint, looks the same, but Blender imports it as empties with child objects, and Unity and Godot as plain
+//!   transforms. A skin is imported as an armature, a rig or a `Skeleton3D`, which can be retargeted and exported again.
+//!   Every vertex has weight 1 for one joint, because a capsule is rigid.
 //!
-//! [`read`](crate::read) takes any glTF file whose nodes have names.
+//! [`read`](crate::read) accepts any glTF file that has names for its nodes.
 
 mod body;
+mod buffer;
 mod capsule;
 mod container;
 mod curve;
 mod grid;
-mod pack;
 mod read;
-mod relevant;
+mod reduction;
 mod write;
 
 use std::io;
@@ -31,35 +31,36 @@ use std::path::PathBuf;
 pub(crate) use read::read;
 pub use write::{GlbOptions, bytes, write};
 
-/// What can go wrong with a GLB or glTF file.
+/// The errors of reading and writing GLB and glTF files.
 #[derive(Debug, thiserror::Error)]
 pub enum GlbError {
-    /// The file, or one that it names, cannot be opened, read or written.
+    /// The file, or another file to which it refers, cannot be opened, read or written.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
-    /// The file is not glTF 2.0, is damaged, or needs what is not read.
+    /// The file is not glTF 2.0, is damaged, or needs an unsupported feature.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Format { path: PathBuf, reason: String },
-    /// An animation that the file does not hold.
-    #[error("{path}: expected an animation named {asked:?}, found {}", listed(.found))]
+    /// The file has no animation of the requested name.
+    #[error("{path}: expected an animation named {asked:?}, found {}", quoted_list(.found))]
     #[allow(missing_docs)]
     Animation {
         path: PathBuf,
         asked: String,
         found: Vec<String>,
     },
-    /// A motion with a number that is not finite.
+    /// The motion has a number that is not finite.
     #[error("expected finite positions and rotations, found a number that is not")]
     NotFinite,
-    /// A motion too long for the format.
+    /// The motion is too long for the format.
     #[error("expected a motion of at most 4 GiB, found {bytes} bytes")]
     #[allow(missing_docs)]
     TooLarge { bytes: usize },
 }
 
-fn listed(names: &[String]) -> String {
+/// Formats names for an error message.
+fn quoted_list(names: &[String]) -> String {
     match names {
         [] => "none".into(),
         names => names
@@ -72,7 +73,7 @@ fn listed(names: &[String]) -> String {
 
 #[cfg(test)]
 mod example {
-    //! A motion for tests: a body that wanders, turns round, and swings its limbs.
+    //! A motion for tests: a body that walks, turns around and swings its limbs.
 
     use glam::{DQuat, DVec3};
     use lamogen_motion::{JOINTS, Joint, Motion, Rotations};

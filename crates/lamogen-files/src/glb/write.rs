@@ -1,4 +1,4 @@
-//! Rotations as binary glTF.
+//! Writing rotations as binary glTF.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -9,21 +9,21 @@ use lamogen_motion::{JOINTS, Joint, Rotations, write_atomically};
 use serde_json::{Value, json};
 
 use super::GlbError;
-use super::body::{Side, limbs, standing};
-use super::pack::{Pack, Purpose};
+use super::body::{BodySide, body_capsules, t_pose_on_ground};
+use super::buffer::{BufferBuilder, BufferViewTarget};
 
-/// What goes into a GLB file beside the movement.
+/// Options for writing a GLB file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GlbOptions {
-    /// Name of the animation, which players list.
+    /// The name of the animation, which players list.
     pub name: String,
-    /// Whether the skeleton wears a body of capsules. Without one, viewers that draw surfaces alone show
-    /// nothing, and Blender makes empties instead of an armature.
+    /// Whether the skeleton has a body of capsules. Without a body, viewers that draw only surfaces show nothing, and
+    /// Blender creates empties instead of an armature.
     pub body: bool,
-    /// Under which terms the motion may be used: glTF's `asset.copyright`.
+    /// The terms under which the motion may be used: the field `asset.copyright` of glTF.
     pub copyright: Option<String>,
-    /// What else is known of the motion, such as its text and seed: `extras` of the root node, which Blender
-    /// shows as custom properties and three.js as `userData`.
+    /// Notes on the motion, such as its text and seed: the `extras` of the root node, which Blender shows as custom
+    /// properties and three.js as `userData`.
     pub notes: BTreeMap<String, String>,
 }
 
@@ -38,17 +38,18 @@ impl Default for GlbOptions {
     }
 }
 
-/// Index of the node above the pelvis; the joints follow in their own order.
+/// The index of the root node, which is the parent of the pelvis. The joints follow in their own order.
 const ROOT: usize = 0;
-const fn node(joint: Joint) -> usize {
+/// Returns the index of the node of a joint.
+const fn node_index(joint: Joint) -> usize {
     ROOT + 1 + joint.index()
 }
 
-/// Writes rotations as a GLB file: see [`bytes()`].
+/// Writes rotations as a GLB file with the content of [`bytes()`].
 ///
 /// # Errors
 ///
-/// As [`bytes()`], or if the file cannot be written; nothing is left half-written.
+/// The same as for [`bytes()`]; and if the file cannot be written. In this case, no incomplete file is left.
 pub fn write(
     path: impl AsRef<Path>,
     rotations: &Rotations,
@@ -62,41 +63,41 @@ pub fn write(
     })
 }
 
-/// Rotations as the bytes of a GLB file: the skeleton, its movement with a keyframe a frame, and a body.
+/// Returns the bytes of a GLB file with the skeleton, its animation with a keyframe at every frame, and a body.
 ///
 /// # Errors
 ///
-/// If a number of the motion is not finite, or the file would grow beyond the 4 GiB that GLB can hold.
+/// If a number of the motion is not finite, or the file would be larger than the 4 GiB that the format GLB allows.
 pub fn bytes(rotations: &Rotations, options: &GlbOptions) -> Result<Vec<u8>, GlbError> {
-    let mut pack = Pack::default();
-    let mut document = skeleton(rotations, options);
-    document["animations"] = json!([animation(rotations, &options.name, &mut pack)]);
+    let mut buffer = BufferBuilder::default();
+    let mut document = skeleton_document(rotations, options);
+    document["animations"] = json!([animation(rotations, &options.name, &mut buffer)]);
     if options.body {
-        add_body(&mut document, rotations, &mut pack);
+        add_body(&mut document, rotations, &mut buffer);
     }
-    if pack.is_broken {
+    if buffer.has_non_finite {
         return Err(GlbError::NotFinite);
     }
-    document["buffers"] = json!([{ "byteLength": pack.bytes.len() }]);
-    document["bufferViews"] = Value::Array(pack.views);
-    document["accessors"] = Value::Array(pack.accessors);
-    container(document.to_string().into_bytes(), pack.bytes)
+    document["buffers"] = json!([{ "byteLength": buffer.bytes.len() }]);
+    document["bufferViews"] = Value::Array(buffer.views);
+    document["accessors"] = Value::Array(buffer.accessors);
+    glb_container(document.to_string().into_bytes(), buffer.bytes)
 }
 
-/// The joints as nodes, standing in the T-pose below one root.
-fn skeleton(rotations: &Rotations, options: &GlbOptions) -> Value {
+/// Returns a document with the joints as nodes, in the T-pose below one root.
+fn skeleton_document(rotations: &Rotations, options: &GlbOptions) -> Value {
     let rest = rotations.rest();
-    let mut nodes = vec![json!({ "name": "lamogen", "children": [node(Joint::Pelvis)] })];
+    let mut nodes = vec![json!({ "name": "lamogen", "children": [node_index(Joint::Pelvis)] })];
     if !options.notes.is_empty() {
         nodes[ROOT]["extras"] = json!(options.notes);
     }
     for joint in Joint::ALL {
-        let place = match joint {
-            Joint::Pelvis => standing(rest)[joint.index()].as_vec3().to_array(),
+        let position = match joint {
+            Joint::Pelvis => t_pose_on_ground(rest)[joint.index()].as_vec3().to_array(),
             _ => rest.offset(joint),
         };
-        let children: Vec<usize> = joint.children().map(node).collect();
-        let mut entry = json!({ "name": joint.name(), "translation": place });
+        let children: Vec<usize> = joint.children().map(node_index).collect();
+        let mut entry = json!({ "name": joint.name(), "translation": position });
         if !children.is_empty() {
             entry["children"] = json!(children);
         }
@@ -117,23 +118,24 @@ fn skeleton(rotations: &Rotations, options: &GlbOptions) -> Value {
     })
 }
 
-/// A keyframe at every frame: the pelvis' way, and the rotations of the joints that turn at all.
-fn animation(rotations: &Rotations, name: &str, pack: &mut Pack) -> Value {
+/// Returns the animation, with a keyframe at every frame: the translation of the pelvis, and the rotations of the joints
+/// that turn at all.
+fn animation(rotations: &Rotations, name: &str, buffer: &mut BufferBuilder) -> Value {
     let rate = f64::from(rotations.frames_per_second());
     let times: Vec<[f32; 1]> = (0..rotations.frames())
         .map(|frame| [(frame as f64 / rate) as f32])
         .collect();
-    let input = pack.floats(&times, Purpose::Other);
+    let input = buffer.push_floats(&times, BufferViewTarget::Other);
     let (mut samplers, mut channels) = (Vec::new(), Vec::new());
     let mut channel = |output: usize, joint: Joint, path: &str| {
         channels.push(json!({
             "sampler": samplers.len(),
-            "target": { "node": node(joint), "path": path },
+            "target": { "node": node_index(joint), "path": path },
         }));
         samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
     };
-    let way = pack.floats(rotations.root(), Purpose::Other);
-    channel(way, Joint::Pelvis, "translation");
+    let translations = buffer.push_floats(rotations.root(), BufferViewTarget::Other);
+    channel(translations, Joint::Pelvis, "translation");
     for joint in Joint::ALL {
         let turns = rotations.local().iter().map(|pose| pose[joint.index()]);
         let turns: Vec<[f32; 4]> = turns.collect();
@@ -141,28 +143,28 @@ fn animation(rotations: &Rotations, name: &str, pack: &mut Pack) -> Value {
             .iter()
             .any(|turn| turn != &DQuat::IDENTITY.as_quat().to_array())
         {
-            let turns = pack.floats(&turns, Purpose::Other);
+            let turns = buffer.push_floats(&turns, BufferViewTarget::Other);
             channel(turns, joint, "rotation");
         }
     }
     json!({ "name": name, "channels": channels, "samplers": samplers })
 }
 
-/// The capsules as one mesh with three materials, bound to the joints.
-fn add_body(document: &mut Value, rotations: &Rotations, pack: &mut Pack) {
-    let limbs = limbs(rotations.rest());
+/// Adds the capsules of the body as one mesh with three materials, bound to the joints.
+fn add_body(document: &mut Value, rotations: &Rotations, buffer: &mut BufferBuilder) {
+    let capsules = body_capsules(rotations.rest());
     let mut primitives = Vec::new();
-    for (material, side) in Side::ALL.into_iter().enumerate() {
+    for (material, side) in BodySide::ALL.into_iter().enumerate() {
         let (mut positions, mut normals, mut joints) = (Vec::new(), Vec::new(), Vec::new());
         let mut indices = Vec::new();
-        for limb in limbs.iter().filter(|limb| limb.side == side) {
-            let mesh = limb.capsule.mesh();
+        for part in capsules.iter().filter(|part| part.side == side) {
+            let mesh = part.capsule.mesh();
             let first = positions.len() as u16;
             indices.extend(mesh.triangles.as_flattened().iter().map(|i| first + i));
             joints.extend(
                 mesh.positions
                     .iter()
-                    .map(|_| [limb.joint.index() as u8, 0, 0, 0]),
+                    .map(|_| [part.joint.index() as u8, 0, 0, 0]),
             );
             positions.extend(mesh.positions);
             normals.extend(mesh.normals);
@@ -170,37 +172,38 @@ fn add_body(document: &mut Value, rotations: &Rotations, pack: &mut Pack) {
         let weights = vec![[1.0, 0.0, 0.0, 0.0]; positions.len()];
         primitives.push(json!({
             "attributes": {
-                "POSITION": pack.floats(&positions, Purpose::Vertices),
-                "NORMAL": pack.floats(&normals, Purpose::Vertices),
-                "JOINTS_0": pack.bytes(&joints, Purpose::Vertices),
-                "WEIGHTS_0": pack.floats(&weights, Purpose::Vertices),
+                "POSITION": buffer.push_floats(&positions, BufferViewTarget::Vertices),
+                "NORMAL": buffer.push_floats(&normals, BufferViewTarget::Vertices),
+                "JOINTS_0": buffer.push_bytes(&joints, BufferViewTarget::Vertices),
+                "WEIGHTS_0": buffer.push_floats(&weights, BufferViewTarget::Vertices),
             },
-            "indices": pack.shorts(&indices, Purpose::Indices),
+            "indices": buffer.push_shorts(&indices, BufferViewTarget::Indices),
             "material": material,
         }));
     }
-    let inverse: [[f32; 16]; JOINTS] = standing(rotations.rest()).map(|place| {
-        let [x, y, z] = (-place).as_vec3().to_array();
+    let inverse: [[f32; 16]; JOINTS] = t_pose_on_ground(rotations.rest()).map(|position| {
+        let [x, y, z] = (-position).as_vec3().to_array();
         [
             1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0,
         ]
     });
-    document["materials"] = Side::ALL.iter().map(|&side| material(side)).collect();
+    document["materials"] = BodySide::ALL.iter().map(|&side| material(side)).collect();
     document["meshes"] = json!([{ "name": "body", "primitives": primitives }]);
     document["skins"] = json!([{
         "name": "skeleton",
-        "skeleton": node(Joint::Pelvis),
-        "joints": Joint::ALL.map(node),
-        "inverseBindMatrices": pack.floats(&inverse, Purpose::Other),
+        "skeleton": node_index(Joint::Pelvis),
+        "joints": Joint::ALL.map(node_index),
+        "inverseBindMatrices": buffer.push_floats(&inverse, BufferViewTarget::Other),
     }]);
-    // A skinned mesh moves with its joints alone, so it hangs from the scene and not from the root node.
+    // A skinned mesh moves only with its joints, so its node is a child of the scene and not of the root node.
     let nodes = document["nodes"].as_array_mut().expect("the skeleton");
     nodes.push(json!({ "name": "body", "mesh": 0, "skin": 0 }));
     document["scenes"][0]["nodes"] = json!([ROOT, nodes.len() - 1]);
 }
 
-fn material(side: Side) -> Value {
-    // glTF's colours are linear.
+/// Returns the material of one side of the body.
+fn material(side: BodySide) -> Value {
+    // The colours of glTF are linear, not sRGB.
     let linear = |value: u8| match f64::from(value) / 255.0 {
         low if low <= 0.04045 => low / 12.92,
         high => ((high + 0.055) / 1.055).powf(2.4),
@@ -216,8 +219,8 @@ fn material(side: Side) -> Value {
     })
 }
 
-/// Header, JSON padded with spaces, bytes: GLB's three parts.
-fn container(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
+/// Joins the three parts of a GLB file: header, JSON padded with spaces, and bytes.
+fn glb_container(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
     json.resize(json.len().next_multiple_of(4), b' ');
     let total = 12 + 8 + json.len() + 8 + bytes.len();
     let length = |n: usize| u32::try_from(n).map_err(|_| GlbError::TooLarge { bytes: total });
@@ -307,7 +310,7 @@ mod tests {
         let skin = gltf.skins().next().unwrap();
         let joints: Vec<&str> = skin.joints().map(|node| node.name().unwrap()).collect();
         assert_eq!(joints, Joint::ALL.map(Joint::name));
-        let place = standing(example::rotations().rest());
+        let place = t_pose_on_ground(example::rotations().rest());
         let inverse = skin.reader(data).read_inverse_bind_matrices().unwrap();
         for (joint, inverse) in Joint::ALL.into_iter().zip(inverse) {
             let bind = Mat4::from_translation(place[joint.index()].as_vec3());
@@ -318,7 +321,7 @@ mod tests {
         let mut vertices = 0;
         let mesh = gltf.meshes().next().unwrap();
         let mut lowest = f32::INFINITY;
-        for (primitive, side) in mesh.primitives().zip(Side::ALL) {
+        for (primitive, side) in mesh.primitives().zip(BodySide::ALL) {
             assert_eq!(primitive.material().name(), Some(side.name()));
             let reader = primitive.reader(data);
             let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
@@ -331,7 +334,7 @@ mod tests {
             let bound = reader.read_joints(0).unwrap().into_u16();
             for (position, [joint, ..]) in positions.iter().zip(bound) {
                 let joint = Joint::ALL[usize::from(joint)];
-                // No limb reaches further than its bone and its thickness.
+                // No capsule reaches further than its bone and its radius.
                 let gap = Vec3::from(*position).distance(place[joint.index()].as_vec3());
                 assert!(gap < 0.62, "{}: {gap}", joint.name());
                 lowest = lowest.min(position[1]);
@@ -442,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_is_not_there_is_named() {
+    fn the_error_names_a_folder_that_does_not_exist() {
         let error = write(
             "no/such/a.glb",
             &example::rotations(),

@@ -1,8 +1,8 @@
-//! A figure as the BVH files of other programs have it: small, made up, with known joints.
+//! A synthetic figure for BVH files in the style of other programs, with known joint positions.
 //!
 //! It stands in a T-pose, bends its left elbow and its right knee, turns and walks away.
 
-// Not every test uses all of it.
+// Not every test uses all functions of this module.
 #![allow(dead_code)]
 
 use std::f64::consts::FRAC_PI_2;
@@ -10,8 +10,9 @@ use std::fmt::Write;
 
 use glam::{DQuat, DVec3};
 
-/// Where a place of the body is in the T-pose, in metres; of the left side for both sides.
-fn place(name: &str) -> DVec3 {
+/// Returns the position of a named point of the body in the T-pose, in metres. Points of the right side mirror those of
+/// the left side.
+fn t_pose_position(name: &str) -> DVec3 {
     let [x, y, z] = match name {
         "ground" => [0.0, 0.0, 0.0],
         "pelvis" => [0.0, 0.93, 0.0],
@@ -37,42 +38,45 @@ fn place(name: &str) -> DVec3 {
         right => {
             let left = right.replacen("right_", "left_", 1);
             assert_ne!(right, left, "no such place");
-            return place(&left) * DVec3::new(-1.0, 1.0, 1.0);
+            return t_pose_position(&left) * DVec3::new(-1.0, 1.0, 1.0);
         }
     };
     DVec3::new(x, y, z)
 }
 
-/// How much the figure has done after some seconds: turned, bent, walked.
+/// Returns the angle in radians by which the figure has turned at a time.
 fn heading(seconds: f64) -> f64 {
     0.6 * seconds
 }
 
+/// Returns the angle in radians by which the elbow and the knee are bent at a time.
 fn bend(seconds: f64) -> f64 {
     1.1 * seconds
 }
 
-fn walked(seconds: f64) -> DVec3 {
+/// Returns the offset in metres by which the figure has walked at a time.
+fn walk_offset(seconds: f64) -> DVec3 {
     DVec3::new(0.4, 0.05, 1.2) * seconds
 }
 
-/// Where a place of the body is after some seconds, in metres, Y up.
-pub fn at(name: &str, seconds: f64) -> DVec3 {
+/// Returns the position of a named point of the body at a time, in metres, Y up.
+pub fn position_at(name: &str, seconds: f64) -> DVec3 {
     let about = |joint: &str, point: DVec3| {
-        place(joint) + DQuat::from_rotation_x(bend(seconds)) * (point - place(joint))
+        t_pose_position(joint)
+            + DQuat::from_rotation_x(bend(seconds)) * (point - t_pose_position(joint))
     };
-    let mut point = place(name);
+    let mut point = t_pose_position(name);
     if name == "left_wrist" {
-        let elbow = place("left_elbow");
+        let elbow = t_pose_position("left_elbow");
         point = elbow + DQuat::from_rotation_y(-bend(seconds)) * (point - elbow);
     } else if ["right_ankle", "right_foot"].contains(&name) {
         point = about("right_knee", point);
     }
-    let pelvis = place("pelvis");
-    pelvis + walked(seconds) + DQuat::from_rotation_y(heading(seconds)) * (point - pelvis)
+    let pelvis = t_pose_position("pelvis");
+    pelvis + walk_offset(seconds) + DQuat::from_rotation_y(heading(seconds)) * (point - pelvis)
 }
 
-/// In which directions the file's axes and its rest pose lie.
+/// The directions of the axes of the file and of its rest pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stance {
     /// Y up.
@@ -86,7 +90,7 @@ pub enum Stance {
 }
 
 impl Stance {
-    /// Turns the rest pose, Y up, to what the file's offsets have.
+    /// Returns the rotation from the rest pose with Y up to the offsets of the file.
     fn rest(self) -> DQuat {
         match self {
             Stance::YUp | Stance::RestYUp => DQuat::IDENTITY,
@@ -95,7 +99,7 @@ impl Stance {
         }
     }
 
-    /// Turns the world, Y up, to the file's.
+    /// Returns the rotation from the world with Y up to the world of the file.
     fn world(self) -> DQuat {
         match self {
             Stance::YUp | Stance::Lying => DQuat::IDENTITY,
@@ -104,12 +108,12 @@ impl Stance {
     }
 }
 
-/// A BVH file to be written.
+/// The options of a BVH file of the figure.
 pub struct Figure<'a> {
-    /// One line a joint, `place name`, children indented by one blank more. Joints of the left side
-    /// stand for both; `%` is the side. A line with no name is an end site.
+    /// The hierarchy, one line `point name` for each joint, with children indented by one more space. Each joint of the
+    /// left side stands for both sides; `%` is the word for the side. A line without a name is an end site.
     pub tree: &'a str,
-    /// Left and right.
+    /// The words for left and right.
     pub sides: [&'a str; 2],
     /// The length of a unit in metres.
     pub unit: f64,
@@ -125,6 +129,7 @@ struct Node {
 }
 
 impl Figure<'_> {
+    /// Returns the text of the file.
     pub fn text(&self) -> String {
         let nodes = self.nodes();
         let mut text = String::from("HIERARCHY\n");
@@ -141,7 +146,7 @@ impl Figure<'_> {
         for frame in 0..self.frames {
             let row = order
                 .iter()
-                .map(|&node| self.numbers(&nodes, node, frame as f64 / rate));
+                .map(|&node| self.channel_values(&nodes, node, frame as f64 / rate));
             text.push_str(&row.collect::<Vec<_>>().join(" "));
             text.push('\n');
         }
@@ -150,7 +155,7 @@ impl Figure<'_> {
 
     fn nodes(&self) -> Vec<Node> {
         let mut nodes: Vec<Node> = Vec::new();
-        // The left and the right joint at every depth; the same in the middle.
+        // The left and the right joint at every depth; both are the same joint for the middle of the body.
         let mut branch: Vec<[usize; 2]> = Vec::new();
         for line in self.tree.lines().filter(|line| !line.trim().is_empty()) {
             let depth = line.len() - line.trim_start().len();
@@ -183,8 +188,8 @@ impl Figure<'_> {
             name,
             parent,
         } = &nodes[node];
-        let above = parent.map_or(DVec3::ZERO, |parent| place(&nodes[parent].place));
-        let offset = self.stance.rest() * (place(here) - above) / self.unit;
+        let above = parent.map_or(DVec3::ZERO, |parent| t_pose_position(&nodes[parent].place));
+        let offset = self.stance.rest() * (t_pose_position(here) - above) / self.unit;
         let offset = format!("OFFSET {:.6} {:.6} {:.6}", offset.x, offset.y, offset.z);
         if name.is_empty() {
             writeln!(text, "End Site\n{{\n{offset}\n}}").unwrap();
@@ -207,8 +212,8 @@ impl Figure<'_> {
         text.push_str("}\n");
     }
 
-    /// A joint's channels after some seconds.
-    fn numbers(&self, nodes: &[Node], node: usize, seconds: f64) -> String {
+    /// Returns the channel values of a joint at a time.
+    fn channel_values(&self, nodes: &[Node], node: usize, seconds: f64) -> String {
         let place_name = &*nodes[node].place;
         let (rest, world) = (self.stance.rest(), self.stance.world());
         let local = match place_name {
@@ -222,10 +227,10 @@ impl Figure<'_> {
             let degrees = [z, x, y].map(|angle| format!("{:.6}", angle.to_degrees()));
             return degrees.join(" ");
         }
-        // The figure turns about its pelvis, which need not be the root.
+        // The figure turns about its pelvis, which is not always the root.
         let heading = DQuat::from_rotation_y(heading(seconds));
-        let pelvis = place("pelvis");
-        let root = pelvis + walked(seconds) + heading * (place(place_name) - pelvis);
+        let pelvis = t_pose_position("pelvis");
+        let root = pelvis + walk_offset(seconds) + heading * (t_pose_position(place_name) - pelvis);
         let root = world * root / self.unit;
         let turn = world * heading * rest.inverse();
         let (x, y, z) = turn.to_euler(glam::EulerRot::XYZ);

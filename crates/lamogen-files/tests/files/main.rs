@@ -1,4 +1,4 @@
-//! Files as they are written, read and brought from elsewhere.
+//! Files of lamogen and of other programs are written and read.
 
 mod figure;
 mod round_trip;

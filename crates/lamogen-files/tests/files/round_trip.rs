@@ -1,12 +1,12 @@
-//! What is written is what is read.
+//! Motions are written and read back.
 
-use crate::figure::at;
+use crate::figure::position_at;
 use glam::{DQuat, DVec3, Vec3};
 use lamogen_files::bvh::{BvhNames, BvhOptions};
 use lamogen_files::{ReadOptions, Unit, Up, WriteOptions, read, write};
 use lamogen_motion::{Joint, Motion, Rotations};
 
-/// A body that turns all around, goes upside down and moves every joint.
+/// Returns a motion of a body that turns around, goes upside down and moves every joint.
 fn acrobat(frames: usize) -> Motion {
     let pose = |frame: usize| {
         let wave = |joint: usize, speed: f64, most: f64| {
@@ -23,7 +23,7 @@ fn acrobat(frames: usize) -> Motion {
                 }
                 Some(parent) => {
                     let (place, turn) = places[parent.index()];
-                    let bone = at(joint.name(), 0.0) - at(parent.name(), 0.0);
+                    let bone = position_at(joint.name(), 0.0) - position_at(parent.name(), 0.0);
                     let bend = DQuat::from_rotation_z(wave(j, 0.07, 0.5))
                         * DQuat::from_rotation_x(wave(j, 0.11, 0.6));
                     (place + turn * bone, turn * bend)
@@ -35,8 +35,8 @@ fn acrobat(frames: usize) -> Motion {
     Motion::from_joints((0..frames).map(pose).collect()).unwrap()
 }
 
-/// The largest distance between the joints of two motions.
-fn largest(a: &[[[f32; 3]; 22]], b: &[[[f32; 3]; 22]]) -> f32 {
+/// Returns the largest distance between the joints of two motions.
+fn largest_distance(a: &[[[f32; 3]; 22]], b: &[[[f32; 3]; 22]]) -> f32 {
     assert_eq!(a.len(), b.len());
     let pairs = a.as_flattened().iter().zip(b.as_flattened());
     pairs
@@ -60,7 +60,7 @@ fn bvh_keeps_every_joint_to_a_tenth_of_a_millimetre() {
             let imported = read(&path, &ReadOptions::default()).unwrap();
             assert_eq!((imported.unit, imported.up), (unit, Up::Y));
             assert!(imported.placed.is_empty());
-            let far = largest(imported.motion.joints(), &rotations.joints());
+            let far = largest_distance(imported.motion.joints(), &rotations.joints());
             assert!(far < 1e-4, "{unit} {names:?}: {far} m");
         }
     }
@@ -79,7 +79,7 @@ fn bvh_at_another_frame_rate_is_the_same_motion() {
         };
         write(&path, &motion, &options).unwrap();
         let imported = read(&path, &ReadOptions::default()).unwrap();
-        let far = largest(imported.motion.joints(), &expected);
+        let far = largest_distance(imported.motion.joints(), &expected);
         assert!(far < 1e-4, "{frames_per_second}: {far} m");
     }
 }
@@ -94,5 +94,5 @@ fn features_written_are_features_read() {
     let path = folder.path().join("a.features.npy");
     write(&path, &motion, &WriteOptions::default()).unwrap();
     let imported = read(&path, &ReadOptions::default()).unwrap();
-    assert!(largest(imported.motion.joints(), motion.joints()) < 1e-4);
+    assert!(largest_distance(imported.motion.joints(), motion.joints()) < 1e-4);
 }

@@ -1,13 +1,14 @@
-//! Skeletons of other programs come in as the same motion.
+//! The skeletons of all programs are read as the same motion.
 
-use crate::figure::{Figure, Stance, at};
+use crate::figure::{Figure, Stance, position_at};
 use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, Up, read};
 use lamogen_motion::Joint;
 
 const CENTIMETRE: f64 = 0.01;
 const CMU: f64 = 0.0254 / 0.45;
 
-/// Legs below the pelvis and arms below the chest, of names that follow a pattern.
+/// Returns a hierarchy with legs below the pelvis and arms below the chest. The spine is given line by line; the names of
+/// legs and arms follow a pattern.
 fn tree(spine: &str, leg: [&str; 5], arm: [&str; 5]) -> String {
     let depth = |line: &str| line.len() - line.trim_start().len();
     let lines: Vec<&str> = spine
@@ -39,7 +40,7 @@ fn tree(spine: &str, leg: [&str; 5], arm: [&str; 5]) -> String {
             ];
             text += &chain(depth(line) + 1, places, leg);
         } else if let Some(name) = name.strip_prefix('*') {
-            // The chest, from which the arms hang.
+            // The chest, which is the parent of the arms.
             text += &format!("{}{name}\n", " ".repeat(depth(line)));
             let places = [
                 "left_collar",
@@ -57,8 +58,7 @@ fn tree(spine: &str, leg: [&str; 5], arm: [&str; 5]) -> String {
     text
 }
 
-/// Reads the figure and compares all joints that were not placed, and those that were with less
-/// rigour.
+/// Reads the figure and compares all joints with their known positions. Placed joints have a larger tolerance.
 fn check(figure: &Figure<'_>, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.bvh");
@@ -70,7 +70,7 @@ fn check(figure: &Figure<'_>, options: &ReadOptions) -> Result<ImportedMotion, R
     for frame in 0..frames {
         for joint in Joint::ALL {
             let found = glam::Vec3::from(imported.motion.position(frame, joint)).as_dvec3();
-            let far = found.distance(at(joint.name(), frame as f64 / 20.0));
+            let far = found.distance(position_at(joint.name(), frame as f64 / 20.0));
             let most = if imported.placed.contains(&joint) {
                 0.07
             } else {
@@ -98,7 +98,7 @@ fn figure<'a>(tree: &'a str, sides: [&'a str; 2], unit: f64) -> Figure<'a> {
     }
 }
 
-/// Scheme, tree, sides, unit, joints that are placed.
+/// The scheme, the hierarchy, the words for the sides, the unit in metres, and the joints that are placed.
 type Case = (&'static str, String, [&'static str; 2], f64, Vec<Joint>);
 
 fn cases() -> Vec<Case> {
@@ -170,7 +170,7 @@ fn cases() -> Vec<Case> {
         ),
         (
             "CMU (cgspeed)",
-            // Hips, collars and the lower neck are handles that lie on their parents.
+            // Hips, collars and the lower neck are handles at the positions of their parents.
             "pelvis Hips
  pelvis LHipJoint
   left_hip %UpLeg
@@ -443,7 +443,7 @@ fn axes_and_rest_pose_do_not_matter() {
 }
 
 #[test]
-fn any_frame_rate_and_length_comes_in_at_twenty_frames_a_second() {
+fn motions_of_any_frame_rate_and_length_are_read_at_twenty_frames_a_second() {
     let (_, tree, sides, unit, _) = mixamo();
     for (frames_per_second, frames, rate) in [
         (120.0, 121, 120.0),
@@ -465,9 +465,9 @@ fn any_frame_rate_and_length_comes_in_at_twenty_frames_a_second() {
 }
 
 #[test]
-fn what_is_said_is_not_guessed() {
+fn options_replace_guesses() {
     let (_, tree, sides, _, _) = mixamo();
-    // A figure in feet is a human in no unit that is sought.
+    // A figure in feet does not have human size in any of the units that are tried.
     let feet = figure(&tree, sides, 0.3048);
     let message = check(&feet, &ReadOptions::default())
         .unwrap_err()
@@ -477,11 +477,11 @@ fn what_is_said_is_not_guessed() {
         "{message}"
     );
     let unit = Some(Unit::Metres(0.3048));
-    let said = ReadOptions {
+    let options = ReadOptions {
         unit,
         ..ReadOptions::default()
     };
-    assert_eq!(check(&feet, &said).unwrap().unit, Unit::Metres(0.3048));
+    assert_eq!(check(&feet, &options).unwrap().unit, Unit::Metres(0.3048));
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.bvh");
@@ -501,7 +501,7 @@ fn what_is_said_is_not_guessed() {
 }
 
 #[test]
-fn a_mapping_file_makes_an_unknown_skeleton_known() {
+fn a_mapping_file_names_the_joints_of_an_unknown_skeleton() {
     let tree = tree(
         "pelvis Becken\n belly Bauch\n  *chest Brust\n   neck Hals\n    head Kopf",
         ["Hüfte %", "Knie %", "Knöchel %", "Ballen %", ""],
@@ -626,7 +626,7 @@ fn damaged_files_are_errors_or_motions_but_never_panics() {
         .unwrap();
         let _ = read(&path, &ReadOptions::default());
     }
-    // Offsets of nothing, and of more than there is.
+    // Offsets of zero, and offsets that overflow or underflow.
     for number in ["0", "1e308", "-1e308", "1e-308"] {
         let lines = text.lines().map(|line| match line.starts_with("OFFSET") {
             true => format!("OFFSET {number} {number} {number}\n"),

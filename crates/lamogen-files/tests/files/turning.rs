@@ -1,14 +1,14 @@
-//! What a file's own rotations turn is measured, whatever its skeleton.
+//! The turning of joints by the rotations of a file is measured for any skeleton.
 
-use crate::figure::{Figure, Stance, at};
+use crate::figure::{Figure, Stance, position_at};
 use glam::{DQuat, DVec3};
 use lamogen_files::bvh::{self, BvhNames, BvhOptions, read_text};
 use lamogen_files::glb::{self, GlbOptions};
 use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, read};
 use lamogen_motion::{JOINTS, Joint, JointTurning, Motion, Rotations};
 
-/// A body that turns slowly, bends its limbs, and at one frame tilts its head.
-fn twitching(frames: usize, twitch: usize, degrees: f64) -> Motion {
+/// Returns a motion of a body that turns slowly, bends its limbs, and tilts its head at one frame.
+fn motion_with_twitch(frames: usize, twitch: usize, degrees: f64) -> Motion {
     let pose = |frame: usize| {
         let bend = DQuat::from_rotation_x(-0.6 - 0.02 * frame as f64);
         let mut places = [(DVec3::ZERO, DQuat::IDENTITY); JOINTS];
@@ -17,7 +17,7 @@ fn twitching(frames: usize, twitch: usize, degrees: f64) -> Motion {
                 Joint::Pelvis => DQuat::from_rotation_y(0.03 * frame as f64),
                 Joint::LeftElbow | Joint::RightElbow => DQuat::from_rotation_z(0.5) * bend,
                 Joint::LeftKnee | Joint::RightKnee => bend.inverse(),
-                // About an axis across the bone to the head, which lies in the plane of Y and Z.
+                // The axis is perpendicular to the bone to the head, which is in the plane of Y and Z.
                 Joint::Neck if frame == twitch => DQuat::from_rotation_x(degrees.to_radians()),
                 _ => DQuat::IDENTITY,
             };
@@ -25,7 +25,7 @@ fn twitching(frames: usize, twitch: usize, degrees: f64) -> Motion {
                 None => (DVec3::Y, turn),
                 Some(parent) => {
                     let (place, above) = places[parent.index()];
-                    let bone = at(joint.name(), 0.0) - at(parent.name(), 0.0);
+                    let bone = position_at(joint.name(), 0.0) - position_at(parent.name(), 0.0);
                     (place + above * bone, above * turn)
                 }
             };
@@ -35,7 +35,7 @@ fn twitching(frames: usize, twitch: usize, degrees: f64) -> Motion {
     Motion::from_joints((0..frames).map(pose).collect()).unwrap()
 }
 
-/// The rotations of the files that are read back.
+/// Writes rotations in several formats and returns the turning of the files that are read back.
 fn read_back(rotations: &Rotations) -> Vec<(&'static str, JointTurning)> {
     let folder = tempfile::tempdir().unwrap();
     let glb = folder.path().join("a.glb");
@@ -59,7 +59,7 @@ fn read_back(rotations: &Rotations) -> Vec<(&'static str, JointTurning)> {
 
 #[test]
 fn a_twitch_of_one_joint_is_read_back_from_bvh_and_glb() {
-    let rotations = Rotations::of(&twitching(40, 23, 35.0));
+    let rotations = Rotations::of(&motion_with_twitch(40, 23, 35.0));
     let expected = JointTurning::of(&rotations);
     for (format, found) in read_back(&rotations) {
         assert_eq!(found.steps().len(), 39, "{format}");
@@ -84,7 +84,7 @@ fn a_twitch_of_one_joint_is_read_back_from_bvh_and_glb() {
 
 #[test]
 fn files_of_another_rate_turn_as_fast() {
-    let rotations = Rotations::of(&twitching(40, 23, 35.0));
+    let rotations = Rotations::of(&motion_with_twitch(40, 23, 35.0));
     for rate in [60.0, 120.0] {
         for (format, found) in read_back(&rotations.resampled(rate)) {
             let worst = found.largest_but_pelvis();
@@ -107,7 +107,8 @@ pelvis Hips
   left_knee %Leg
    left_ankle %Foot";
 
-/// The figure bends its left elbow and its right knee by 1.1 and turns by 0.6 radians a second.
+/// Reads a figure that bends its left elbow and its right knee by 1.1 radians per second and turns by 0.6 radians per
+/// second.
 fn figure(stance: Stance) -> Result<ImportedMotion, ReadError> {
     let text = Figure {
         tree: TREE,
@@ -151,7 +152,7 @@ fn figure(stance: Stance) -> Result<ImportedMotion, ReadError> {
 }
 
 #[test]
-fn neither_axes_nor_rest_pose_nor_missing_joints_change_what_turns() {
+fn axes_rest_pose_and_missing_joints_do_not_change_the_turning() {
     let stances = [Stance::YUp, Stance::ZUp, Stance::Lying, Stance::RestYUp];
     for stance in stances {
         let imported = figure(stance).unwrap();
@@ -177,7 +178,7 @@ fn neither_axes_nor_rest_pose_nor_missing_joints_change_what_turns() {
 fn an_array_has_no_rotations_to_measure() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");
-    twitching(5, 2, 10.0).save_joints(&path).unwrap();
+    motion_with_twitch(5, 2, 10.0).save_joints(&path).unwrap();
     let imported = read(&path, &ReadOptions::default()).unwrap();
     assert_eq!(imported.turning, None);
 }

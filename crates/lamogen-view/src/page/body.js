@@ -1,8 +1,8 @@
-// The body as solids around its joints: each the hull of a few balls.
+// The shapes of the body around its joints. Each shape is the convex hull of a few balls.
 
 /**
- * The parts of a body: hulls of balls [centre, radius in metres] that are painted as one, their long axis
- * [from, to], and the tone they are painted in.
+ * Returns the parts of a body. Each part has `hulls` of balls [centre, radius in metres] that are painted together, their
+ * long `axis` [from, to], and the `tone` of their colour.
  */
 function bodyParts(pose, index) {
   const at = (name) => pose[index[name]];
@@ -32,7 +32,7 @@ function bodyParts(pose, index) {
   });
   part("end", [mix(spine3, neck, 0.95), 0.05], [mix(neck, head, 0.7), 0.044]);
 
-  // Nothing says where the head turns to: its face follows the shoulders.
+  // The motion has no direction of the head, so the face has the direction of the shoulders.
   const up = unit(sub(head, neck), [0, 1, 0]);
   const across = sub(at("left_shoulder"), at("right_shoulder"));
   const front = unit(cross(across, sub(neck, pelvis)), [0, 0, 1]);
@@ -43,5 +43,5 @@ function bodyParts(pose, index) {
   return parts;
 }
 
-/** The joints that leave trails. */
-const TRAILING = ["left_wrist", "right_wrist", "left_foot", "right_foot"];
+/** The joints that have trails. */
+const TRAIL_JOINTS = ["left_wrist", "right_wrist", "left_foot", "right_foot"];

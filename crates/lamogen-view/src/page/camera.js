@@ -1,4 +1,4 @@
-// The camera: it turns around a point and looks at it. Metres, Y up; at azimuth 0 it stands on +Z.
+// The camera, which turns around the point that it looks at. Lengths are in metres, Y is up; at azimuth 0 the camera is on +Z.
 
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -11,9 +11,9 @@ const unit = (a, otherwise) => {
 };
 const mix = (a, b, t) => [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t];
 
-/** Tangent of half the angle of view from the lower edge to the upper. */
+/** The tangent of half the vertical angle of view. */
 const HALF_VIEW = 0.27;
-/** From the front left, as the strips show motions. */
+/** The first view is from the front left, as in strips. */
 const START = { azimuth: -Math.PI / 6, elevation: 0.2 };
 
 class Camera {
@@ -24,9 +24,9 @@ class Camera {
   reset() {
     this.azimuth = START.azimuth;
     this.elevation = START.elevation;
-    /** How much closer than the distance at which everything fits. */
+    /** The zoom relative to the distance at which everything fits. */
     this.zoom = 1;
-    /** How far the point looked at is moved off the figures, in metres. */
+    /** The offset from the figures to the point that the camera looks at, in metres. */
     this.pan = [0, 0, 0];
   }
 
@@ -39,7 +39,7 @@ class Camera {
     this.zoom = Math.min(Math.max(this.zoom * factor, 0.15), 12);
   }
 
-  /** Moves the point looked at along the picture, in metres. */
+  /** Moves the point that the camera looks at along the axes of the picture, in metres. */
   shift(right, up) {
     const axes = directions(this.azimuth, this.elevation);
     this.pan = add(this.pan, add(times(axes.right, right), times(axes.up, up)));
@@ -47,13 +47,13 @@ class Camera {
   }
 }
 
-/** The picture's axes in the world. */
+/** Returns the axes of the picture in the world. */
 function directions(azimuth, elevation) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
   return { right: [ca, 0, -sa], up: [-se * sa, ce, -se * ca], back: [sa * ce, se, ca * ce] };
 }
 
-/** What a camera sees through one rectangle of the canvas. */
+/** The projection of a camera into one rectangle of the canvas. */
 class Lens {
   constructor(camera, fit, focus, cell) {
     Object.assign(this, directions(camera.azimuth, camera.elevation));
@@ -63,7 +63,7 @@ class Lens {
     this.middle = [cell.x + cell.width / 2, cell.y + cell.height * 0.53];
   }
 
-  /** A point as x and y on the canvas, depth in metres, and pixels a metre there. */
+  /** Projects a point: x and y on the canvas, depth in metres, and the scale there in pixels per metre. */
   project(point) {
     const from = sub(point, this.focus);
     const depth = this.distance - dot(from, this.back);
@@ -76,13 +76,13 @@ class Lens {
     };
   }
 
-  /** A direction as the picture has it: right, up, towards the eye. */
-  seen(direction) {
+  /** Converts a direction to the axes of the picture: right, up, towards the camera. */
+  toView(direction) {
     return [dot(direction, this.right), dot(direction, this.up), dot(direction, this.back)];
   }
 }
 
-/** The distance from which points (seen from the point looked at) fit into a rectangle at the start's angles. */
+/** Returns the distance from which points fit into a rectangle at the angles of the first view. The points are relative to the one that the camera looks at. */
 function distanceToFit(points, cell) {
   const { right, up, back } = directions(START.azimuth, START.elevation);
   const [wide, high] = [(HALF_VIEW * 0.94 * cell.width) / cell.height, HALF_VIEW * 0.84];

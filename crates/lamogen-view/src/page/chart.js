@@ -1,15 +1,16 @@
-// Weight, Time, Flow and Shape over time, with a cursor that can be dragged.
+// Charts of Weight, Time, Flow and Shape over time, with a cursor that can be dragged.
 
-/** Room around the curves, in pixels. */
+/** The space around the curves, in pixels. */
 const EDGE = { left: 40, right: 14, top: 8, bottom: 20 };
 
-/** An SVG element with attributes, at the end of another. */
+/** Appends an SVG element with attributes to another element. */
 function draw(parent, name, attributes = {}) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
   return parent.appendChild(element);
 }
 
+/** Appends an HTML element with a class and a text to another element. */
 function append(parent, name, className = "", text = "") {
   const element = document.createElement(name);
   if (className) element.className = className;
@@ -17,18 +18,18 @@ function append(parent, name, className = "", text = "") {
   return parent.appendChild(element);
 }
 
-/** A round step that divides a range into about so many parts. */
+/** Returns a round step that divides a range into about `parts` parts. */
 function roundStep(range, parts) {
   const rough = range / parts;
   const power = 10 ** Math.floor(Math.log10(rough));
   return [1, 2, 5, 10].find((step) => step * power >= rough * 0.999) * power;
 }
 
-/** One component's panel. */
+/** The chart of one component. */
 class Chart {
   /**
-   * Curves are [{ label, colour, dashed, values }], a value a frame; `duration` is in seconds.
-   * `seek` is called with the time that is pointed at.
+   * Curves are [{ label, colour, dashed, values }], with one value for each frame; `duration` is in seconds.
+   * `seek` is called with the time at which the pointer is.
    */
   constructor(parent, component, curves, rate, duration, seek) {
     Object.assign(this, { curves, rate });
@@ -78,7 +79,7 @@ class Chart {
     return Number.isFinite(value) ? value.toFixed(this.digits) : "–";
   }
 
-  /** Draws everything but the cursor, for the size that the panel has now. */
+  /** Draws everything again for the current size of the chart. */
   layout(dark) {
     const { svg, curves, rate, duration } = this;
     const { width, height } = svg.getBoundingClientRect();
@@ -113,7 +114,7 @@ class Chart {
     this.dots = curves.map((curve) => draw(svg, "circle", { r: 4, class: "dot", fill: css(readable(curve.colour, dark)) }));
   }
 
-  /** Moves the cursor. */
+  /** Moves the cursor to a time and shows the values there. */
   show(time) {
     const x = this.x(Math.min(time, this.duration));
     this.cursor.setAttribute("transform", `translate(${x.toFixed(2)} 0)`);

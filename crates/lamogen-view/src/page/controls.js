@@ -1,9 +1,9 @@
-// Mouse, touch, keys and buttons.
+// Input from mouse, touch, keys and buttons.
 
 const byId = (id) => document.getElementById(id);
 
-/** Drags and pinches on the canvas turn, move and zoom the camera. `metres` says what a pixel is. */
-function pointAt(canvas, camera, metres, changed) {
+/** Drags and pinches on the canvas turn, move and zoom the camera. `metres` returns the size of a pixel in metres. */
+function listenToPointers(canvas, camera, metres, changed) {
   const held = new Map();
   const RADIANS = 0.0085;
   canvas.addEventListener("pointerdown", (event) => {
@@ -21,7 +21,7 @@ function pointAt(canvas, camera, metres, changed) {
     held.set(event.pointerId, after);
     const [right, down] = [after.x - before.x, after.y - before.y];
     if (other) {
-      // Of two fingers each moves the middle by half of its own way.
+      // Each of two fingers moves the point between them by half of its own movement.
       const apart = (finger) => Math.max(Math.hypot(finger.x - other.x, finger.y - other.y), 8);
       camera.closer(apart(after) / apart(before));
       camera.shift((-right / 2) * metres(), (down / 2) * metres());
@@ -44,7 +44,7 @@ function pointAt(canvas, camera, metres, changed) {
     (event) => {
       event.preventDefault();
       const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : event.deltaMode === 2 ? 400 : 1);
-      // A pinch on a touch pad arrives as a small wheel with Ctrl.
+      // Browsers report a pinch on a touch pad as a small wheel event with Ctrl.
       camera.closer(Math.exp(-Math.min(Math.max(pixels, -300), 300) * (event.ctrlKey ? 0.01 : 0.0015)));
       changed();
     },
@@ -52,7 +52,7 @@ function pointAt(canvas, camera, metres, changed) {
   );
 }
 
-/** Keys work everywhere on the page, except where an element has a use for them itself. */
+/** Keys work everywhere on the page, unless the focused element uses them itself. */
 function listenToKeys(player, camera, changed) {
   const TURN = 0.12;
   const view = (action) => {
@@ -103,13 +103,13 @@ function listenToKeys(player, camera, changed) {
   });
 }
 
-/** Buttons, the bar and the list of speeds. */
+/** Handles the buttons, the time bar and the list of speeds. */
 function listenToButtons(player, camera, changed) {
   const on = (id, action) =>
     byId(id).addEventListener("click", (event) => {
       action();
       changed();
-      // After a click with the mouse the space bar shall play and pause again.
+      // After a click with the mouse, the space bar must again play and pause.
       if (event.detail > 0) byId(id).blur();
     });
   on("play", () => player.toggle());
@@ -127,7 +127,7 @@ function listenToButtons(player, camera, changed) {
   });
 }
 
-/** Shows on buttons, bar and read-out how things stand. */
+/** Shows the state of the player on buttons, time bar and read-out. */
 function showControls(player) {
   const { frame, frames, time, duration } = player;
   byId("play").classList.toggle("playing", player.playing);

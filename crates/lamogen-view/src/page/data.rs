@@ -1,29 +1,29 @@
-//! What the page's script reads: motions and curves, as JSON with numbers in base64.
+//! The data that the script of the page reads: motions and curves, as JSON with numbers in base64.
 
 use lamogen_laban::{Component, Tag};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 use serde_json::{Value, json};
 
 use super::Figure;
-use super::markup::in_script;
+use super::markup::escape_json;
 use crate::Curve;
 use crate::text::printable;
 
-/// What one of the embedded integers means, in metres.
+/// The unit of the embedded integers, in metres.
 const STEP: f64 = 1e-4;
 
-/// The data of a page, to stand in a `script` element.
+/// Returns the data of a page as JSON for a `script` element.
 ///
-/// - `joints`: names in index order; `rate`: frames a second
+/// - `joints`: the names in the order of indices; `rate`: frames per second
 /// - `motions`: `label`, `colour`, `frames`, and
 ///   - `pelvis`: base64 of little-endian `f32`, frames × 3, metres
-///   - `others`: base64 of little-endian `i16`, frames × 21 × 3: the joints after the pelvis, seen from
-///     it, in units of `step` metres
-/// - `components`: `name`, `unit`, `less` and `more` (their words)
+///   - `others`: base64 of little-endian `i16`, frames × 21 × 3: the other joints relative to the pelvis, in units of
+///     `step` metres
+/// - `components`: `name`, `unit`, `less` and `more` (the words for low and high values)
 /// - `curves`: `label`, `colour`, `dashed`, `values`: base64 of little-endian `f32`, frames × 4
-pub(super) fn json(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
+pub(super) fn page_data(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
     let motions = figures.iter().map(|figure| {
-        let mut encoded = motion(figure.motion);
+        let mut encoded = encode_motion(figure.motion);
         encoded["label"] = printable(figure.label).into();
         encoded["colour"] = json!(figure.colour);
         encoded
@@ -38,7 +38,7 @@ pub(super) fn json(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
             "label": printable(curve.label),
             "colour": curve.colour,
             "dashed": curve.dashed,
-            "values": floats(curve.series.frames().as_flattened()),
+            "values": base64_floats(curve.series.frames().as_flattened()),
         })
     });
     let data = json!({
@@ -48,10 +48,11 @@ pub(super) fn json(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
         "components": components,
         "curves": curves.collect::<Vec<Value>>(),
     });
-    in_script(&data.to_string())
+    escape_json(&data.to_string())
 }
 
-fn motion(motion: &Motion) -> Value {
+/// Encodes the joint positions of a motion.
+fn encode_motion(motion: &Motion) -> Value {
     let pelvis = Joint::Pelvis.index();
     let from_pelvis = motion.joints().iter().flat_map(|pose| {
         let others = (0..JOINTS).filter(move |&joint| joint != pelvis);
@@ -61,8 +62,8 @@ fn motion(motion: &Motion) -> Value {
     });
     let farthest = from_pelvis
         .clone()
-        .fold(0.0, |far: f64, x| far.max(x.abs()));
-    // A body that is torn apart still shows, only less exactly.
+        .fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    // Positions farther away than 16-bit integers of this unit can hold are embedded less precisely.
     let step = STEP.max(farthest / f64::from(i16::MAX));
     let others = from_pelvis.flat_map(|x| ((x / step).round() as i16).to_le_bytes());
     let path: Vec<f32> = motion
@@ -73,18 +74,18 @@ fn motion(motion: &Motion) -> Value {
     json!({
         "frames": motion.frames(),
         "step": step,
-        "pelvis": floats(&path),
+        "pelvis": base64_floats(&path),
         "others": base64(&others.collect::<Vec<u8>>()),
     })
 }
 
-/// Base64 of little-endian floats.
-fn floats(values: &[f32]) -> String {
+/// Encodes little-endian floats as base64.
+fn base64_floats(values: &[f32]) -> String {
     let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
     base64(&bytes)
 }
 
-/// RFC 4648, section 4.
+/// Encodes bytes as base64 (RFC 4648, section 4).
 fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
@@ -134,7 +135,7 @@ mod tests {
             .collect()
     }
 
-    /// The joints of an embedded motion, read as the page's script reads them.
+    /// Decodes the joints of an embedded motion like the script of the page.
     fn joints(encoded: &Value) -> Vec<[[f64; 3]; JOINTS]> {
         let step = encoded["step"].as_f64().unwrap();
         let pelvis = decode_floats(&encoded["pelvis"]);
@@ -159,7 +160,8 @@ mod tests {
             .collect()
     }
 
-    fn worst(motion: &Motion, encoded: &Value) -> f64 {
+    /// Returns the largest error of an embedded coordinate in metres.
+    fn largest_error(motion: &Motion, encoded: &Value) -> f64 {
         let decoded = joints(encoded);
         assert_eq!(decoded.len(), motion.frames());
         let pairs = decoded
@@ -172,7 +174,7 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    fn wandering(reach: f32) -> Motion {
+    fn walking_motion(reach: f32) -> Motion {
         let pose = |t: usize| {
             std::array::from_fn(|j| {
                 let angle = (t * JOINTS + j) as f32;
@@ -187,29 +189,29 @@ mod tests {
     }
 
     #[test]
-    fn joints_come_back_to_a_twentieth_of_a_millimetre_wherever_they_walk() {
-        let motion = wandering(1.0);
-        let worst = worst(&motion, &super::motion(&motion));
-        assert!(worst < 0.51e-4, "{worst}");
+    fn joints_are_decoded_to_a_twentieth_of_a_millimetre_wherever_they_are() {
+        let motion = walking_motion(1.0);
+        let error = largest_error(&motion, &encode_motion(&motion));
+        assert!(error < 0.51e-4, "{error}");
     }
 
     #[test]
-    fn a_body_torn_apart_comes_back_as_exactly_as_its_size_allows() {
-        let motion = wandering(100.0);
-        let worst = worst(&motion, &super::motion(&motion));
-        assert!(worst < 200.0 / 32767.0, "{worst}");
+    fn bodies_of_huge_size_are_decoded_as_precisely_as_possible() {
+        let motion = walking_motion(100.0);
+        let error = largest_error(&motion, &encode_motion(&motion));
+        assert!(error < 200.0 / 32767.0, "{error}");
         let huge = Motion::from_joints(vec![std::array::from_fn(|j| {
             [if j == 3 { f32::MAX } else { f32::MIN }; 3]
         })])
         .unwrap();
-        assert!(super::motion(&huge)["step"].as_f64().unwrap().is_finite());
+        assert!(encode_motion(&huge)["step"].as_f64().unwrap().is_finite());
     }
 
     #[test]
-    fn curves_come_back_bit_for_bit_even_where_they_are_no_numbers() {
+    fn curves_are_decoded_bit_for_bit_even_if_they_are_not_finite() {
         let rows = [[0.1, 1e-9, 3.0, f32::INFINITY], [0.2, -0.0, f32::MAX, 7.5]];
         let series = LabanSeries::from_tensor(Tensor::from(rows));
-        let data: Value = serde_json::from_str(&json(&[], &[Curve::target(&series)])).unwrap();
+        let data: Value = serde_json::from_str(&page_data(&[], &[Curve::target(&series)])).unwrap();
         let curve = &data["curves"][0];
         assert_eq!(decode_floats(&curve["values"]), rows.as_flattened());
         assert_eq!(

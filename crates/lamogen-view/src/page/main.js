@@ -1,4 +1,4 @@
-// Everything together.
+// The program of the page: it connects data, scene, charts and controls.
 
 const data = JSON.parse(byId("data").textContent);
 const index = Object.fromEntries(data.joints.map((name, joint) => [name, joint]));
@@ -22,7 +22,7 @@ const charts = curves.length === 0 ? [] : data.components.map((component, c) => 
   return new Chart(byId("charts"), component, lines, data.rate, player.duration, (time) => player.goTo(time * data.rate));
 });
 
-// What all motions reach over the ground, and how high.
+// The bounding box of all motions.
 const bounds = { low: [Infinity, 0, Infinity], high: [-Infinity, 1.7, -Infinity] };
 for (const { values } of motions) {
   values.forEach((value, i) => {
@@ -31,10 +31,10 @@ for (const { values } of motions) {
   });
 }
 const middle = motions.length === 0 ? [0, 0.9, 0] : mix(bounds.low, bounds.high, 0.5);
-// Who goes far would become small in a view that stands still.
+// A figure that walks far would be small in a view that stands still.
 player.follow = motions.length > 0 && Math.max(bounds.high[0] - bounds.low[0], bounds.high[2] - bounds.low[2]) > 3;
 
-/** The point that the camera turns around. */
+/** Returns the point that the camera looks at. */
 function focus(shown, time) {
   if (!player.follow || shown.length === 0) return middle;
   const places = shown.map((motion) => motion.along(time));
@@ -42,7 +42,7 @@ function focus(shown, time) {
   return [mean(0), middle[1], mean(1)];
 }
 
-/** The motions of each view, and its place on the canvas: as few rows and columns as show them largest. */
+/** Returns the motions of each view and its rectangle on the canvas. The number of columns is the one with the largest views. */
 function views() {
   const { width, height } = canvas.getBoundingClientRect();
   if (player.overlay || motions.length < 2) return [{ shown: motions, cell: { x: 0, y: 0, width, height } }];
@@ -57,7 +57,7 @@ function views() {
   });
 }
 
-/** The distance from which every view shows all of its motions. */
+/** Returns the distance of the camera from which every view shows all of its motions. */
 function fit(all) {
   const distances = all.map(({ shown, cell }) => {
     const points = [];
@@ -70,7 +70,7 @@ function fit(all) {
   return Math.max(1.5, ...distances);
 }
 
-/** What depends on sizes, colours and the choice of views, until one of these changes. */
+/** Values that depend on sizes, colours and the selected views. They are computed again when one of these changes. */
 let layout = null;
 function arrange() {
   const ratio = Math.min(window.devicePixelRatio || 1, 3);
@@ -85,7 +85,7 @@ function arrange() {
     ratio,
     fit: fit(all),
     colours: motions.map((motion) => readable(motion.colour, darkness.matches)),
-    look: { grid: variable("--grid"), line: variable("--line"), shadow: Number(variable("--shadow")) },
+    appearance: { grid: variable("--grid"), line: variable("--line"), shadow: Number(variable("--shadow")) },
     choice: `${player.overlay} ${player.follow}`,
   };
   for (const chart of charts) chart.layout(darkness.matches);
@@ -100,14 +100,14 @@ function arrange() {
 }
 
 function draw3d() {
-  const { all, ratio, look, colours } = layout;
+  const { all, ratio, appearance, colours } = layout;
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, canvas.width, canvas.height);
   for (const { shown, cell } of all) {
     lens = new Lens(camera, layout.fit, focus(shown, player.time), cell);
     const figures = shown.map((motion) => ({ motion, colour: colours[motions.indexOf(motion)] }));
-    scene.draw(figures, player.time, lens, cell, { ...look, trails: player.trails });
-    context.strokeStyle = look.line;
+    scene.draw(figures, player.time, lens, cell, { ...appearance, trails: player.trails });
+    context.strokeStyle = appearance.line;
     context.lineWidth = 1;
     context.beginPath();
     if (cell.x > 0) context.rect(cell.x - 0.5, cell.y, 0, cell.height);
@@ -142,7 +142,7 @@ byId("scrub").max = String(frames - 1);
 for (const id of ["back", "play", "forward", "scrub"]) byId(id).disabled = frames === 1;
 byId("overlay").hidden = motions.length < 2;
 byId("curves").hidden = charts.length === 0;
-pointAt(canvas, camera, () => (lens ? lens.distance / lens.focal : 0.01), redraw);
+listenToPointers(canvas, camera, () => (lens ? lens.distance / lens.focal : 0.01), redraw);
 listenToKeys(player, camera, redraw);
 listenToButtons(player, camera, redraw);
 const sizes = new ResizeObserver(rearrange);
@@ -151,8 +151,8 @@ for (const chart of charts) sizes.observe(chart.svg);
 darkness.addEventListener("change", rearrange);
 
 /**
- * How things stand, for tests and for the browser's console: reading gives the present state, setting
- * changes it. Times in seconds, angles in radians, lengths in metres.
+ * The state of the player, for tests and for the console of the browser. Setting a property changes the state. Times are
+ * in seconds, angles in radians, lengths in metres.
  */
 window.lamogen = {
   get time() { return player.time; },
@@ -173,7 +173,7 @@ window.lamogen = {
   set follow(follows) { player.set("follow", follows); },
   get trails() { return player.trails; },
   set trails(shows) { player.set("trails", shows); },
-  /** The camera of all views: azimuth, elevation, zoom, pan; azimuth and elevation may be set. */
+  /** The camera of all views: azimuth, elevation, zoom, pan and distance. All but the distance may be set. */
   get camera() {
     const { azimuth, elevation, zoom, pan } = camera;
     return { azimuth, elevation, zoom, pan: [...pan], distance: (layout ? layout.fit : 0) / zoom };
@@ -182,7 +182,7 @@ window.lamogen = {
     Object.assign(camera, { azimuth, elevation, zoom, pan });
     redraw();
   },
-  /** Label, number of frames, and pose (joints × 3) at a time of every motion. */
+  /** For every motion: its label, its number of frames, and its pose (joints × 3) at a time. */
   motions: motions.map((motion) => ({ label: motion.label, frames: motion.frames, pose: (time) => motion.pose(time) })),
 };
 

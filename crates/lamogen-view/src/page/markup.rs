@@ -1,8 +1,8 @@
-//! Text into HTML.
+//! HTML and JSON escaping, and the template of the page.
 
 use crate::text::printable;
 
-/// Text as HTML shows it, in an element or in a quoted attribute.
+/// Escapes text for an HTML element or for a quoted attribute.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in printable(text).chars() {
@@ -18,9 +18,9 @@ pub(super) fn escape(text: &str) -> String {
     escaped
 }
 
-/// JSON that can stand in a `script` element: whatever could end the element or open a comment in it is
-/// only in strings, where an escape means the same.
-pub(super) fn in_script(json: &str) -> String {
+/// Escapes JSON for a `script` element. The characters that could end the element or start a comment occur only in
+/// strings, in which the escapes have the same meaning.
+pub(super) fn escape_json(json: &str) -> String {
     let mut escaped = String::with_capacity(json.len());
     for letter in json.chars() {
         match letter {
@@ -33,18 +33,18 @@ pub(super) fn in_script(json: &str) -> String {
     escaped
 }
 
-/// The document with its `{{name}}`s replaced. What is put in is not looked at again.
+/// Replaces the placeholders `{{name}}` of a template. Placeholders in inserted texts are not replaced.
 ///
 /// # Panics
 ///
-/// If the document has a hole that nothing is named for.
-pub(super) fn fill(document: &str, holes: &[(&str, &str)]) -> String {
-    let mut pieces = document.split("{{");
+/// If the template has a placeholder for which there is no text.
+pub(super) fn fill_template(template: &str, texts: &[(&str, &str)]) -> String {
+    let mut pieces = template.split("{{");
     let mut filled = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
-        let (name, rest) = piece.split_once("}}").expect("a hole ends");
-        let hole = holes.iter().find(|(hole, _)| *hole == name);
-        let (_, text) = hole.unwrap_or_else(|| panic!("nothing fills {name}"));
+        let (name, rest) = piece.split_once("}}").expect("a placeholder ends");
+        let entry = texts.iter().find(|(key, _)| *key == name);
+        let (_, text) = entry.unwrap_or_else(|| panic!("there is no text for {name}"));
         filled.push_str(text);
         filled.push_str(rest);
     }
@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn json_in_a_script_is_the_same_json() {
         let value = serde_json::json!({ "label": "</script><!--&\u{2028}\"" });
-        let escaped = in_script(&value.to_string());
+        let escaped = escape_json(&value.to_string());
         assert!(!escaped.contains(['<', '>', '&', '\u{2028}']));
         assert_eq!(
             serde_json::from_str::<serde_json::Value>(&escaped).unwrap(),
@@ -75,9 +75,9 @@ mod tests {
     }
 
     #[test]
-    fn what_fills_a_hole_has_no_holes() {
+    fn placeholders_in_inserted_texts_stay() {
         assert_eq!(
-            fill("<{{a}}|{{b}}|{{a}}>", &[("a", "{{b}}"), ("b", "2")]),
+            fill_template("<{{a}}|{{b}}|{{a}}>", &[("a", "{{b}}"), ("b", "2")]),
             "<{{b}}|2|{{b}}>"
         );
     }

@@ -1,18 +1,18 @@
-// Motions as the file carries them.
+// Decoding and interpolation of the motions in the page.
 
-/** Base64 as bytes. */
+/** Decodes base64 to bytes. */
 function decode(text) {
   const binary = atob(text);
   return new DataView(Uint8Array.from(binary, (letter) => letter.charCodeAt(0)).buffer);
 }
 
-/** Base64 as an array of little-endian 32-bit floats. */
+/** Decodes base64 to an array of little-endian 32-bit floats. */
 function decodeFloats(text) {
   const bytes = decode(text);
   return Float32Array.from({ length: bytes.byteLength / 4 }, (_, i) => bytes.getFloat32(4 * i, true));
 }
 
-/** A motion: where every joint is at every frame, in metres. */
+/** A motion: the position of every joint at every frame, in metres. */
 class Motion {
   constructor(encoded, joints, rate) {
     this.label = encoded.label;
@@ -35,12 +35,12 @@ class Motion {
     this.path = this.smoothPath();
   }
 
-  /** Seconds from the first frame to the last. */
+  /** The time from the first frame to the last one, in seconds. */
   get duration() {
     return (this.frames - 1) / this.rate;
   }
 
-  /** Where every joint is at a time; before the start and after the end the body stands still. */
+  /** Returns the positions of all joints at a time. Before the start and after the end, the body stands still. */
   pose(time) {
     const { values, joints, frames } = this;
     const place = Math.min(Math.max(time * this.rate, 0), frames - 1);
@@ -49,7 +49,7 @@ class Motion {
     const width = joints * 3;
     const at = (f) => Math.min(Math.max(f, 0), frames - 1) * width;
     const [a, b, c, d] = [at(frame - 1), at(frame), at(frame + 1), at(frame + 2)];
-    // Catmull and Rom's curve: through every frame, without corners in slow motion.
+    // Catmull-Rom spline: it passes through every frame and has no corners in slow motion.
     const wa = t * (-0.5 + t * (1 - 0.5 * t));
     const wb = 1 + t * t * (1.5 * t - 2.5);
     const wc = t * (0.5 + t * (2 - 1.5 * t));
@@ -58,7 +58,7 @@ class Motion {
     return Array.from({ length: joints }, (_, j) => [between(3 * j), between(3 * j + 1), between(3 * j + 2)]);
   }
 
-  /** The pelvis over the ground, smoothed, for a view that goes along without shaking: x, z a frame. */
+  /** Returns the smoothed path of the pelvis over the ground, for a camera that follows without shaking: x and z for each frame. */
   smoothPath() {
     const reach = 14;
     const weights = Array.from({ length: 2 * reach + 1 }, (_, i) => Math.exp(-0.5 * ((i - reach) / 5) ** 2));
@@ -75,7 +75,7 @@ class Motion {
     );
   }
 
-  /** The smoothed path at a time: x, z. */
+  /** Returns the smoothed path at a time: x and z. */
   along(time) {
     const place = Math.min(Math.max(time * this.rate, 0), this.frames - 1);
     const frame = Math.min(Math.floor(place), Math.max(this.frames - 2, 0));

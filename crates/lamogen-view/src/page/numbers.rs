@@ -1,12 +1,13 @@
-//! The largest values as a table, which is read without a script.
+//! The table of the largest values, which is visible without a script.
 
 use lamogen_laban::{Component, TimeSummary};
 
 use super::markup::escape;
 use crate::Curve;
 
-/// A row a component, a column a curve: the largest value over time, and beside those after the first the
-/// change from it. Nothing where there are no curves.
+/// Returns a table of the largest values over time, with a row for each component and a column for each curve. From the
+/// second curve on, values are followed by the change relative to the first curve. The text is empty if there are no
+/// curves.
 pub(super) fn table(curves: &[Curve<'_>]) -> String {
     let Some(first) = curves.first() else {
         return String::new();
@@ -19,7 +20,7 @@ pub(super) fn table(curves: &[Curve<'_>]) -> String {
         let index = component.index();
         let cells = curves.iter().enumerate().map(|(place, curve)| {
             let value = curve.series.summary(TimeSummary::Maximum)[index];
-            // Without a sign where it rounds to nothing.
+            // Adding 0 turns a rounded -0 into 0.
             let change = (100.0 * (value / first[index] - 1.0)).round() + 0.0;
             match place > 0 && change.is_finite() {
                 true => format!("<td>{value:.4} <small>{change:+.0} %</small></td>"),
@@ -46,7 +47,7 @@ mod tests {
     use lamogen_laban::LabanSeries;
 
     #[test]
-    fn change_is_seen_from_the_first_curve() {
+    fn changes_are_relative_to_the_first_curve() {
         let series = |rows: [[f32; 4]; 2]| LabanSeries::from_tensor(Tensor::from(rows));
         let before = series([[1.0, 0.0, 2.0, 4.0], [2.0, 0.0, 1.0, 4.0]]);
         let after = series([[3.0, 0.5, 1.0, 4.0], [0.0, 0.0, 1.0, 4.0]]);
@@ -65,7 +66,7 @@ mod tests {
             table.contains("Flow</th><td>2.0000</td><td>1.0000 <small>-50 %</small></td>"),
             "{table}"
         );
-        // From nothing there is no change in percent.
+        // Relative to 0 there is no change in percent.
         assert!(
             table.contains("Time</th><td>0.0000</td><td>0.5000</td>"),
             "{table}"

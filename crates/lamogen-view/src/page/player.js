@@ -1,9 +1,9 @@
-// The clock and the choices: what is shown, and when.
+// The player: the time and the options of the view.
 
 const SPEEDS = [0.1, 0.25, 0.5, 0.75, 1, 1.5, 2];
 
 class Player {
-  /** `changed` is called whenever a picture is out of date. */
+  /** `changed` is called whenever the picture must be drawn again. */
   constructor(frames, rate, changed) {
     Object.assign(this, { frames, rate, changed });
     this.time = 0;
@@ -15,12 +15,12 @@ class Player {
     this.trails = false;
   }
 
-  /** Seconds from the first frame to the last. */
+  /** The time from the first frame to the last one, in seconds. */
   get duration() {
     return (this.frames - 1) / this.rate;
   }
 
-  /** The frame that is nearest, counted from 0. */
+  /** The nearest frame, counted from 0. */
   get frame() {
     return Math.round(this.time * this.rate);
   }
@@ -30,13 +30,13 @@ class Player {
     this.changed();
   }
 
-  /** Goes to a frame and stays there. */
+  /** Goes to a frame and pauses. */
   goTo(frame) {
     this.playing = false;
     this.seek(Math.round(frame) / this.rate);
   }
 
-  /** Goes so many frames on; from between two frames to the next. */
+  /** Moves by a number of frames; from a time between two frames to the next frame in that direction. */
   step(frames) {
     const place = this.time * this.rate;
     const from = Math.abs(place - Math.round(place)) < 1e-6 ? Math.round(place) : frames > 0 ? Math.floor(place) : Math.ceil(place);
@@ -60,7 +60,7 @@ class Player {
     else this.play();
   }
 
-  /** One of SPEEDS, by so many places slower or faster. */
+  /** Changes the speed by a number of places in SPEEDS. */
   faster(places) {
     const place = SPEEDS.indexOf(this.speed) + places;
     this.set("speed", SPEEDS[Math.min(Math.max(place, 0), SPEEDS.length - 1)]);
@@ -71,10 +71,10 @@ class Player {
     this.changed();
   }
 
-  /** So many seconds have passed on the wall. */
+  /** Advances the time after a number of seconds of real time. */
   advance(seconds) {
     if (!this.playing) return;
-    // After a pause that the browser made, such as a hidden tab, the motion goes on where it was.
+    // After a pause by the browser, such as that of a hidden tab, the motion continues where it was.
     const time = this.time + Math.min(seconds, 0.25) * this.speed;
     if (time < this.duration) this.time = time;
     else if (this.loop) this.time = (time - this.duration) % this.duration;

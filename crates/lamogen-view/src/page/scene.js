@@ -1,12 +1,12 @@
-// What stands in one view: ground, shadows, trails, figures; far things first.
+// Drawing of one view: ground, shadows, trails and figures, the farthest ones first.
 
-/** Towards the light. */
+/** The direction towards the light. */
 const LIGHT = unit([-0.5, 1, 0.12]);
-/** Seconds that a trail lasts. */
+/** The duration of a trail in seconds. */
 const TRAIL = 1.2;
 
-/** The outline of circles {x, y, r} and all between them, as a convex polygon. */
-function hull(circles) {
+/** Returns the convex hull of circles {x, y, r} as a polygon. */
+function circleHull(circles) {
   const points = [];
   for (const { x, y, r } of circles) {
     const corners = Math.min(Math.max(Math.ceil(r * 1.5), 14), 64);
@@ -15,11 +15,11 @@ function hull(circles) {
       points.push([x + r * Math.cos(angle), y + r * Math.sin(angle)]);
     }
   }
-  return convex(points);
+  return convexHull(points);
 }
 
-/** The convex hull of points, by Andrew's monotone chain. */
-function convex(points) {
+/** Returns the convex hull of points, by Andrew's monotone chain. */
+function convexHull(points) {
   points.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const half = (ordered) => {
     const chain = [];
@@ -37,6 +37,7 @@ function convex(points) {
   return half(points).concat(half(points.reverse()));
 }
 
+/** Makes a polygon the current path. */
 function trace(context, polygon) {
   context.beginPath();
   polygon.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
@@ -44,7 +45,7 @@ function trace(context, polygon) {
 }
 
 class Scene {
-  /** Draws on a canvas's context; sizes are in CSS pixels. */
+  /** Draws on the context of a canvas. Sizes are in CSS pixels. `index` gives the index of each joint by its name. */
   constructor(context, index) {
     this.context = context;
     this.index = index;
@@ -53,35 +54,35 @@ class Scene {
   }
 
   /**
-   * One view: figures are [{ motion, colour }] at a time, seen through a lens in a cell.
-   * `look` is { grid, shadow, trails, ratio }.
+   * Draws one view: figures [{ motion, colour }] at a time, projected by a lens into a cell of the canvas.
+   * `appearance` is { grid, shadow, trails }.
    */
-  draw(figures, time, lens, cell, look) {
+  draw(figures, time, lens, cell, appearance) {
     const { context } = this;
     context.save();
     context.beginPath();
     context.rect(cell.x, cell.y, cell.width, cell.height);
     context.clip();
-    this.ground(lens, cell, look);
+    this.drawGround(lens, cell, appearance);
     const bodies = figures.map(({ motion, colour }) => {
       const parts = bodyParts(motion.pose(time), this.index);
       const skin = mix(colour, WHITE, 0.6);
       const tones = { middle: colour, right: colour, left: mix(colour, WHITE, 0.25), end: skin, nose: times(skin, 0.9) };
       return { motion, parts, tones };
     });
-    this.shadows(bodies, lens, cell, look);
+    this.drawShadows(bodies, lens, cell, appearance);
     const things = [];
     for (const { motion, parts, tones } of bodies) {
-      for (const part of parts) this.solid(things, part, tones[part.tone], lens);
-      if (look.trails) this.trails(things, motion, time, tones.right, lens);
+      for (const part of parts) this.addPart(things, part, tones[part.tone], lens);
+      if (appearance.trails) this.addTrails(things, motion, time, tones.right, lens);
     }
     things.sort((a, b) => b.depth - a.depth);
     for (const thing of things) thing.paint();
     context.restore();
   }
 
-  /** Squares of half a metre (more from afar) that fade out around the point looked at. */
-  ground(lens, cell, look) {
+  /** Draws squares of half a metre (larger ones from far away) that fade out around the point that the camera looks at. */
+  drawGround(lens, cell, appearance) {
     const { context } = this;
     const reach = Math.max(3.2, lens.distance * 0.75);
     const side = gridSide(lens);
@@ -107,7 +108,7 @@ class Scene {
     }
     context.lineWidth = 1;
     buckets.forEach((bucket, shade) => {
-      context.strokeStyle = `rgba(${look.grid}, ${(0.34 * (shade + 0.5)) / shades})`;
+      context.strokeStyle = `rgba(${appearance.grid}, ${(0.34 * (shade + 0.5)) / shades})`;
       context.beginPath();
       for (const [a, b] of bucket) {
         context.moveTo(a.x, a.y);
@@ -117,8 +118,8 @@ class Scene {
     });
   }
 
-  /** Shadows are drawn small and stretched, which blurs them in every browser. */
-  shadows(bodies, lens, cell, look) {
+  /** Draws shadows at a small size and enlarges them, which blurs them in every browser. */
+  drawShadows(bodies, lens, cell, appearance) {
     const { context, shade, blur } = this;
     const small = 3;
     const smaller = 4;
@@ -130,7 +131,7 @@ class Scene {
     ink.fillStyle = "#000";
     for (const { parts } of bodies) {
       const lowest = Math.min(...parts.flatMap(({ hulls }) => hulls.flat()).map(([centre, radius]) => centre[1] - radius));
-      // Of a high jump the shadow is faint.
+      // The shadow of a high jump is faint.
       ink.globalAlpha = Math.min(Math.max(1 - 0.6 * lowest, 0.3), 1);
       for (const balls of parts.flatMap(({ hulls }) => hulls)) {
         const points = [];
@@ -139,12 +140,12 @@ class Scene {
           for (let i = 0; i < 14; i++) {
             const angle = (2 * Math.PI * i) / 14;
             const spot = [centre[0] - LIGHT[0] * fall + radius * Math.cos(angle), 0, centre[2] - LIGHT[2] * fall + radius * Math.sin(angle)];
-            const seen = lens.project(spot);
-            if (seen.depth > 0.1) points.push([(seen.x - cell.x) / small, (seen.y - cell.y) / small]);
+            const projected = lens.project(spot);
+            if (projected.depth > 0.1) points.push([(projected.x - cell.x) / small, (projected.y - cell.y) / small]);
           }
         }
         if (points.length < 3) continue;
-        trace(ink, convex(points));
+        trace(ink, convexHull(points));
         ink.fill();
       }
     }
@@ -153,33 +154,33 @@ class Scene {
     soft.imageSmoothingQuality = context.imageSmoothingQuality = "high";
     soft.drawImage(shade, 0, 0, blur.width, blur.height);
     context.save();
-    context.globalAlpha = look.shadow * 0.3;
+    context.globalAlpha = appearance.shadow * 0.3;
     context.drawImage(shade, cell.x, cell.y, shade.width * small, shade.height * small);
-    context.globalAlpha = look.shadow * 0.7;
+    context.globalAlpha = appearance.shadow * 0.7;
     context.drawImage(blur, cell.x, cell.y, blur.width * small * smaller, blur.height * small * smaller);
     context.restore();
   }
 
-  /** A body part, shaded across its length as a round thing is. */
-  solid(things, { tone, hulls, axis: [from, to] }, colour, lens) {
+  /** Adds a body part that is shaded like a cylinder along its axis. */
+  addPart(things, { tone, hulls, axis: [from, to] }, colour, lens) {
     const outlines = hulls.map((balls) =>
       balls.map(([centre, radius]) => {
-        const seen = lens.project(centre);
-        return { x: seen.x, y: seen.y, r: radius * seen.scale, depth: seen.depth };
+        const projected = lens.project(centre);
+        return { x: projected.x, y: projected.y, r: radius * projected.scale, depth: projected.depth };
       }),
     );
     const circles = outlines.flat();
     if (circles.some((circle) => circle.depth < 0.15)) return;
     const depth = circles.reduce((sum, circle) => sum + circle.depth, 0) / circles.length;
     const { context } = this;
-    // The long axis, the direction across it in the picture, and the one of its surface that faces the eye.
-    const axis = unit(lens.seen(sub(to, from)), [0, 1, 0]);
+    // The long axis, the direction across it in the picture, and the normal of the surface that faces the camera.
+    const axis = unit(lens.toView(sub(to, from)), [0, 1, 0]);
     const across = unit([-axis[1], axis[0], 0], [1, 0, 0]);
     const facing = cross(across, axis);
-    // Of what points at the eye one sees the round end.
+    // If the axis points at the camera, the round end is visible.
     const front = unit(mix(times(facing, Math.sign(facing[2]) || 1), [0, 0, 1], axis[2] ** 2), [0, 0, 1]);
-    // Some of the light goes along with the eye, so that no side is ever black.
-    const light = unit(add(times(lens.seen(LIGHT), 0.6), [-0.3, 0.2, 0.7]));
+    // A part of the light moves with the camera, so that no side is ever black.
+    const light = unit(add(times(lens.toView(LIGHT), 0.6), [-0.3, 0.2, 0.7]));
     const paint = () => {
       const reach = (sign) => Math.max(...circles.map((c) => sign * (c.x * across[0] - c.y * across[1]) + c.r));
       const [low, high] = [-reach(-1), reach(1)];
@@ -196,10 +197,10 @@ class Scene {
         const s = (stop / 8) * 2 - 1;
         const normal = add(times(across, s), times(front, Math.sqrt(Math.max(1 - s * s, 0))));
         const bright = Math.max(dot(normal, light), 0);
-        gradient.addColorStop(stop / 8, css(lit(colour, 0.62 + 0.46 * bright + 0.12 * bright ** 14)));
+        gradient.addColorStop(stop / 8, css(shaded(colour, 0.62 + 0.46 * bright + 0.12 * bright ** 14)));
       }
-      // The edge first, so that it shows around the part and not inside it.
-      const polygons = outlines.map(hull);
+      // Draw the edge first, so that it is visible around the part and not inside it.
+      const polygons = outlines.map(circleHull);
       context.strokeStyle = css(times(colour, 0.42), 0.6);
       context.lineWidth = 2 * Math.min(Math.max(0.004 * (lens.focal / depth), 0.5), 2);
       context.fillStyle = gradient;
@@ -215,8 +216,8 @@ class Scene {
     things.push({ depth, paint });
   }
 
-  /** Where hands and feet were a moment ago. */
-  trails(things, motion, time, colour, lens) {
+  /** Adds the recent paths of hands and feet. */
+  addTrails(things, motion, time, colour, lens) {
     const end = Math.min(time, motion.duration);
     const start = Math.max(end - TRAIL, 0);
     const steps = Math.ceil((end - start) * motion.rate * 2);
@@ -224,10 +225,10 @@ class Scene {
     const { context } = this;
     const moments = Array.from({ length: steps + 1 }, (_, i) => start + ((end - start) * i) / steps);
     const poses = moments.map((moment) => motion.pose(moment));
-    for (const name of TRAILING) {
-      const seen = poses.map((pose) => lens.project(pose[this.index[name]]));
+    for (const name of TRAIL_JOINTS) {
+      const projected = poses.map((pose) => lens.project(pose[this.index[name]]));
       for (let i = 0; i < steps; i++) {
-        const [a, b] = [seen[i], seen[i + 1]];
+        const [a, b] = [projected[i], projected[i + 1]];
         if (a.depth < 0.15 || b.depth < 0.15) continue;
         const fresh = 1 - (end - moments[i + 1]) / TRAIL;
         const paint = () => {
@@ -239,14 +240,14 @@ class Scene {
           context.lineTo(b.x, b.y);
           context.stroke();
         };
-        // Behind the hand or foot that draws it.
+        // Draw the trail behind its hand or foot.
         things.push({ depth: (a.depth + b.depth) / 2 + 0.03, paint });
       }
     }
   }
 }
 
-/** Metres between the ground's lines. */
+/** Returns the distance between the lines on the ground in metres. */
 function gridSide(lens) {
   return lens.distance < 11 ? 0.5 : 2 ** Math.ceil(Math.log2(lens.distance / 11));
 }

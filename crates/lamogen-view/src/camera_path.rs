@@ -1,21 +1,22 @@
-//! Where the camera of an animation is aimed.
+//! The path of the camera that follows a motion.
 
 use lamogen_laban::Gaussian;
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 
-/// How far the pelvis may go before the camera follows it, in metres.
-const LEASH: f32 = 0.3;
-/// Standard deviation of the camera's smoothing, in seconds.
+/// The distance of the pelvis from the target of the camera beyond which the camera follows, in metres.
+const DEAD_ZONE: f32 = 0.3;
+/// The standard deviation of the Gaussian that smooths the path of the camera, in seconds.
 const SMOOTHING: f32 = 0.4;
 
-/// The point of the ground, `[x, z]`, that the camera is aimed at, for every frame. It stands still
-/// for a jump or a wave, and goes smoothly along with a walk.
-pub(crate) fn follow(motion: &Motion) -> Vec<[f32; 2]> {
-    smoothed(&on_a_leash(motion))
+/// Returns the point of the ground, `[x, z]`, that the camera looks at in every frame. It stands still for a jump or a
+/// wave of a hand, and follows a walk smoothly.
+pub(crate) fn camera_path(motion: &Motion) -> Vec<[f32; 2]> {
+    smooth(&follow_pelvis(motion))
 }
 
-/// Drawn along by the pelvis whenever it is further away than the leash is long.
-fn on_a_leash(motion: &Motion) -> Vec<[f32; 2]> {
+/// Returns a path that stays still while the pelvis is in the dead zone around it, and otherwise follows the pelvis at the
+/// radius of the dead zone.
+fn follow_pelvis(motion: &Motion) -> Vec<[f32; 2]> {
     let pelvis = |frame: usize| {
         let [x, _, z] = motion.position(frame, Joint::Pelvis);
         [x, z]
@@ -26,9 +27,9 @@ fn on_a_leash(motion: &Motion) -> Vec<[f32; 2]> {
             let [x, z] = pelvis(frame);
             let (dx, dz) = (x - at[0], z - at[1]);
             let distance = dx.hypot(dz);
-            // What is not a number any more is no distance to follow.
-            if distance.is_finite() && distance > LEASH {
-                let step = (distance - LEASH) / distance;
+            // A distance that is not finite is ignored.
+            if distance.is_finite() && distance > DEAD_ZONE {
+                let step = (distance - DEAD_ZONE) / distance;
                 at = [at[0] + dx * step, at[1] + dz * step];
             }
             at
@@ -36,20 +37,20 @@ fn on_a_leash(motion: &Motion) -> Vec<[f32; 2]> {
         .collect()
 }
 
-/// A Gaussian along time; beyond its ends the path stands still.
-fn smoothed(path: &[[f32; 2]]) -> Vec<[f32; 2]> {
+/// Smooths a path with a Gaussian over time. Before its start and after its end the path stands still.
+fn smooth(path: &[[f32; 2]]) -> Vec<[f32; 2]> {
     let deviation = SMOOTHING * FRAMES_PER_SECOND;
     let reach = (3.0 * deviation) as usize;
     let window = Gaussian::new(2 * reach + 1, deviation.powi(2));
     let kernel = window.expect("an odd size and a variance above 0").kernel();
-    let tap = |frame: usize, offset: usize| {
+    let sample = |frame: usize, offset: usize| {
         path[(frame + offset).clamp(reach, path.len() - 1 + reach) - reach]
     };
     (0..path.len())
         .map(|frame| {
             let weights = kernel.iter().enumerate();
             weights.fold([0.0; 2], |mean, (offset, weight)| {
-                let at = tap(frame, offset);
+                let at = sample(frame, offset);
                 std::array::from_fn(|axis| mean[axis] + at[axis] * weight)
             })
         })
@@ -63,7 +64,7 @@ mod tests {
 
     fn path(points: impl Iterator<Item = [f32; 2]>) -> Vec<[f32; 2]> {
         let poses = points.map(|[x, z]| [[x, 1.0, z]; JOINTS]).collect();
-        follow(&Motion::from_joints(poses).unwrap())
+        camera_path(&Motion::from_joints(poses).unwrap())
     }
 
     #[test]

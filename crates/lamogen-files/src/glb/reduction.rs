@@ -1,35 +1,36 @@
-//! The part of a glTF document that says how nodes move.
+//! Reduction of a glTF document to the parts that animate nodes.
 //!
-//! Files of other programs carry much that the specification allows or tells readers to ignore: extras of any type, channels without a node,
-//! compressed meshes, animations that are broken beside the one that is asked for. Of all that nothing is read, so that nothing of it can be
-//! wrong.
+//! Files of other programs contain much that the specification allows or tells readers to ignore: extras of any type,
+//! channels without a node, compressed meshes, damaged animations next to the requested one. These parts are removed
+//! before the document is checked, so that they cannot cause errors.
 
 use std::collections::BTreeSet;
 
 use serde_json::{Map, Value, json};
 
-/// Cuts a document down to its nodes, the animation that is asked for (by its name, else the first), and what that refers to. Indices stay what
-/// they are: what is not needed is replaced by the least that makes sense. Of other animations the names are left.
-pub(super) fn relevant(document: &Value, animation: Option<&str>) -> Value {
+/// Reduces a document to its nodes, the requested animation (by its name, or else the first one), and everything that it
+/// refers to. Indices stay valid: entries that are not needed are replaced by minimal valid ones. Other animations keep
+/// only their names.
+pub(super) fn reduce_to_animation(document: &Value, animation: Option<&str>) -> Value {
     let list = |name: &str| document[name].as_array().map_or(&[][..], Vec::as_slice);
     let animations = list("animations");
     let chosen = match animation {
         None => Some(0),
-        Some(asked) => animations.iter().position(|one| one["name"] == asked),
+        Some(name) => animations.iter().position(|entry| entry["name"] == name),
     };
     let mut accessors = BTreeSet::new();
-    let cut: Vec<Value> = { animations.iter().enumerate() }
-        .map(|(place, one)| match Some(place) == chosen {
-            true => moving(one, &mut accessors),
-            false => named(one, json!({ "channels": [], "samplers": [] })),
+    let reduced_animations: Vec<Value> = { animations.iter().enumerate() }
+        .map(|(position, entry)| match Some(position) == chosen {
+            true => reduced_animation(entry, &mut accessors),
+            false => with_name_of(entry, json!({ "channels": [], "samplers": [] })),
         })
         .collect();
     let mut used_views = BTreeSet::new();
     let accessors: Vec<Value> = { list("accessors").iter().enumerate() }
-        .map(|(place, accessor)| match accessors.contains(&place) {
+        .map(|(position, accessor)| match accessors.contains(&position) {
             true => {
-                used_views.extend(places(accessor));
-                only(
+                used_views.extend(buffer_views(accessor));
+                keep_fields(
                     accessor,
                     &[
                         "bufferView",
@@ -49,31 +50,31 @@ pub(super) fn relevant(document: &Value, animation: Option<&str>) -> Value {
         .collect();
     let mut buffers = BTreeSet::new();
     let mut views: Vec<Value> = { list("bufferViews").iter().enumerate() }
-        .map(|(place, view)| match used_views.contains(&place) {
+        .map(|(position, view)| match used_views.contains(&position) {
             true => {
                 buffers.extend(index(&view["buffer"]));
                 let kept = ["buffer", "byteOffset", "byteLength", "byteStride"];
-                only(view, &[&kept[..], &["extensions"]].concat())
+                keep_fields(view, &[&kept[..], &["extensions"]].concat())
             }
             false => json!({ "buffer": 0, "byteLength": 1 }),
         })
         .collect();
-    // Accessors that stand for nothing point at the first view, views at the first buffer; so there is one of each.
+    // Replaced accessors refer to the first view, and replaced views to the first buffer, so there must be one of each.
     if views.is_empty() && !accessors.is_empty() {
         views.push(json!({ "buffer": 0, "byteLength": 1 }));
     }
     let all_buffers = list("buffers");
     let buffers: Vec<Value> = match (all_buffers, views.is_empty()) {
-        ([], false) => vec![json!({ "byteLength": 0, "uri": EMPTY })],
+        ([], false) => vec![json!({ "byteLength": 0, "uri": EMPTY_BUFFER })],
         (all, _) => { all.iter().enumerate() }
-            .map(|(place, buffer)| match buffers.contains(&place) {
-                true => only(buffer, &["byteLength", "uri"]),
-                false => json!({ "byteLength": 0, "uri": EMPTY }),
+            .map(|(position, buffer)| match buffers.contains(&position) {
+                true => keep_fields(buffer, &["byteLength", "uri"]),
+                false => json!({ "byteLength": 0, "uri": EMPTY_BUFFER }),
             })
             .collect(),
     };
     let node = |node: &Value| {
-        only(
+        keep_fields(
             node,
             &[
                 "name",
@@ -86,9 +87,9 @@ pub(super) fn relevant(document: &Value, animation: Option<&str>) -> Value {
         )
     };
     let mut root = json!({
-        "asset": only(&document["asset"], &["version"]),
+        "asset": keep_fields(&document["asset"], &["version"]),
         "nodes": list("nodes").iter().map(node).collect::<Vec<_>>(),
-        "animations": cut,
+        "animations": reduced_animations,
         "accessors": accessors,
         "bufferViews": views,
         "buffers": buffers,
@@ -101,47 +102,47 @@ pub(super) fn relevant(document: &Value, animation: Option<&str>) -> Value {
     root
 }
 
-/// A buffer of nothing.
-const EMPTY: &str = "data:application/octet-stream;base64,";
+/// The URI of an empty buffer.
+const EMPTY_BUFFER: &str = "data:application/octet-stream;base64,";
 
-/// An animation with the channels that move nodes, and the accessors of these.
-fn moving(animation: &Value, accessors: &mut BTreeSet<usize>) -> Value {
+/// Reduces an animation to the channels that move nodes, and adds the indices of their accessors to `accessors`.
+fn reduced_animation(animation: &Value, accessors: &mut BTreeSet<usize>) -> Value {
     let samplers = animation["samplers"].as_array();
     let channels = animation["channels"].as_array().into_iter().flatten();
     let channels: Vec<Value> = channels
         .filter(|channel| {
             let target = &channel["target"];
-            // A channel without a node is to be ignored (glTF 2.0, section 3.11); weights move no node.
+            // Channels without a node must be ignored (glTF 2.0, section 3.11), and weights move no node.
             target["node"].is_number()
                 && ["translation", "rotation", "scale"]
                     .iter()
                     .any(|path| target["path"] == *path)
         })
         .map(|channel| {
-            let mut kept = only(channel, &["sampler"]);
-            kept["target"] = only(&channel["target"], &["node", "path"]);
+            let mut kept = keep_fields(channel, &["sampler"]);
+            kept["target"] = keep_fields(&channel["target"], &["node", "path"]);
             kept
         })
         .collect();
     for channel in &channels {
         let sampler = index(&channel["sampler"]).zip(samplers);
-        if let Some(sampler) = sampler.and_then(|(place, samplers)| samplers.get(place)) {
+        if let Some(sampler) = sampler.and_then(|(position, samplers)| samplers.get(position)) {
             accessors.extend(index(&sampler["input"]));
             accessors.extend(index(&sampler["output"]));
         }
     }
     let samplers = samplers.into_iter().flatten();
     let samplers: Vec<Value> = samplers
-        .map(|sampler| only(sampler, &["input", "output", "interpolation"]))
+        .map(|sampler| keep_fields(sampler, &["input", "output", "interpolation"]))
         .collect();
-    named(
+    with_name_of(
         animation,
         json!({ "channels": channels, "samplers": samplers }),
     )
 }
 
-/// The buffer views of an accessor.
-fn places(accessor: &Value) -> impl Iterator<Item = usize> {
+/// Returns the indices of the buffer views of an accessor.
+fn buffer_views(accessor: &Value) -> impl Iterator<Item = usize> {
     let sparse = &accessor["sparse"];
     let views = [
         &accessor["bufferView"],
@@ -151,12 +152,14 @@ fn places(accessor: &Value) -> impl Iterator<Item = usize> {
     views.map(index).into_iter().flatten()
 }
 
+/// Returns the value as an index, if it is one.
 fn index(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|index| usize::try_from(index).ok())
 }
 
-/// The fields of an object that have these names. What is no object stays what it is, for whoever reads it to say so.
-fn only(value: &Value, names: &[&str]) -> Value {
+/// Returns an object with only the fields of these names. A value that is not an object is returned as it is; it becomes
+/// an error when the document is deserialised.
+fn keep_fields(value: &Value, names: &[&str]) -> Value {
     let Some(fields) = value.as_object() else {
         return value.clone();
     };
@@ -166,10 +169,10 @@ fn only(value: &Value, names: &[&str]) -> Value {
     Value::Object(kept.collect::<Map<_, _>>())
 }
 
-/// An object with the name of another, if that has one.
-fn named(of: &Value, mut value: Value) -> Value {
-    if of["name"].is_string() {
-        value["name"] = of["name"].clone();
+/// Returns an object with the name of another object, if that has a name.
+fn with_name_of(source: &Value, mut value: Value) -> Value {
+    if source["name"].is_string() {
+        value["name"] = source["name"].clone();
     }
     value
 }

@@ -1,0 +1,72 @@
+//! Reading of glTF files as clips.
+
+mod clip;
+mod nodes;
+mod tracks;
+
+use std::path::Path;
+
+use super::GlbError;
+use super::container::GltfFile;
+use crate::clip::Clip;
+use clip::build_clip;
+
+/// The most keyframes in all curves together, and the most values of a clip. A motion of half an hour needs this many.
+const MAX_VALUES: u64 = 1 << 24;
+
+/// Reads an animation of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip and the
+/// names of the other animations.
+///
+/// All nodes are read; those without a name are called, for example, `node 7`. The clip starts at the first keyframe. Its
+/// frames are the keyframes if these lie on a regular grid, and otherwise 120 frames per second; if a curve is not linear,
+/// there are at least 60 frames per second. The `rest` of each node is rotated and scaled by the rest pose of its parents,
+/// so that the sum from the node to the root is the position of the node.
+///
+/// # Errors
+///
+/// If the file cannot be read, is not glTF 2, is damaged or has no animation, or needs a feature that is not supported:
+/// compressed keyframes, buffers from a network, child nodes of a node that changes its size.
+pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<(Clip, Vec<String>), GlbError> {
+    let bytes = std::fs::read(path).map_err(|reason| GlbError::Io {
+        path: path.to_owned(),
+        reason,
+    })?;
+    read_bytes(&bytes, path, animation)
+}
+
+/// Reads an animation from the bytes of a file, like [`read`].
+fn read_bytes(
+    bytes: &[u8],
+    path: &Path,
+    animation: Option<&str>,
+) -> Result<(Clip, Vec<String>), GlbError> {
+    let file = GltfFile::parse(bytes, path, animation)?;
+    let format_error = |reason| GlbError::Format {
+        path: path.to_owned(),
+        reason,
+    };
+    let animations = &file.root.animations;
+    let chosen = match animation {
+        None => animations
+            .first()
+            .ok_or_else(|| format_error("expected an animation, found none".into()))?,
+        Some(name) => animations
+            .iter()
+            .find(|animation| animation.name.as_deref() == Some(name))
+            .ok_or_else(|| GlbError::Animation {
+                path: path.to_owned(),
+                asked: name.to_owned(),
+                found: animations.iter().filter_map(|a| a.name.clone()).collect(),
+            })?,
+    };
+    let others = animations
+        .iter()
+        .filter(|animation| !std::ptr::eq(*animation, chosen))
+        .map(|animation| animation.name.clone().unwrap_or("without a name".into()))
+        .collect();
+    let clip = build_clip(&file, chosen).map_err(format_error)?;
+    Ok((clip, others))
+}
+
+#[cfg(test)]
+mod tests;

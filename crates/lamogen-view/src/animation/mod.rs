@@ -1,0 +1,91 @@
+//! Motions side by side as an animated GIF.
+
+mod delta;
+mod scene;
+
+use gif::{Encoder, Repeat};
+
+use crate::fonts::MissingGlyphs;
+use crate::palette::Palette;
+use crate::raster::{RasterError, render, render_onto};
+use crate::strip::Row;
+use delta::{delta_frame, palette_indices};
+use scene::{MAX_WIDTH, Scene};
+
+/// Options for drawing an animation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GifOptions {
+    /// The width of all motions together in pixels. By default it is 320 pixels for each motion, but at most 4096 in all.
+    /// The height follows from the width and from the movements.
+    pub width: Option<u32>,
+}
+
+/// The error of an animation that cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GifError {
+    /// There is no motion.
+    #[error("expected at least one motion to animate, found none")]
+    Empty,
+    /// The width is out of range.
+    #[error(
+        "expected a width of {least} to {MAX_WIDTH} pixels for {motions} motions, found {width}"
+    )]
+    #[allow(missing_docs)]
+    Width {
+        least: u32,
+        motions: usize,
+        width: u32,
+    },
+    /// A frame cannot be drawn.
+    #[error("frame {frame}: {error}")]
+    #[allow(missing_docs)]
+    Frame { frame: usize, error: RasterError },
+    /// The encoder reports an error.
+    #[error("the animation could not be encoded as GIF: {0}")]
+    Encoding(#[from] gif::EncodingError),
+}
+
+/// Draws motions side by side as an animated GIF that runs in real time, 20 frames per second, and repeats for ever. A
+/// motion that is shorter than the longest one stays in its last pose.
+///
+/// All motions have the same scale and are viewed from the front left. The camera stands still for movements in place and
+/// follows a walk, over a ground with squares of half a metre. After every frame, `progress` is called with the number of
+/// frames that are done and the number of all frames. The same motions always give the same bytes.
+///
+/// # Errors
+///
+/// If there is no motion, or the width is less than 80 pixels for each motion or more than 4096.
+pub fn gif(
+    rows: &[Row<'_>],
+    options: &GifOptions,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<u8>, GifError> {
+    let scene = Scene::new(rows, options)?;
+    let frame_error = |frame| move |error| GifError::Frame { frame, error };
+    let backdrop =
+        render(&scene.backdrop(), 1.0, MissingGlyphs::FromSystem).map_err(frame_error(0))?;
+    let (width, height) = (backdrop.width() as u16, backdrop.height() as u16);
+
+    let mut palette = Palette::new();
+    let mut encoder = Encoder::new(Vec::new(), width, height, palette.bytes())?;
+    encoder.set_repeat(Repeat::Infinite)?;
+    let frames = rows
+        .iter()
+        .map(|row| row.motion.frames())
+        .max()
+        .unwrap_or(0);
+    let mut before = Vec::new();
+    for frame in 0..frames {
+        let mut pixels = backdrop.clone();
+        render_onto(&mut pixels, &scene.frame(frame)).map_err(frame_error(frame))?;
+        let now = palette_indices(&pixels, &mut palette);
+        encoder.write_frame(&delta_frame(&before, &now, width))?;
+        before = now;
+        progress(frame + 1, frames);
+    }
+    Ok(encoder.into_inner()?)
+}
+
+#[cfg(test)]
+mod tests;
