@@ -276,7 +276,10 @@ impl MotionFit {
             for hinge in &self.hinges {
                 let q = trial.local[t][hinge.joint.index()];
                 let bone = q * hinge.bone;
-                let (back, aside) = (bone.dot(hinge.bend_direction).min(0.0), bone.dot(hinge.axis));
+                let (back, aside) = (
+                    bone.dot(hinge.bend_direction).min(0.0),
+                    bone.dot(hinge.axis),
+                );
                 value += options.hinge * back * back + options.plane * aside * aside;
                 let bone_gradient = 2.0 * options.hinge * back * hinge.bend_direction
                     + 2.0 * options.plane * aside * hinge.axis;
