@@ -1,49 +1,56 @@
-//! L-BFGS with a preconditioner (Nocedal and Wright 2006, chapters 3 and 7), as a machine that is told values: many of them can
-//! go down together, each at its own pace, while whoever evaluates does so for all at once.
+//! L-BFGS with a preconditioner (Nocedal and Wright 2006, chapters 3 and 7).
+//!
+//! A minimiser does not evaluate the function itself: its caller evaluates a trial point and passes value and gradient on.
+//! Many minimisers can therefore run side by side, each at its own pace, while their functions are evaluated together.
 
 use std::collections::VecDeque;
 
-/// Steps that the curvature is learned from.
+/// The number of past steps from which the curvature is estimated.
 const MEMORY: usize = 8;
-/// The share of the decrease that the slope promises with which a step is good enough.
+/// A step is accepted if the value decreases by at least this share of the decrease that the slope predicts.
 const ARMIJO: f64 = 1e-4;
-/// Halvings of a step before its direction is given up.
-const HALVINGS: usize = 10;
-/// Relative decrease below which a step counts as none.
-const STALLED: f64 = 1e-6;
-/// How many of those in a row end the descent.
+/// How often a step is shortened before its direction is given up.
+const MAX_SHORTENINGS: usize = 10;
+/// A step with a smaller relative decrease than this counts as stalled.
+const MIN_DECREASE: f64 = 1e-6;
+/// The number of stalled steps in a row after which the minimiser stops.
 const PATIENCE: usize = 4;
 
-/// One step and what the gradient did along it.
+/// A past step and the change of the gradient along it.
 #[derive(Debug)]
-struct Pair {
+struct CurvaturePair {
     step: Vec<f64>,
+    /// The change of the gradient.
     change: Vec<f64>,
-    /// 1 / (step · change)
+    /// `1 / (step · change)`.
     rho: f64,
 }
 
-/// The way of one point down a function.
+/// An L-BFGS minimiser of one function.
 #[derive(Debug)]
-pub(crate) struct Descent {
+pub(crate) struct Minimizer {
+    /// The best point so far, with its value and gradient.
     point: Vec<f64>,
     value: f64,
     gradient: Vec<f64>,
+    /// The point that is to be evaluated next.
     trial: Vec<f64>,
     direction: Vec<f64>,
-    /// Slope along the direction, negative.
+    /// The slope along the direction, which is negative.
     slope: f64,
+    /// The distance of the trial point from the best point, in units of the direction.
     length: f64,
-    halvings: usize,
-    memory: VecDeque<Pair>,
+    shortenings: usize,
+    memory: VecDeque<CurvaturePair>,
+    /// The number of stalled steps in a row.
     stalled: usize,
     is_done: bool,
 }
 
-impl Descent {
-    /// Begins at a point; its value is asked for first.
-    pub(crate) fn new(point: Vec<f64>) -> Descent {
-        Descent {
+impl Minimizer {
+    /// Starts at a point, which is also the first trial point.
+    pub(crate) fn new(point: Vec<f64>) -> Minimizer {
+        Minimizer {
             trial: point.clone(),
             gradient: vec![0.0; point.len()],
             direction: vec![0.0; point.len()],
@@ -51,31 +58,33 @@ impl Descent {
             value: f64::INFINITY,
             slope: 0.0,
             length: 0.0,
-            halvings: 0,
+            shortenings: 0,
             memory: VecDeque::new(),
             stalled: 0,
             is_done: false,
         }
     }
 
-    /// The point whose value and gradient are asked for.
+    /// Returns the point at which value and gradient are needed next.
     pub(crate) fn trial(&self) -> &[f64] {
         &self.trial
     }
 
-    /// The best point so far.
+    /// Returns the best point so far.
     pub(crate) fn point(&self) -> &[f64] {
         &self.point
     }
 
-    /// Whether nothing is left to gain.
+    /// Returns whether the minimiser has converged.
     pub(crate) fn is_done(&self) -> bool {
         self.is_done
     }
 
-    /// Takes value and gradient at the trial point and chooses the next one. `precondition` turns a gradient into a step whose
-    /// numbers have all come to the same scale: the inverse of a rough curvature.
-    pub(crate) fn tell(
+    /// Takes value and gradient at the trial point and chooses the next trial point.
+    ///
+    /// `precondition` multiplies a gradient in place by the inverse of a rough curvature, so that all numbers of the
+    /// resulting step are on the same scale.
+    pub(crate) fn update(
         &mut self,
         value: f64,
         gradient: Vec<f64>,
@@ -85,11 +94,11 @@ impl Descent {
             return;
         }
         let is_first = self.value.is_infinite();
-        let enough = self.value + ARMIJO * self.length * self.slope;
-        // What is not a number is not low enough either.
-        let is_low = is_first || value <= enough;
+        let sufficient = self.value + ARMIJO * self.length * self.slope;
+        // A value that is not a number fails this comparison and is rejected.
+        let is_low = is_first || value <= sufficient;
         if !is_low {
-            return self.shorten(value, precondition);
+            return self.shorten_step(value, precondition);
         }
         if !is_first {
             let step = difference(&self.trial, &self.point);
@@ -99,14 +108,18 @@ impl Descent {
                 if self.memory.len() == MEMORY {
                     self.memory.pop_front();
                 }
-                self.memory.push_back(Pair {
+                self.memory.push_back(CurvaturePair {
                     step,
                     change,
                     rho: 1.0 / along,
                 });
             }
             let gain = (self.value - value) / self.value.abs().max(1e-12);
-            self.stalled = if gain < STALLED { self.stalled + 1 } else { 0 };
+            self.stalled = if gain < MIN_DECREASE {
+                self.stalled + 1
+            } else {
+                0
+            };
             if self.stalled >= PATIENCE {
                 self.is_done = true;
             }
@@ -114,16 +127,16 @@ impl Descent {
         self.point.copy_from_slice(&self.trial);
         self.value = value;
         self.gradient = gradient;
-        self.aim(precondition);
+        self.choose_direction(precondition);
     }
 
-    /// Chooses a direction and the first trial along it.
-    fn aim(&mut self, precondition: &dyn Fn(&mut [f64])) {
+    /// Chooses a direction by the two-loop recursion of L-BFGS, and the first trial point along it.
+    fn choose_direction(&mut self, precondition: &dyn Fn(&mut [f64])) {
         let mut direction = self.gradient.clone();
         let mut shares = Vec::with_capacity(self.memory.len());
         for pair in self.memory.iter().rev() {
             let share = pair.rho * dot(&pair.step, &direction);
-            add(&mut direction, -share, &pair.change);
+            add_scaled(&mut direction, -share, &pair.change);
             shares.push(share);
         }
         precondition(&mut direction);
@@ -137,55 +150,57 @@ impl Descent {
         }
         for (pair, share) in self.memory.iter().zip(shares.into_iter().rev()) {
             let back = pair.rho * dot(&pair.change, &direction);
-            add(&mut direction, share - back, &pair.step);
+            add_scaled(&mut direction, share - back, &pair.step);
         }
         self.slope = -dot(&direction, &self.gradient);
         if !(self.slope < 0.0 && self.slope.is_finite()) {
             self.is_done = self.memory.is_empty();
             self.memory.clear();
             if !self.is_done {
-                self.aim(precondition);
+                self.choose_direction(precondition);
             }
             return;
         }
         direction.iter_mut().for_each(|x| *x = -*x);
         self.direction = direction;
-        // The preconditioner knows the scale only roughly.
+        // Without past steps, the scale is known only roughly, from the preconditioner.
         self.length = if self.memory.is_empty() { 0.5 } else { 1.0 };
-        self.halvings = 0;
-        self.place_trial();
+        self.shortenings = 0;
+        self.set_trial();
     }
 
-    fn shorten(&mut self, value: f64, precondition: &dyn Fn(&mut [f64])) {
-        self.halvings += 1;
-        if self.halvings > HALVINGS {
+    /// Shortens the step after a rejected trial point; `value` is the value found there.
+    fn shorten_step(&mut self, value: f64, precondition: &dyn Fn(&mut [f64])) {
+        self.shortenings += 1;
+        if self.shortenings > MAX_SHORTENINGS {
             self.is_done = self.memory.is_empty();
             self.memory.clear();
             if !self.is_done {
-                self.aim(precondition);
+                self.choose_direction(precondition);
             }
             return;
         }
-        // The least of the parabola through value, slope and the value found.
-        let curved = value - self.value - self.length * self.slope;
-        let best = -self.slope * self.length * self.length / (2.0 * curved);
+        // The minimum of the parabola through the value and slope at the best point and the value found.
+        let curvature = value - self.value - self.length * self.slope;
+        let best = -self.slope * self.length * self.length / (2.0 * curvature);
         self.length = match best.is_finite() && best > 0.0 {
             true => best.clamp(0.1 * self.length, 0.5 * self.length),
             false => 0.25 * self.length,
         };
-        self.place_trial();
+        self.set_trial();
     }
 
-    fn place_trial(&mut self) {
-        let places = self.trial.iter_mut().zip(self.point.iter());
-        for ((trial, point), step) in places.zip(&self.direction) {
+    /// Sets the trial point from the best point, direction and length.
+    fn set_trial(&mut self) {
+        let numbers = self.trial.iter_mut().zip(self.point.iter());
+        for ((trial, point), step) in numbers.zip(&self.direction) {
             *trial = point + self.length * step;
         }
     }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // Four sums that do not wait for each other.
+    // Four independent sums, so that additions do not wait for each other.
     let mut sums = [0.0; 4];
     let (a4, b4) = (a.as_chunks::<4>(), b.as_chunks::<4>());
     for (a, b) in a4.0.iter().zip(b4.0) {
@@ -197,9 +212,10 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-fn add(to: &mut [f64], share: f64, what: &[f64]) {
-    for (to, what) in to.iter_mut().zip(what) {
-        *to += share * what;
+/// Adds `factor * values` to `sums`.
+fn add_scaled(sums: &mut [f64], factor: f64, values: &[f64]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += factor * value;
     }
 }
 
@@ -216,16 +232,16 @@ mod tests {
         function: impl Fn(&[f64]) -> (f64, Vec<f64>),
         precondition: &dyn Fn(&mut [f64]),
         evaluations: usize,
-    ) -> Descent {
-        let mut descent = Descent::new(start);
+    ) -> Minimizer {
+        let mut minimizer = Minimizer::new(start);
         for _ in 0..evaluations {
-            let (value, gradient) = function(descent.trial());
-            descent.tell(value, gradient, precondition);
-            if descent.is_done() {
+            let (value, gradient) = function(minimizer.trial());
+            minimizer.update(value, gradient, precondition);
+            if minimizer.is_done() {
                 break;
             }
         }
-        descent
+        minimizer
     }
 
     #[test]
@@ -246,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_good_preconditioner_saves_most_of_the_way() {
-        // Curvatures from 1 to a million.
+        // The curvatures range from 1 to a million.
         let curvature = |i: usize| 10f64.powf(6.0 * i as f64 / 99.0);
         let function = |x: &[f64]| {
             let value = x
@@ -275,7 +291,7 @@ mod tests {
 
     #[test]
     fn values_that_are_not_finite_are_stepped_back_from() {
-        // Finite below 1 only; the least is at 0.5.
+        // The function is finite only below 1, and its minimum is at 0.5.
         let function = |x: &[f64]| match x[0] < 1.0 {
             true => ((x[0] - 0.5).powi(2), vec![2.0 * (x[0] - 0.5)]),
             false => (f64::NAN, vec![f64::NAN]),

@@ -1,4 +1,4 @@
-//! From motions whose bones may stretch to motions of rigid bones, each over its whole length at once.
+//! Fits motions whose bones may stretch to rigid bodies, each motion over its whole length at once.
 
 use std::ops::ControlFlow;
 
@@ -6,49 +6,50 @@ use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 use rayon::prelude::*;
 
 use crate::options::FitOptions;
-use crate::track::{Track, Trial};
+use crate::track::{MotionFit, TrialMotion};
 
-/// A motion to fit, and the body that it shall be on.
+/// A motion to fit, and the body to fit it to.
 #[derive(Clone, Copy, Debug)]
 pub struct FitInput<'a> {
-    /// The motion; contacts of its pose features are heard, if it has some.
+    /// The motion. If it has pose features, their foot contacts are taken into account.
     pub motion: &'a Motion,
-    /// The bones. Those of the motion keep their directions and get these lengths.
+    /// The body, whose bone lengths the fitted motion gets. Bones keep the directions that they have in the motion.
     pub body: &'a RestPose,
-    /// How high the ground is, in metres.
+    /// The height of the ground, in metres.
     pub ground: f64,
 }
 
-/// What came of a fit.
+/// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct FitResult {
-    /// The rotations of every motion.
+    /// The rotations of every motion, in the order of the inputs.
     pub rotations: Vec<Rotations>,
-    /// Whether the fit was stopped before its end; the rotations are the best ones until then.
+    /// Whether the fit was stopped before its end. The rotations are then the best ones found until the stop.
     pub is_stopped: bool,
 }
 
-/// Something that motions shall reach, as a function of their joints that a fit makes small.
+/// An objective, as a function of joint positions, that a fit minimises together with its own terms.
 pub trait FitObjective {
-    /// The value of every motion and its gradient with respect to the positions: `joints[motion][frame][joint]` in metres. A value that
-    /// is not finite is stepped back from.
+    /// Returns the value of every motion and its gradient with respect to the joint positions, which are
+    /// `joints[motion][frame][joint]` in metres. If a value is not finite, the fit rejects the step and tries a shorter
+    /// one.
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
     ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)>;
 }
 
-/// How far a fit has come.
+/// The progress of a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct FitProgress {
-    /// Evaluations made.
+    /// The number of evaluations made.
     pub done: usize,
-    /// Evaluations that are allowed; it may end earlier.
+    /// The largest number of evaluations; the fit may end earlier.
     pub total: usize,
 }
 
 impl FitOptions {
-    /// Evaluations that are allowed.
+    /// Returns the largest number of evaluations with or without a goal.
     pub fn allowed(&self, has_goal: bool) -> usize {
         match has_goal {
             true => self.goal_evaluations,
@@ -56,65 +57,65 @@ impl FitOptions {
         }
     }
 
-    /// Fits motions to bodies. Where there is a goal, they are drawn towards it, as far from the motions as it takes and no further.
+    /// Fits motions to bodies. If there is a goal, the motions are also drawn towards it, and leave the input motions no
+    /// further than the goal requires.
     ///
-    /// Motions of a call do not touch each other: each becomes what it becomes alone, as far as the goal's values are those that it has
-    /// alone. Sums run in an order of their own, so that results do not depend on the number of threads.
+    /// The motions of a call do not influence each other: each result is the same as in a call with that motion alone,
+    /// provided that the goal gives it the same values. Every sum has a fixed order, so that results do not depend on the
+    /// number of threads.
     ///
-    /// `watch` is called after every evaluation and may stop the fit, which then gives the best until there.
+    /// `on_progress` is called after every evaluation and may stop the fit, which then returns the best result so far.
     ///
     /// # Panics
     ///
-    /// If the goal gives no value and gradient for each motion.
+    /// If the goal does not return one value and gradient for each motion.
     pub fn run(
         &self,
         inputs: &[FitInput<'_>],
         mut goal: Option<&mut dyn FitObjective>,
-        watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+        on_progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> FitResult {
         let total = self.allowed(goal.is_some());
-        let mut tracks: Vec<Track> = { inputs.par_iter() }
-            .map(|input| Track::new(input, *self))
+        let mut fits: Vec<MotionFit> = { inputs.par_iter() }
+            .map(|input| MotionFit::new(input, *self))
             .collect();
         let mut is_stopped = false;
         for evaluation in 0..total {
-            let trials: Vec<Trial> = tracks.par_iter().map(Track::trial).collect();
-            let goals = goal.as_deref_mut().map(|goal| {
-                let joints: Vec<_> = trials.iter().map(Trial::joints).collect();
+            let trials: Vec<TrialMotion> = fits.par_iter().map(MotionFit::trial).collect();
+            let goal_values = goal.as_deref_mut().map(|goal| {
+                let joints: Vec<_> = trials.iter().map(TrialMotion::joints).collect();
                 goal.evaluate(&joints)
             });
-            tracks
-                .par_iter_mut()
-                .enumerate()
-                .for_each(|(place, track)| {
-                    if !track.descent.is_done() {
-                        track.advance(&trials[place], goals.as_ref().map(|goals| &goals[place]));
-                    }
-                });
-            is_stopped = watch(FitProgress {
+            fits.par_iter_mut().enumerate().for_each(|(index, fit)| {
+                if !fit.is_done() {
+                    let goal_value = goal_values.as_ref().map(|values| &values[index]);
+                    fit.advance(&trials[index], goal_value);
+                }
+            });
+            is_stopped = on_progress(FitProgress {
                 done: evaluation + 1,
                 total,
             })
             .is_break();
-            if is_stopped || tracks.iter().all(|track| track.descent.is_done()) {
+            if is_stopped || fits.iter().all(MotionFit::is_done) {
                 break;
             }
         }
         FitResult {
-            rotations: tracks.par_iter().map(Track::rotations).collect(),
+            rotations: fits.par_iter().map(MotionFit::rotations).collect(),
             is_stopped,
         }
     }
 }
 
-/// How high the ground is under a motion, in metres: as low as the balls of its feet come, but for the lowest fiftieth of the frames, which may be
-/// mistakes.
+/// Estimates the height of the ground under a motion, in metres. It is the height down to which the balls of the feet
+/// come, without the lowest fiftieth of the frames, which may be mistakes.
 pub fn ground(motion: &Motion) -> f64 {
     let lowest = |pose: &[[f32; 3]; JOINTS]| {
         let heights = crate::contacts::FEET.map(|foot| pose[foot.index()][1]);
         f64::from(heights[0].min(heights[1]))
     };
     let mut heights: Vec<f64> = motion.joints().iter().map(lowest).collect();
-    let place = heights.len() / 50;
-    *heights.select_nth_unstable_by(place, f64::total_cmp).1
+    let rank = heights.len() / 50;
+    *heights.select_nth_unstable_by(rank, f64::total_cmp).1
 }

@@ -5,92 +5,99 @@ use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint, RestPose};
 use rayon::prelude::*;
 
-use crate::pose::{Bones, PARENTS, Pose, of_quaternion};
+use crate::pose::{BoneOffsets, PARENTS, Pose, quaternion_gradient};
 
-/// Added to squared lengths of quaternions, so that those of padding, which may be 0, give finite numbers.
-const NO_LENGTH: f32 = 1e-24;
+/// Added to the squared length of a quaternion, so that padding, whose quaternions may be 0, gives finite numbers.
+const LENGTH_EPSILON: f32 = 1e-24;
 
-/// Forward kinematics of a body: from a root and local rotations to joint positions.
+/// Forward kinematics of a body: computes joint positions from root positions and local rotations.
 ///
 /// Rotations are those of [`Rotations`](lamogen_motion::Rotations): quaternions `[x, y, z, w]` indexed by
-/// [`Joint::index`], each in the frame of its parent, the pelvis in the world; they may have any length but 0.
-/// Every frame is placed by itself, so that nothing of a padded frame leaks into another one.
+/// [`Joint::index`], each in the frame of its parent, the pelvis in the world. They may have any length but 0.
+/// Every frame is computed by itself, so that a padded frame does not affect any other frame.
 #[derive(Clone, Debug)]
 pub struct Kinematics {
-    bones: Bones,
+    offsets: BoneOffsets,
 }
 
-/// Joint positions with the way back from a gradient.
+/// Joint positions, together with what is needed to pull a gradient back to root and rotations.
 #[derive(Debug)]
 pub struct LinearizedKinematics {
-    /// `[batch, frames, 22, 3]` in metres; not tracked.
+    /// Joint positions `[batch, frames, 22, 3]` in metres; not tracked by autodiff.
     pub joints: Tensor<4>,
     poses: Vec<Pose>,
-    /// Of the quaternions that were given, a length each.
+    /// The lengths of the quaternions that were given.
     lengths: Vec<[f64; JOINTS]>,
     local: Vec<[DQuat; JOINTS]>,
 }
 
 impl Kinematics {
-    /// Forward kinematics of a body's bones.
+    /// Makes the forward kinematics of a body.
     pub fn new(rest: &RestPose) -> Self {
         Kinematics {
-            bones: Bones::of(rest),
+            offsets: BoneOffsets::of(rest),
         }
     }
 
-    /// Joint positions as a differentiable function on any device.
+    /// Computes joint positions; differentiable, on any device.
     ///
     /// # Shapes
     ///
-    /// - `root`: `[batch, frames, 3]`, where the pelvis is, in metres
+    /// - `root`: `[batch, frames, 3]`, the position of the pelvis in metres
     /// - `rotations`: `[batch, frames, 22, 4]`
     /// - output: `[batch, frames, 22, 3]` in metres
     ///
     /// # Panics
     ///
-    /// If the shapes are others.
+    /// If a shape is another.
     pub fn joints(&self, root: Tensor<3>, rotations: Tensor<4>) -> Tensor<4> {
         let [batch, frames, axes] = root.dims();
         assert_eq!(axes, 3, "expected a root of 3 coordinates, found {axes}");
         assert_eq!(rotations.dims(), [batch, frames, JOINTS, 4]);
         let device = root.device();
-        let length = rotations.clone().square().sum_dim(3) + NO_LENGTH;
+        let length = rotations.clone().square().sum_dim(3) + LENGTH_EPSILON;
         let local = rotations / length.sqrt();
         let mut positions = root.reshape([batch, frames, 1, 3]);
         let mut global = local.clone().narrow(2, Joint::Pelvis.index(), 1);
-        // The joints placed so far, in the order in which they lie in `positions` and `global`.
+        // The joints placed so far, in their order in `positions` and `global`. Each round of the loop places all joints
+        // whose parents are placed, so that there is one operation for each level of the skeleton.
         let mut placed = vec![Joint::Pelvis.index()];
         while placed.len() < JOINTS {
             let level: Vec<usize> = (1..JOINTS)
                 .filter(|joint| !placed.contains(joint) && placed.contains(&PARENTS[*joint]))
                 .collect();
-            let place = |joint: usize| placed.iter().position(|&other| other == joint);
+            let index_of = |joint: usize| placed.iter().position(|&other| other == joint);
             let parents: Vec<usize> = { level.iter() }
-                .map(|&joint| place(PARENTS[joint]).expect("parents are placed"))
+                .map(|&joint| index_of(PARENTS[joint]).expect("parents are placed"))
                 .collect();
             let parents = indices(&parents, &device);
-            let above = global.clone().select(2, parents.clone());
+            let parent_global = global.clone().select(2, parents.clone());
             let offsets: Vec<f32> = { level.iter() }
-                .flat_map(|&joint| self.bones.0[joint].as_vec3().to_array())
+                .flat_map(|&joint| self.offsets.0[joint].as_vec3().to_array())
                 .collect();
             let offsets = TensorData::new(offsets, [1, 1, level.len(), 3]);
             let offsets = Tensor::<4>::from_data(offsets, &device);
-            let from = positions.clone().select(2, parents);
-            let own = local.clone().select(2, indices(&level, &device));
-            positions = Tensor::cat(vec![positions, from + turn(&above, &offsets)], 2);
-            global = Tensor::cat(vec![global, product(&above, &own)], 2);
+            let parent_positions = positions.clone().select(2, parents);
+            let local = local.clone().select(2, indices(&level, &device));
+            positions = Tensor::cat(
+                vec![
+                    positions,
+                    parent_positions + rotate(&parent_global, &offsets),
+                ],
+                2,
+            );
+            global = Tensor::cat(vec![global, product(&parent_global, &local)], 2);
             placed.extend(level);
         }
         let mut order = [0; JOINTS];
-        for (place, joint) in placed.into_iter().enumerate() {
-            order[joint] = place;
+        for (index, joint) in placed.into_iter().enumerate() {
+            order[joint] = index;
         }
         positions.select(2, indices(&order, &device))
     }
 
-    /// Joint positions with a way back that is computed by hand, on the host and on all cores: what
-    /// [`joints`](Self::joints) and autodiff give, several times as fast on a CPU. Sums run in 64 bits.
+    /// Computes joint positions whose gradient is derived by hand. The result agrees with [`joints`](Self::joints) and
+    /// autodiff, and is several times as fast on a CPU. It is computed on the host, on all cores, in 64 bits.
     ///
     /// # Shapes
     ///
@@ -98,7 +105,7 @@ impl Kinematics {
     ///
     /// # Panics
     ///
-    /// If the shapes are others.
+    /// If a shape is another.
     pub fn linearize(&self, root: Tensor<3>, rotations: Tensor<4>) -> LinearizedKinematics {
         let [batch, frames, axes] = root.dims();
         assert_eq!(axes, 3, "expected a root of 3 coordinates, found {axes}");
@@ -114,9 +121,10 @@ impl Kinematics {
             .zip(quaternions)
             .map(|(root, quaternions)| {
                 let given = quaternions.map(|q| DQuat::from_array(q.map(f64::from)));
-                let lengths = given.map(|q| (q.length_squared() + f64::from(NO_LENGTH)).sqrt());
+                let lengths =
+                    given.map(|q| (q.length_squared() + f64::from(LENGTH_EPSILON)).sqrt());
                 let local = std::array::from_fn(|joint| given[joint] / lengths[joint]);
-                let pose = Pose::of(&self.bones, DVec3::from(root.map(f64::from)), &local);
+                let pose = Pose::of(&self.offsets, DVec3::from(root.map(f64::from)), &local);
                 (pose, lengths, local)
             });
         let placed: Vec<(Pose, [f64; JOINTS], [DQuat; JOINTS])> = placed.collect();
@@ -139,7 +147,8 @@ impl Kinematics {
 }
 
 impl LinearizedKinematics {
-    /// What a gradient with respect to the positions is with respect to root and rotations.
+    /// Pulls a gradient back: computes the gradient with respect to root and rotations from one with respect to the joint
+    /// positions.
     ///
     /// # Shapes
     ///
@@ -148,7 +157,7 @@ impl LinearizedKinematics {
     ///
     /// # Panics
     ///
-    /// If the shape is another.
+    /// If `gradient` has another shape.
     pub fn pull(&self, gradient: Tensor<4>) -> (Tensor<3>, Tensor<4>) {
         let shape @ [batch, frames, ..] = self.joints.dims();
         assert_eq!(gradient.dims(), shape);
@@ -156,12 +165,13 @@ impl LinearizedKinematics {
         let gradient: Vec<f32> = gradient.try_into_vec_as().expect("floats convert to f32");
         let (gradients, _) = gradient.as_chunks::<3>();
         let (gradients, _) = gradients.as_chunks::<JOINTS>();
-        let pulled = gradients.par_iter().enumerate().map(|(place, gradient)| {
+        let pulled = gradients.par_iter().enumerate().map(|(index, gradient)| {
             let gradient = gradient.map(|g| DVec3::from(g.map(f64::from)));
-            let (root, turns) = self.poses[place].pull(&gradient);
+            let (root, turns) = self.poses[index].pull_back(&gradient);
             let rotations: [[f32; 4]; JOINTS] = std::array::from_fn(|joint| {
-                let q = self.local[place][joint];
-                of_quaternion(q, turns[joint]).map(|g| (g / self.lengths[place][joint]) as f32)
+                let q = self.local[index][joint];
+                quaternion_gradient(q, turns[joint])
+                    .map(|g| (g / self.lengths[index][joint]) as f32)
             });
             (root.as_vec3().to_array(), rotations)
         });
@@ -176,16 +186,17 @@ impl LinearizedKinematics {
     }
 }
 
-fn indices(places: &[usize], device: &Device) -> Tensor<1, Int> {
-    let places: Vec<i32> = places.iter().map(|&place| place as i32).collect();
-    Tensor::from_data(places.as_slice(), device)
+/// Copies indices to a device.
+fn indices(values: &[usize], device: &Device) -> Tensor<1, Int> {
+    let values: Vec<i32> = values.iter().map(|&value| value as i32).collect();
+    Tensor::from_data(values.as_slice(), device)
 }
 
-/// `a b` of quaternions, `[…, 4]`.
+/// Computes the products `a b` of quaternions `[…, 4]`.
 fn product(a: &Tensor<4>, b: &Tensor<4>) -> Tensor<4> {
-    let part = |q: &Tensor<4>, place: usize| q.clone().narrow(3, place, 1);
-    let [ax, ay, az, aw] = [0, 1, 2, 3].map(|place| part(a, place));
-    let [bx, by, bz, bw] = [0, 1, 2, 3].map(|place| part(b, place));
+    let component = |q: &Tensor<4>, index: usize| q.clone().narrow(3, index, 1);
+    let [ax, ay, az, aw] = [0, 1, 2, 3].map(|index| component(a, index));
+    let [bx, by, bz, bw] = [0, 1, 2, 3].map(|index| component(b, index));
     let times = |a: &Tensor<4>, b: &Tensor<4>| a.clone() * b.clone();
     Tensor::cat(
         vec![
@@ -198,18 +209,19 @@ fn product(a: &Tensor<4>, b: &Tensor<4>) -> Tensor<4> {
     )
 }
 
-/// Vectors `[…, 3]` turned by quaternions of length 1, `[…, 4]`: `v + 2 u × (u × v + w v)`.
-fn turn(q: &Tensor<4>, v: &Tensor<4>) -> Tensor<4> {
+/// Rotates vectors `[…, 3]` by quaternions `[…, 4]` of length 1: `v + 2 u × (u × v + w v)`, where `u` is the vector part
+/// of the quaternion and `w` its scalar part.
+fn rotate(q: &Tensor<4>, v: &Tensor<4>) -> Tensor<4> {
     let (u, w) = (q.clone().narrow(3, 0, 3), q.clone().narrow(3, 3, 1));
     let inner = cross(&u, v) + w * v.clone();
     v.clone() + cross(&u, &inner) * 2.0
 }
 
-/// Cross products of vectors `[…, 3]`, whose other dimensions may be 1.
+/// Computes the cross products of vectors `[…, 3]`; the other dimensions of either tensor may be 1.
 fn cross(a: &Tensor<4>, b: &Tensor<4>) -> Tensor<4> {
-    let part = |v: &Tensor<4>, place: usize| v.clone().narrow(3, place, 1);
-    let [ax, ay, az] = [0, 1, 2].map(|place| part(a, place));
-    let [bx, by, bz] = [0, 1, 2].map(|place| part(b, place));
+    let component = |v: &Tensor<4>, index: usize| v.clone().narrow(3, index, 1);
+    let [ax, ay, az] = [0, 1, 2].map(|index| component(a, index));
+    let [bx, by, bz] = [0, 1, 2].map(|index| component(b, index));
     let times = |a: &Tensor<4>, b: &Tensor<4>| a.clone() * b.clone();
     Tensor::cat(
         vec![
@@ -231,7 +243,7 @@ mod tests {
         Tensor::from_data(TensorData::new(values, shape), &Device::flex())
     }
 
-    /// Two motions whose joints all turn, with quaternions of lengths that are not 1.
+    /// Returns roots and rotations of two motions in which all joints turn. The lengths of the quaternions are not 1.
     fn motions() -> (Tensor<3>, Tensor<4>) {
         let wave = |i: usize| (i as f32 * 0.7).sin() + 0.2 * (i as f32 * 1.9).cos();
         let root = (0..2 * FRAMES * 3).map(wave).collect();
@@ -283,17 +295,17 @@ mod tests {
         let (root, rotations) = motions();
         let weights = (0..2 * FRAMES * JOINTS * 3).map(|i| (i as f32 * 0.37).cos());
         let weights = tensor(weights.collect(), [2, FRAMES, JOINTS, 3]);
-        let (of_root, of_rotations) =
+        let (root_gradient, rotation_gradient) =
             { kinematics.linearize(root.clone(), rotations.clone()) }.pull(weights.clone());
 
         let [root, rotations] =
             [root.reshape([2, FRAMES, 1, 3]), rotations].map(|leaf| leaf.autodiff().require_grad());
         let joints = kinematics.joints(root.clone().reshape([2, FRAMES, 3]), rotations.clone());
         let gradients = (joints * weights.autodiff()).sum().backward();
-        let error = of_root - root.grad(&gradients).unwrap().reshape([2, FRAMES, 3]);
+        let error = root_gradient - root.grad(&gradients).unwrap().reshape([2, FRAMES, 3]);
         assert!(largest(error) < 1e-5);
         let expected = rotations.grad(&gradients).unwrap();
-        assert!(largest(of_rotations - expected.clone()) < 1e-5 * largest(expected));
+        assert!(largest(rotation_gradient - expected.clone()) < 1e-5 * largest(expected));
     }
 
     #[test]
@@ -315,7 +327,7 @@ mod tests {
             let pairs = joints.iter().zip(&weights);
             pairs.map(|(x, w)| f64::from(*x) * f64::from(*w)).sum()
         };
-        // The pelvis, a hip, the upper spine, an elbow and a wrist, which moves nothing.
+        // The cases are the pelvis, a hip, the upper spine, an elbow, and a wrist, whose rotation moves no joint.
         for (frame, joint, part) in [(0, 0, 0), (3, 1, 2), (6, 9, 3), (9, 18, 1), (13, 20, 0)] {
             let index = (frame * JOINTS + joint) * 4 + part;
             let at = |offset: f32| {

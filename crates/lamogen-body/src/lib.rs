@@ -1,16 +1,17 @@
-//! The rigid body: what is measured is what people carry away.
+//! Rigid bodies: forward kinematics, and fits of motions to a body with rigid bones.
 //!
 //! ```text
 //! root, local rotations ──Kinematics──▶ joints ──▶ loss ──gradient──▶ root, local rotations
 //!
 //! Motion (bones stretch, feet slide) ──FitOptions──▶ Rotations (rigid bones, feet that stand, elbows that bend forward)
 //!                                      ▲
-//!                                    FitObjective: what guidance asks for
+//!                                    FitObjective: the loss of guidance
 //! ```
 //!
-//! [`Kinematics`] is forward kinematics as a differentiable function of tensors, with a gradient by hand for the CPU. A [`FitOptions`] finds the
-//! rotations of a body that are nearest to a motion over its whole length at once, and may draw them towards a [`FitObjective`]. Units are
-//! metres, degrees where a name says so, and frames at 20 a second; Y points up.
+//! [`Kinematics`] is forward kinematics as a differentiable function of tensors, with a gradient derived by hand for CPUs.
+//! [`FitOptions::run`] finds the rotations of a body that are nearest to a motion over its whole length at once, and may
+//! draw them towards a [`FitObjective`]. Units are metres, degrees where the documentation says so, and frames at 20 a
+//! second; Y points up.
 
 mod banded;
 mod contacts;

@@ -1,48 +1,56 @@
-//! How a motion becomes one of rigid bones.
+//! The options of a fit of motions to rigid bodies.
 
 use lamogen_motion::Joint;
 
-/// What a fit weighs, and how long it works.
+/// The options of a fit: the weights of its terms, and the number of evaluations.
 ///
-/// A fit moves the root and the rotations of a body so that the sum of all its terms becomes least. Each term is a square, summed over
-/// frames and, where it is about joints, over these; a weight is what one unit of it costs: a metre, or a whole change of a
-/// quaternion's numbers. A weight of 0 leaves a term out.
+/// A fit changes the root and the rotations of a body so that the weighted sum of its terms becomes least. Each term is a
+/// square, summed over frames and, if it is about joints, over joints. A weight is the cost of one unit, which is a metre,
+/// or a change of 1 in the numbers of a quaternion. A weight of 0 leaves a term out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// How often the terms are evaluated where there is no goal; it ends earlier where nothing is left to gain. Default: 60.
+    /// The largest number of evaluations of the terms without a goal. The fit ends earlier if it converges. Default: 60.
     pub evaluations: usize,
-    /// The same where there is a goal. Default: 200.
+    /// The largest number of evaluations of the terms with a goal. Default: 200.
     pub goal_evaluations: usize,
-    /// Distance of every joint from the motion's, in metres. Default: 4.
+    /// The weight of the distance of every joint from that of the motion, in metres. Default: 4.
     pub nearness: f64,
-    /// Third difference of that distance: what is changed is changed smoothly, and details of the motion stay. Default: 15.
+    /// The weight of the third difference of that deviation along time. It makes changes smooth and keeps details of the
+    /// motion. Default: 15.
     pub smoothness: f64,
-    /// Third difference of the joints' own positions. Default: 0.1.
+    /// The weight of the third difference of the joints' own positions. Default: 0.1.
     pub jerk: f64,
-    /// Second difference of what a joint's quaternion is off the one [solved](lamogen_motion::Rotations::of) from the motion. The neck,
-    /// whose turns hardly move anything, counts [eighty times](FitOptions::neck). Default: 5.
+    /// The weight of the second difference of the deviation of a joint's quaternion from the one
+    /// [solved](lamogen_motion::Rotations::of) from the motion. The neck, whose turns hardly move any joint, counts
+    /// [eighty times](FitOptions::neck) as much as other joints. Default: 5.
     pub turning: f64,
-    /// How many times as much as another joint's the neck's turning counts. Default: 80.
+    /// A factor on the weights `turning` and `rotation` at the neck. Default: 80.
     pub neck: f64,
-    /// Second difference of a joint's quaternion. Default: 0.05.
+    /// The weight of the second difference of a joint's quaternion. Default: 0.05.
     pub rotation: f64,
-    /// How much the quaternions of two frames differ beyond a turn by [`fastest`](FitOptions::fastest). Default: 200.
+    /// The weight of the difference of a joint's quaternions at two neighbouring frames beyond that of a turn by
+    /// [`fastest`](FitOptions::fastest). Default: 200.
     pub haste: f64,
-    /// Degrees that a joint may turn in its parent's frame from one frame to the next. Default: 26, which is 520 degrees a second.
+    /// The angle in degrees that a joint may turn from one frame to the next, in the frame of its parent, without cost.
+    /// Default: 26, which is 520 degrees a second.
     pub fastest: f64,
-    /// Distance of a foot that stands from where it stands, in metres. Default: 600.
+    /// The weight of the distance of a standing foot from the position at which it stands, in metres. Default: 600.
     pub stand: f64,
-    /// How far the ball of a swinging foot is below the height at which it clears the ground, in metres. Default: 70.
+    /// The weight of the depth of the ball of a swinging foot below the height at which it clears the ground, in metres.
+    /// Default: 70.
     pub clearance: f64,
-    /// How far a joint is below the ground, in metres. Default: 1500.
+    /// The weight of the depth of a joint below the ground, in metres. Default: 1500.
     pub floor: f64,
-    /// How far elbow or knee is bent the wrong way, as a share of the lower bone's length. Default: 2.
+    /// The weight of how far an elbow or knee is bent the wrong way, as a share of the length of the bone below it.
+    /// Default: 2.
     pub hinge: f64,
-    /// How far the lower bone is out of the plane in which elbow or knee bends, as a share of its length. Default: 0.05.
+    /// The weight of how far the bone below an elbow or knee is out of the plane in which the joint bends, as a share of
+    /// the bone's length. Default: 0.05.
     pub plane: f64,
-    /// Difference of a joint's quaternion from the one solved. It settles twists that no position tells. Default: 0.002.
+    /// The weight of the difference of a joint's quaternion from the one solved. It decides twists that the joint
+    /// positions do not show. Default: 0.002.
     pub prior: f64,
-    /// What a [`FitObjective`](crate::FitObjective) is multiplied by. Default: 15.
+    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 15.
     pub goal: f64,
 }
 
@@ -70,7 +78,7 @@ impl Default for FitOptions {
     }
 }
 
-/// A number of a [`FitOptions`] that makes no sense.
+/// A value of [`FitOptions`] that is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("fit: expected {expected}, found {field} = {found}")]
 #[allow(missing_docs)]
@@ -81,12 +89,12 @@ pub struct FitError {
 }
 
 impl FitOptions {
-    /// Whether the numbers make sense.
+    /// Checks that all values are in range.
     ///
     /// # Errors
     ///
-    /// If a weight is not a finite number from 0 to a million, nearness is 0, an evaluation is not allowed, or the fastest turn is not from 1
-    /// to 180 degrees.
+    /// If a weight is not a finite number from 0 to a million, nearness is 0, a number of evaluations is not from 1 to
+    /// 100000, or the fastest turn is not from 1 to 180 degrees.
     pub fn check(&self) -> Result<(), FitError> {
         let weights = [
             ("nearness", self.nearness),
@@ -133,8 +141,8 @@ impl FitOptions {
         }
     }
 
-    /// The weight of a joint's turning.
-    pub(crate) fn weight_of(&self, joint: Joint) -> f64 {
+    /// Returns the factor on the weights `turning` and `rotation` at a joint.
+    pub(crate) fn turning_factor(&self, joint: Joint) -> f64 {
         match joint {
             Joint::Neck => self.neck,
             _ => 1.0,
@@ -149,7 +157,7 @@ mod tests {
     #[test]
     fn numbers_that_make_no_sense_are_named() {
         assert_eq!(FitOptions::default().check(), Ok(()));
-        let broken = [
+        let invalid = [
             FitOptions {
                 stand: f64::NAN,
                 ..FitOptions::default()
@@ -168,7 +176,7 @@ mod tests {
             },
         ];
         let names = ["stand", "nearness", "evaluations", "fastest"];
-        for (fit, name) in broken.into_iter().zip(names) {
+        for (fit, name) in invalid.into_iter().zip(names) {
             let message = fit.check().unwrap_err().to_string();
             assert!(
                 message.contains(name) && message.contains("expected"),

@@ -1,10 +1,10 @@
-//! Forward kinematics of one pose, with its gradient.
+//! Forward kinematics of a single pose, with its gradient.
 
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint, RestPose};
 
-/// Joints whose rotation moves another joint: all but head, wrists and feet.
-pub(crate) const DRIVEN: [Joint; 17] = [
+/// The joints that have children, so that their rotation moves other joints: all but head, wrists and feet.
+pub(crate) const PARENT_JOINTS: [Joint; 17] = [
     Joint::Pelvis,
     Joint::LeftHip,
     Joint::RightHip,
@@ -24,7 +24,7 @@ pub(crate) const DRIVEN: [Joint; 17] = [
     Joint::RightElbow,
 ];
 
-/// Index of the parent of every joint; the pelvis stands as its own.
+/// The index of the parent of every joint; the pelvis is its own parent.
 pub(crate) const PARENTS: [usize; JOINTS] = {
     let mut parents = [0; JOINTS];
     let mut joint = 1;
@@ -38,17 +38,17 @@ pub(crate) const PARENTS: [usize; JOINTS] = {
     parents
 };
 
-/// The bones of a body: where every joint is seen from its parent, in metres.
+/// The offset of every joint from its parent in the rest pose, in metres.
 #[derive(Clone, Debug)]
-pub(crate) struct Bones(pub(crate) [DVec3; JOINTS]);
+pub(crate) struct BoneOffsets(pub(crate) [DVec3; JOINTS]);
 
-impl Bones {
-    pub(crate) fn of(rest: &RestPose) -> Bones {
-        Bones(Joint::ALL.map(|joint| DVec3::from(rest.offset(joint).map(f64::from))))
+impl BoneOffsets {
+    pub(crate) fn of(rest: &RestPose) -> BoneOffsets {
+        BoneOffsets(Joint::ALL.map(|joint| DVec3::from(rest.offset(joint).map(f64::from))))
     }
 }
 
-/// Where every joint is, and what it has turned to in the world.
+/// The position and the rotation of every joint in the world.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     pub(crate) positions: [DVec3; JOINTS],
@@ -56,8 +56,8 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    /// The pose of a root and local rotations, which have length 1.
-    pub(crate) fn of(bones: &Bones, root: DVec3, local: &[DQuat; JOINTS]) -> Pose {
+    /// Computes the pose of a root position and local rotations, whose quaternions have length 1.
+    pub(crate) fn of(offsets: &BoneOffsets, root: DVec3, local: &[DQuat; JOINTS]) -> Pose {
         let mut pose = Pose {
             positions: [root; JOINTS],
             global: *local,
@@ -65,16 +65,18 @@ impl Pose {
         for joint in 1..JOINTS {
             let parent = PARENTS[joint];
             let turn = pose.global[parent];
-            pose.positions[joint] = pose.positions[parent] + turn * bones.0[joint];
+            pose.positions[joint] = pose.positions[parent] + turn * offsets.0[joint];
             pose.global[joint] = turn * local[joint];
         }
         pose
     }
 
-    /// What a gradient with respect to the positions is with respect to the root, and to a small turn of every joint in its own
-    /// frame (a rotation vector, applied before the joint's rotation).
-    pub(crate) fn pull(&self, gradient: &[DVec3; JOINTS]) -> (DVec3, [DVec3; JOINTS]) {
-        // Sums over a joint and all below it: of gradients, and of their moments about the joint.
+    /// Pulls a gradient back: from the gradient with respect to the positions, computes the gradients with respect to the
+    /// root and to a small turn of every joint in its own frame. The turn is a rotation vector that is applied before the
+    /// joint's rotation.
+    pub(crate) fn pull_back(&self, gradient: &[DVec3; JOINTS]) -> (DVec3, [DVec3; JOINTS]) {
+        // For each joint, the sum of the gradients of the joint and of all joints below it, and of their moments about the
+        // joint.
         let mut force = *gradient;
         let mut moment = [DVec3::ZERO; JOINTS];
         for joint in (1..JOINTS).rev() {
@@ -89,9 +91,9 @@ impl Pose {
     }
 }
 
-/// The gradient with respect to the four numbers of a quaternion of length 1, of one with respect to a small turn in the joint's
-/// own frame. It is upright on the quaternion.
-pub(crate) fn of_quaternion(rotation: DQuat, turn: DVec3) -> [f64; 4] {
+/// Converts the gradient with respect to a small turn in the joint's own frame to the gradient with respect to the four
+/// numbers of the joint's quaternion, which has length 1. The result is orthogonal to the quaternion.
+pub(crate) fn quaternion_gradient(rotation: DQuat, turn: DVec3) -> [f64; 4] {
     let product = rotation * DQuat::from_xyzw(turn.x, turn.y, turn.z, 0.0);
     product.to_array().map(|x| 2.0 * x)
 }

@@ -1,60 +1,62 @@
-//! One motion on its way to rigid bones: the terms of a fit with their gradients.
+//! The fit of a single motion to a rigid body: its terms and their gradients.
 
 use glam::{DQuat, DVec3};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
 
-use crate::banded::Banded;
-use crate::contacts::{FEET, FootContact, clearance, stands};
-use crate::descent::Descent;
+use crate::banded::BandedFactorization;
+use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
+use crate::descent::Minimizer;
 use crate::fit::FitInput;
 use crate::options::FitOptions;
-use crate::pose::{Bones, DRIVEN, Pose, of_quaternion};
-use crate::snaps::{bridge, is_believed, trust};
+use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
+use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 
-/// Numbers of a frame: the root, and a quaternion of every driven joint.
-const WIDTH: usize = 3 + 4 * DRIVEN.len();
+/// The number of unknowns of a frame: the root position, and the quaternion of every joint that has children.
+const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
 
-/// A limb that bends one way only.
-struct Hinge {
+/// An elbow or knee, which bends one way only.
+struct HingeJoint {
     joint: Joint,
-    /// The direction of the lower bone in the T-pose.
+    /// The direction of the bone below the joint in the T-pose.
     bone: DVec3,
-    /// The axis it bends about.
+    /// The axis about which the joint bends.
     axis: DVec3,
-    /// Where the lower bone goes when it bends.
-    ahead: DVec3,
+    /// The direction in which the bone below the joint moves when the joint bends.
+    bend_direction: DVec3,
 }
 
-/// One motion on its way.
-pub(crate) struct Track {
-    fit: FitOptions,
+/// The fit of a single motion to a body.
+pub(crate) struct MotionFit {
+    options: FitOptions,
     rest: RestPose,
-    bones: Bones,
-    hinges: [Hinge; 4],
-    /// Where the motion has the joints, on this body.
-    wanted: Vec<[DVec3; JOINTS]>,
-    /// The rotations solved from it.
+    offsets: BoneOffsets,
+    hinges: [HingeJoint; 4],
+    /// The joint positions of the motion, transferred to this body, in metres.
+    reference: Vec<[DVec3; JOINTS]>,
+    /// The local rotations solved from the motion.
     solved: Vec<[DQuat; JOINTS]>,
-    /// How much each frame is to be believed.
+    /// The trust in each frame, 0 to 1.
     trust: Vec<f64>,
-    stands: Vec<FootContact>,
-    /// How high the ball of each foot is to be at least.
-    clearance: Vec<[f64; 2]>,
+    contacts: Vec<FootContact>,
+    /// The least height of the ball of each foot at every frame, in metres.
+    least_foot_heights: Vec<[f64; 2]>,
+    /// The height of the ground, in metres.
     ground: f64,
-    /// Rough curvatures of the root and of every driven joint.
-    curvatures: Vec<Banded>,
-    pub(crate) descent: Descent,
+    /// Rough curvatures of the fit's value, of the root and of every joint that has children.
+    curvatures: Vec<BandedFactorization>,
+    minimizer: Minimizer,
 }
 
-/// What the numbers of a trial point mean.
-pub(crate) struct Trial {
-    lengths: Vec<[f64; DRIVEN.len()]>,
+/// The motion that a trial point of the minimiser describes.
+pub(crate) struct TrialMotion {
+    /// The lengths of the trial point's quaternions.
+    lengths: Vec<[f64; PARENT_JOINTS.len()]>,
     local: Vec<[DQuat; JOINTS]>,
     poses: Vec<Pose>,
 }
 
-impl Trial {
-    /// Joint positions in metres, a pose a frame.
+impl TrialMotion {
+    /// Returns the joint positions in metres, one pose for each frame.
     pub(crate) fn joints(&self) -> Vec<[[f32; 3]; JOINTS]> {
         let poses = self.poses.iter();
         poses
@@ -63,16 +65,17 @@ impl Trial {
     }
 }
 
-impl Track {
-    pub(crate) fn new(input: &FitInput<'_>, fit: FitOptions) -> Track {
+impl MotionFit {
+    /// Prepares the fit of a motion. It starts at the rotations solved from the motion.
+    pub(crate) fn new(input: &FitInput<'_>, options: FitOptions) -> MotionFit {
         let FitInput {
             motion,
             body: rest,
             ground,
         } = *input;
-        let bones = Bones::of(rest);
+        let offsets = BoneOffsets::of(rest);
         let rotations = Rotations::of(motion);
-        // Bones keep their directions and get the body's lengths; a body without legs tells no size.
+        // Bones keep their directions and get the body's lengths. Without legs there is no scale for the root's path.
         let rotations = match rotations.rest().leg() > 0.0 {
             true => rotations.on(rest),
             false => Rotations::on_body(motion, rest),
@@ -80,51 +83,56 @@ impl Track {
         let mut solved: Vec<[DQuat; JOINTS]> = { rotations.local().iter() }
             .map(|pose| pose.map(|q| DQuat::from_array(q.map(f64::from)).normalize()))
             .collect();
-        let wanted = rotations.joints().into_iter();
-        let wanted: Vec<[DVec3; JOINTS]> = wanted
+        let reference = rotations.joints().into_iter();
+        let reference: Vec<[DVec3; JOINTS]> = reference
             .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
             .collect();
-        let trust = trust(&solved);
-        bridge(&mut solved, &trust);
-        let mut stands = stands(&wanted, motion.features(), ground);
-        stands.retain(|stand| {
-            trust[stand.from..stand.until]
+        let trust = frame_trust(&solved);
+        bridge_snaps(&mut solved, &trust);
+        let mut contacts = find_contacts(&reference, motion.features(), ground);
+        contacts.retain(|contact| {
+            trust[contact.from..contact.until]
                 .iter()
-                .all(|t| is_believed(*t))
+                .all(|trust| is_trusted(*trust))
         });
-        let mut point = vec![0.0; WIDTH * wanted.len()];
-        for (t, row) in point.chunks_exact_mut(WIDTH).enumerate() {
-            row[..3].copy_from_slice(&wanted[t][0].to_array());
-            for (k, joint) in DRIVEN.iter().enumerate() {
-                quaternion_of(row, k).copy_from_slice(&solved[t][joint.index()].to_array());
+        let mut point = vec![0.0; FRAME_WIDTH * reference.len()];
+        for (t, row) in point.chunks_exact_mut(FRAME_WIDTH).enumerate() {
+            row[..3].copy_from_slice(&reference[t][0].to_array());
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
+                quaternion_mut(row, k).copy_from_slice(&solved[t][joint.index()].to_array());
             }
         }
-        let mut track = Track {
-            fit,
+        let mut fit = MotionFit {
+            options,
             rest: rest.clone(),
-            hinges: hinges(&bones),
-            bones,
-            clearance: clearance(&wanted, &stands, ground),
-            wanted,
+            hinges: hinges(&offsets),
+            offsets,
+            least_foot_heights: least_foot_heights(&reference, &contacts, ground),
+            reference,
             solved,
             trust,
-            stands,
+            contacts,
             ground,
             curvatures: Vec::new(),
-            descent: Descent::new(point),
+            minimizer: Minimizer::new(point),
         };
-        track.curvatures = track.curvatures();
-        track
+        fit.curvatures = fit.curvatures();
+        fit
     }
 
-    /// What the trial point that the descent asks for means.
-    pub(crate) fn trial(&self) -> Trial {
-        self.meaning(self.descent.trial())
+    /// Returns whether the fit has converged.
+    pub(crate) fn is_done(&self) -> bool {
+        self.minimizer.is_done()
     }
 
-    /// The rotations of the best point so far.
+    /// Returns the motion that is to be evaluated next.
+    pub(crate) fn trial(&self) -> TrialMotion {
+        self.motion_at(self.minimizer.trial())
+    }
+
+    /// Returns the rotations of the best point so far.
     pub(crate) fn rotations(&self) -> Rotations {
-        let best = self.meaning(self.descent.point());
+        let best = self.motion_at(self.minimizer.point());
         let roots = best.poses.iter().map(|pose| pose.positions[0]);
         let local = best.local.iter();
         Rotations::new(
@@ -137,180 +145,196 @@ impl Track {
         )
     }
 
-    /// Tells the descent value and gradient at a trial point. `goal` is a value that is added, with its gradient with respect to the positions.
-    pub(crate) fn advance(&mut self, trial: &Trial, goal: Option<&(f64, Vec<[[f32; 3]; JOINTS]>)>) {
-        let mut of_positions = vec![[DVec3::ZERO; JOINTS]; self.wanted.len()];
-        let mut value = self.positions(trial, &mut of_positions);
-        if let Some((of_goal, gradient)) = goal {
-            value += self.fit.goal * of_goal;
-            for (sums, gradient) in of_positions
+    /// Computes value and gradient of the fit at a trial motion and passes them to the minimiser. `goal` is the value of
+    /// the goal there, with its gradient with respect to the joint positions; it is weighted and added.
+    pub(crate) fn advance(
+        &mut self,
+        trial: &TrialMotion,
+        goal: Option<&(f64, Vec<[[f32; 3]; JOINTS]>)>,
+    ) {
+        let mut position_gradient = vec![[DVec3::ZERO; JOINTS]; self.reference.len()];
+        let mut value = self.add_position_terms(trial, &mut position_gradient);
+        if let Some((goal_value, gradient)) = goal {
+            value += self.options.goal * goal_value;
+            for (sums, gradient) in position_gradient
                 .as_flattened_mut()
                 .iter_mut()
                 .zip(gradient.as_flattened())
             {
-                *sums += self.fit.goal * DVec3::from(gradient.map(f64::from));
+                *sums += self.options.goal * DVec3::from(gradient.map(f64::from));
             }
         }
-        let mut gradient = vec![0.0; WIDTH * self.wanted.len()];
-        value += self.frames(trial, &of_positions, &mut gradient);
-        value += self.steps(trial, &mut gradient);
-        self.keep_lengths(trial, &mut gradient);
+        let mut gradient = vec![0.0; FRAME_WIDTH * self.reference.len()];
+        value += self.add_frame_terms(trial, &position_gradient, &mut gradient);
+        value += self.add_step_terms(trial, &mut gradient);
+        self.differentiate_normalization(trial, &mut gradient);
         let curvatures = &self.curvatures;
-        self.descent.tell(value, gradient, &|step| {
-            for (block, banded) in curvatures.iter().enumerate() {
+        self.minimizer.update(value, gradient, &|step| {
+            for (block, curvature) in curvatures.iter().enumerate() {
                 let (offset, width) = match block {
                     0 => (0, 3),
                     _ => (4 * block - 1, 4),
                 };
                 for i in 0..width {
-                    banded.solve(step, offset + i, WIDTH);
+                    curvature.solve(step, offset + i, FRAME_WIDTH);
                 }
             }
         });
     }
 
-    fn meaning(&self, point: &[f64]) -> Trial {
-        let frames = self.wanted.len();
-        let mut trial = Trial {
+    /// Returns the motion that a point of the minimiser describes.
+    fn motion_at(&self, point: &[f64]) -> TrialMotion {
+        let frames = self.reference.len();
+        let mut trial = TrialMotion {
             lengths: Vec::with_capacity(frames),
             local: Vec::with_capacity(frames),
             poses: Vec::with_capacity(frames),
         };
-        for row in point.chunks_exact(WIDTH) {
+        for row in point.chunks_exact(FRAME_WIDTH) {
             let mut local = [DQuat::IDENTITY; JOINTS];
-            let mut lengths = [0.0; DRIVEN.len()];
-            for (k, joint) in DRIVEN.iter().enumerate() {
+            let mut lengths = [0.0; PARENT_JOINTS.len()];
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let q = DQuat::from_slice(&row[3 + 4 * k..7 + 4 * k]);
                 lengths[k] = q.length();
                 local[joint.index()] = q / lengths[k];
             }
             let root = DVec3::from_slice(&row[..3]);
-            trial.poses.push(Pose::of(&self.bones, root, &local));
+            trial.poses.push(Pose::of(&self.offsets, root, &local));
             trial.local.push(local);
             trial.lengths.push(lengths);
         }
         trial
     }
 
-    /// Terms of the positions; their gradient is added up.
-    // Frames and joints are places in several tables at once.
+    /// Returns the value of the terms of the joint positions, and adds their gradient to `gradient`.
+    // Frames and joints are indices into several tables at once.
     #[allow(clippy::needless_range_loop)]
-    fn positions(&self, trial: &Trial, gradient: &mut [[DVec3; JOINTS]]) -> f64 {
-        let fit = &self.fit;
+    fn add_position_terms(&self, trial: &TrialMotion, gradient: &mut [[DVec3; JOINTS]]) -> f64 {
+        let options = &self.options;
         let at = |t: usize, j: usize| trial.poses[t].positions[j];
         let mut value = 0.0;
-        for t in 0..self.wanted.len() {
-            let weight = fit.nearness * self.trust[t];
+        for t in 0..self.reference.len() {
+            let weight = options.nearness * self.trust[t];
             for j in 0..JOINTS {
-                let off = at(t, j) - self.wanted[t][j];
+                let off = at(t, j) - self.reference[t][j];
                 value += weight * off.length_squared();
                 gradient[t][j] += 2.0 * weight * off;
                 let depth = (self.ground - at(t, j).y).max(0.0);
-                value += fit.floor * depth * depth;
-                gradient[t][j].y -= 2.0 * fit.floor * depth;
+                value += options.floor * depth * depth;
+                gradient[t][j].y -= 2.0 * options.floor * depth;
             }
-            for (foot, least) in FEET.into_iter().zip(self.clearance[t]) {
+            for (foot, least) in FEET.into_iter().zip(self.least_foot_heights[t]) {
                 let missing = (least - at(t, foot.index()).y).max(0.0);
-                value += fit.clearance * missing * missing;
-                gradient[t][foot.index()].y -= 2.0 * fit.clearance * missing;
+                value += options.clearance * missing * missing;
+                gradient[t][foot.index()].y -= 2.0 * options.clearance * missing;
             }
         }
-        for t in 3..self.wanted.len() {
+        for t in 3..self.reference.len() {
             let trust = self.trust[t].min(self.trust[t - 3]);
             for j in 0..JOINTS {
-                let third = third([t - 3, t - 2, t - 1, t].map(|t| at(t, j)));
-                let wanted = [t - 3, t - 2, t - 1, t].map(|t| self.wanted[t][j]);
-                let off = third - self::third(wanted);
-                value += fit.jerk * third.length_squared();
-                value += fit.smoothness * trust * off.length_squared();
-                let g = 2.0 * (fit.jerk * third + fit.smoothness * trust * off);
+                let third = third_difference([t - 3, t - 2, t - 1, t].map(|t| at(t, j)));
+                let reference = [t - 3, t - 2, t - 1, t].map(|t| self.reference[t][j]);
+                let off = third - third_difference(reference);
+                value += options.jerk * third.length_squared();
+                value += options.smoothness * trust * off.length_squared();
+                let g = 2.0 * (options.jerk * third + options.smoothness * trust * off);
                 gradient[t][j] += g;
                 gradient[t - 1][j] -= 3.0 * g;
                 gradient[t - 2][j] += 3.0 * g;
                 gradient[t - 3][j] -= g;
             }
         }
-        for stand in &self.stands {
-            let j = stand.joint.index();
+        for contact in &self.contacts {
+            let j = contact.joint.index();
             for (t, gradient) in gradient
                 .iter_mut()
                 .enumerate()
-                .take(stand.until)
-                .skip(stand.from)
+                .take(contact.until)
+                .skip(contact.from)
             {
-                let off = at(t, j) - DVec3::from(stand.place);
-                value += fit.stand * off.length_squared();
-                gradient[j] += 2.0 * fit.stand * off;
+                let off = at(t, j) - DVec3::from(contact.position);
+                value += options.stand * off.length_squared();
+                gradient[j] += 2.0 * options.stand * off;
             }
         }
         value
     }
 
-    /// Terms of the rotations at single frames, and the way back from the positions.
-    fn frames(&self, trial: &Trial, of_positions: &[[DVec3; JOINTS]], gradient: &mut [f64]) -> f64 {
-        let fit = &self.fit;
+    /// Returns the value of the terms of the rotations at single frames, and adds their gradient to `gradient`, together
+    /// with the gradient of the joint positions pulled back to root and rotations.
+    fn add_frame_terms(
+        &self,
+        trial: &TrialMotion,
+        position_gradient: &[[DVec3; JOINTS]],
+        gradient: &mut [f64],
+    ) -> f64 {
+        let options = &self.options;
         let mut value = 0.0;
-        for (t, row) in gradient.chunks_exact_mut(WIDTH).enumerate() {
-            let (root, mut turns) = trial.poses[t].pull(&of_positions[t]);
+        for (t, row) in gradient.chunks_exact_mut(FRAME_WIDTH).enumerate() {
+            let (root, mut turns) = trial.poses[t].pull_back(&position_gradient[t]);
             row[..3].copy_from_slice(&root.to_array());
             for hinge in &self.hinges {
                 let q = trial.local[t][hinge.joint.index()];
-                let lower = q * hinge.bone;
-                let (back, aside) = (lower.dot(hinge.ahead).min(0.0), lower.dot(hinge.axis));
-                value += fit.hinge * back * back + fit.plane * aside * aside;
-                let of_lower =
-                    2.0 * fit.hinge * back * hinge.ahead + 2.0 * fit.plane * aside * hinge.axis;
-                turns[hinge.joint.index()] += q.inverse() * lower.cross(of_lower);
+                let bone = q * hinge.bone;
+                let (back, aside) = (
+                    bone.dot(hinge.bend_direction).min(0.0),
+                    bone.dot(hinge.axis),
+                );
+                value += options.hinge * back * back + options.plane * aside * aside;
+                let bone_gradient = 2.0 * options.hinge * back * hinge.bend_direction
+                    + 2.0 * options.plane * aside * hinge.axis;
+                turns[hinge.joint.index()] += q.inverse() * bone.cross(bone_gradient);
             }
-            for (k, joint) in DRIVEN.iter().enumerate() {
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let j = joint.index();
                 let q = trial.local[t][j];
                 let off = (q - self.solved[t][j]).to_array();
-                let of_turn = of_quaternion(q, turns[j]);
-                for (i, g) in quaternion_of(row, k).iter_mut().enumerate() {
-                    value += fit.prior * off[i] * off[i];
-                    *g += of_turn[i] + 2.0 * fit.prior * off[i];
+                let turn_gradient = quaternion_gradient(q, turns[j]);
+                for (i, g) in quaternion_mut(row, k).iter_mut().enumerate() {
+                    value += options.prior * off[i] * off[i];
+                    *g += turn_gradient[i] + 2.0 * options.prior * off[i];
                 }
             }
         }
         value
     }
 
-    /// Terms of the rotations from frame to frame.
-    fn steps(&self, trial: &Trial, gradient: &mut [f64]) -> f64 {
-        let fit = &self.fit;
-        // The quaternions of two rotations differ by twice the sine of a quarter of the angle between them.
-        let fastest = 2.0 * (fit.fastest.to_radians() / 4.0).sin();
+    /// Returns the value of the terms of the rotations from frame to frame, and adds their gradient to `gradient`.
+    fn add_step_terms(&self, trial: &TrialMotion, gradient: &mut [f64]) -> f64 {
+        let options = &self.options;
+        // The difference of two unit quaternions has the length 2 sin(a / 4), where a is the angle between the rotations.
+        let fastest = 2.0 * (options.fastest.to_radians() / 4.0).sin();
         let mut value = 0.0;
-        for t in 1..self.wanted.len() {
-            for (k, joint) in DRIVEN.iter().enumerate() {
+        for t in 1..self.reference.len() {
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let j = joint.index();
                 let mut add = |t: usize, share: f64, g: [f64; 4]| {
-                    let row = &mut gradient[t * WIDTH..(t + 1) * WIDTH];
-                    for (sum, g) in quaternion_of(row, k).iter_mut().zip(g) {
+                    let row = &mut gradient[t * FRAME_WIDTH..(t + 1) * FRAME_WIDTH];
+                    for (sum, g) in quaternion_mut(row, k).iter_mut().zip(g) {
                         *sum += share * g;
                     }
                 };
                 let step = trial.local[t][j] - trial.local[t - 1][j];
-                let over = step.length() - fastest;
-                if over > 0.0 {
-                    value += fit.haste * over * over;
-                    let g = (step * (2.0 * fit.haste * over / step.length())).to_array();
+                let excess = step.length() - fastest;
+                if excess > 0.0 {
+                    value += options.haste * excess * excess;
+                    let g = (step * (2.0 * options.haste * excess / step.length())).to_array();
                     add(t, 1.0, g);
                     add(t - 1, -1.0, g);
                 }
                 if t < 2 {
                     continue;
                 }
-                let second = |local: &[[DQuat; JOINTS]]| {
+                let second_difference = |local: &[[DQuat; JOINTS]]| {
                     local[t][j] + local[t - 2][j] - local[t - 1][j] * 2.0
                 };
-                let own = second(&trial.local);
-                let off = own - second(&self.solved);
-                let weight = fit.weight_of(*joint);
+                let own = second_difference(&trial.local);
+                let off = own - second_difference(&self.solved);
+                let weight = options.turning_factor(*joint);
                 value += weight
-                    * (fit.rotation * own.length_squared() + fit.turning * off.length_squared());
-                let g = (own * fit.rotation + off * fit.turning) * (2.0 * weight);
+                    * (options.rotation * own.length_squared()
+                        + options.turning * off.length_squared());
+                let g = (own * options.rotation + off * options.turning) * (2.0 * weight);
                 add(t, 1.0, g.to_array());
                 add(t - 1, -2.0, g.to_array());
                 add(t - 2, 1.0, g.to_array());
@@ -319,12 +343,13 @@ impl Track {
         value
     }
 
-    /// Takes from a gradient what would change the length of a quaternion alone: its length means nothing.
-    fn keep_lengths(&self, trial: &Trial, gradient: &mut [f64]) {
-        for (t, row) in gradient.chunks_exact_mut(WIDTH).enumerate() {
-            for (k, joint) in DRIVEN.iter().enumerate() {
+    /// Converts the gradient with respect to normalised quaternions to the gradient with respect to the quaternions of the
+    /// trial point. The part along a quaternion is removed, because the length of a quaternion has no effect.
+    fn differentiate_normalization(&self, trial: &TrialMotion, gradient: &mut [f64]) {
+        for (t, row) in gradient.chunks_exact_mut(FRAME_WIDTH).enumerate() {
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let q = trial.local[t][joint.index()].to_array();
-                let g = quaternion_of(row, k);
+                let g = quaternion_mut(row, k);
                 let along: f64 = q.iter().zip(g.iter()).map(|(q, g)| q * g).sum();
                 for (g, q) in g.iter_mut().zip(q) {
                     *g = (*g - along * q) / trial.lengths[t][k];
@@ -333,8 +358,9 @@ impl Track {
         }
     }
 
-    /// How the value bends along the root and along every driven joint, each by itself: what a step is divided by.
-    fn curvatures(&self) -> Vec<Banded> {
+    /// Estimates the curvature of the fit's value along the root and along every joint that has children, each by itself.
+    /// Steps of the minimiser are divided by these curvatures.
+    fn curvatures(&self) -> Vec<BandedFactorization> {
         let FitOptions {
             nearness,
             smoothness,
@@ -344,44 +370,57 @@ impl Track {
             stand,
             prior,
             ..
-        } = self.fit;
-        let frames = self.wanted.len();
+        } = self.options;
+        let frames = self.reference.len();
+        // The weight of all contacts at each frame.
         let mut standing = vec![0.0; frames];
-        for own in &self.stands {
-            for standing in &mut standing[own.from..own.until] {
+        for contact in &self.contacts {
+            for standing in &mut standing[contact.from..contact.until] {
                 *standing += stand;
             }
         }
         let third = jerk + smoothness;
         let joints = JOINTS as f64;
         let root = |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + 1e-3;
-        let mut all = vec![Banded::new(frames, root, 0.0, 2.0 * third * joints)];
-        let levers = levers(&self.bones);
-        for joint in DRIVEN {
-            // A quaternion's numbers change half as fast as the angle, and squares count.
+        let mut all = vec![BandedFactorization::new(
+            frames,
+            root,
+            0.0,
+            2.0 * third * joints,
+        )];
+        let levers = squared_levers(&self.offsets);
+        for joint in PARENT_JOINTS {
+            // The numbers of a quaternion change half as fast as the angle, which is a factor of 4 on squares.
             let lever = 4.0 * levers[joint.index()];
-            let carries = if is_of_a_leg(joint) { 0.25 } else { 0.0 };
-            let own = |t: usize| {
+            let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
+            let diagonal = |t: usize| {
                 let near = nearness * self.trust[t] * lever;
-                2.0 * (near + carries * standing[t] + prior) + 1e-4
+                2.0 * (near + contact_share * standing[t] + prior) + 1e-4
             };
-            let second = 2.0 * (rotation + turning) * self.fit.weight_of(joint);
-            all.push(Banded::new(frames, own, second, 2.0 * third * lever));
+            let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
+            all.push(BandedFactorization::new(
+                frames,
+                diagonal,
+                second,
+                2.0 * third * lever,
+            ));
         }
         all
     }
 }
 
-/// The quaternion of a driven joint in the numbers of a frame.
-fn quaternion_of(row: &mut [f64], place: usize) -> &mut [f64] {
-    &mut row[3 + 4 * place..7 + 4 * place]
+/// Returns the quaternion of the joint with an index in [`PARENT_JOINTS`] from the unknowns of a frame.
+fn quaternion_mut(row: &mut [f64], index: usize) -> &mut [f64] {
+    &mut row[3 + 4 * index..7 + 4 * index]
 }
 
-fn third([a, b, c, d]: [DVec3; 4]) -> DVec3 {
+/// Returns the third difference of four consecutive values.
+fn third_difference([a, b, c, d]: [DVec3; 4]) -> DVec3 {
     d - 3.0 * c + 3.0 * b - a
 }
 
-fn is_of_a_leg(joint: Joint) -> bool {
+/// Returns whether a joint moves a foot: whether it is the pelvis, a hip, a knee or an ankle.
+fn is_leg_joint(joint: Joint) -> bool {
     use Joint::*;
     matches!(
         joint,
@@ -389,7 +428,7 @@ fn is_of_a_leg(joint: Joint) -> bool {
     )
 }
 
-fn hinges(bones: &Bones) -> [Hinge; 4] {
+fn hinges(offsets: &BoneOffsets) -> [HingeJoint; 4] {
     [
         (Joint::LeftElbow, Joint::LeftWrist),
         (Joint::RightElbow, Joint::RightWrist),
@@ -399,24 +438,24 @@ fn hinges(bones: &Bones) -> [Hinge; 4] {
     .map(|(joint, end)| {
         let axis = RestPose::hinge(joint).expect("elbows and knees are hinges");
         let axis = DVec3::from(axis.map(f64::from));
-        let bone = bones.0[end.index()].normalize_or_zero();
-        Hinge {
+        let bone = offsets.0[end.index()].normalize_or_zero();
+        HingeJoint {
             joint,
             bone,
             axis,
-            ahead: axis.cross(bone),
+            bend_direction: axis.cross(bone),
         }
     })
 }
 
-/// For every joint the sum of squared distances to all joints that it moves, in the rest pose.
-fn levers(bones: &Bones) -> [f64; JOINTS] {
-    let pose = Pose::of(bones, DVec3::ZERO, &[DQuat::IDENTITY; JOINTS]);
+/// Returns, for every joint, the sum of its squared distances in the rest pose to all joints that it moves, in m².
+fn squared_levers(offsets: &BoneOffsets) -> [f64; JOINTS] {
+    let pose = Pose::of(offsets, DVec3::ZERO, &[DQuat::IDENTITY; JOINTS]);
     let mut sums = [0.0; JOINTS];
     for joint in Joint::ALL {
-        let place = pose.positions[joint.index()];
-        for above in std::iter::successors(joint.parent(), |above| above.parent()) {
-            sums[above.index()] += place.distance_squared(pose.positions[above.index()]);
+        let position = pose.positions[joint.index()];
+        for ancestor in std::iter::successors(joint.parent(), |ancestor| ancestor.parent()) {
+            sums[ancestor.index()] += position.distance_squared(pose.positions[ancestor.index()]);
         }
     }
     sums

@@ -1,4 +1,4 @@
-//! What a fit makes of motions: bones stay rigid, feet stand, and what is in the air stays there.
+//! Tests of fits: bones stay rigid, standing feet do not slide, and feet in the air stay there.
 
 use std::ops::ControlFlow;
 
@@ -10,7 +10,8 @@ use lamogen_motion::{
 
 const FRAMES: usize = 60;
 
-/// The golden motion of the pose features, made rigid: as captured motion, positions alone.
+/// Returns the golden motion of the tests of pose features, with rigid bones. Like captured motion, it has joint positions
+/// only.
 fn captured() -> Motion {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -23,14 +24,14 @@ fn captured() -> Motion {
     Motion::from_joints(Rotations::of(&stretching).joints()).unwrap()
 }
 
-/// A turn about an axis of the world, as a quaternion.
+/// Returns a turn by an angle in radians about an axis of the world, as a quaternion.
 fn turn(axis: usize, angle: f32) -> [f32; 4] {
     let mut q = [0.0, 0.0, 0.0, (angle / 2.0).cos()];
     q[axis] = (angle / 2.0).sin();
     q
 }
 
-/// A body of HumanML3D's bones in a pose and place of its own at every frame.
+/// Returns the motion of HumanML3D's body with the given root position in metres and local rotations at every frame.
 fn body(
     root: impl Fn(usize) -> [f32; 3],
     rotations: impl Fn(usize, &mut [[f32; 4]; JOINTS]),
@@ -46,12 +47,12 @@ fn body(
         local.collect(),
         FRAMES_PER_SECOND,
     );
-    // Positions alone: the fit knows no rotations.
+    // The motion has joint positions only, so the fit does not know these rotations.
     Motion::from_joints(rotations.joints()).unwrap()
 }
 
-/// How high the pelvis of the standing T-pose is above the balls of the feet.
-fn standing() -> f32 {
+/// Returns the height of the pelvis above the balls of the feet in the T-pose, in metres.
+fn standing_height() -> f32 {
     let rest = RestPose::humanml3d();
     let leg = [
         Joint::LeftHip,
@@ -90,7 +91,7 @@ fn largest_gap(a: &Motion, b: &Motion) -> f32 {
     pairs.map(gap).fold(0.0, f32::max)
 }
 
-/// How far a foot moves along the ground from frame to frame at most, in metres.
+/// Returns the largest distance that a foot moves along the ground from one frame to the next, in metres.
 fn largest_slide(motion: &Motion, foot: Joint, frames: std::ops::Range<usize>) -> f32 {
     let steps = frames.clone().zip(frames.skip(1));
     let slide = |(a, b)| {
@@ -102,7 +103,7 @@ fn largest_slide(motion: &Motion, foot: Joint, frames: std::ops::Range<usize>) -
 
 #[test]
 fn a_captured_clip_of_rigid_bones_is_reproduced_to_a_millimetre() {
-    // Without the terms that want more than nearness.
+    // All terms that ask for more than nearness are off or negligible.
     let near = FitOptions {
         evaluations: 300,
         jerk: 0.0,
@@ -127,8 +128,8 @@ fn a_captured_clip_of_rigid_bones_is_reproduced_to_a_millimetre() {
 
 #[test]
 fn feet_that_stand_stop_sliding_and_the_body_stays_where_it_is() {
-    // A standing body that drifts by 20 cm a second, 6 cm deep in the ground.
-    let height = standing() - 0.06;
+    // A standing body drifts by 20 cm a second, with its feet 6 cm below the ground.
+    let height = standing_height() - 0.06;
     let drifting = body(|frame| [0.0, height, 0.01 * frame as f32], |_, _| ());
     assert!(FootSliding::of(&drifting).speed > 0.19);
     let fitted = fit(&drifting, &FitOptions::default());
@@ -144,11 +145,11 @@ fn feet_that_stand_stop_sliding_and_the_body_stays_where_it_is() {
 
 #[test]
 fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
-    // Up by 40 cm and down again.
+    // The body rises by 40 cm and comes down again.
     let jump = body(
         |frame| {
-            let way = (frame as f32 / (FRAMES - 1) as f32 * std::f32::consts::PI).sin();
-            [0.0, standing() + 0.4 * way, 0.0]
+            let lift = (frame as f32 / (FRAMES - 1) as f32 * std::f32::consts::PI).sin();
+            [0.0, standing_height() + 0.4 * lift, 0.0]
         },
         |_, _| (),
     );
@@ -157,9 +158,9 @@ fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
         let [before, after] = [&jump, &fitted].map(|motion| motion.position(FRAMES / 2, foot)[1]);
         assert!((before - after).abs() < 0.01, "{before} became {after}");
     }
-    // A leg that is held up for the whole motion.
+    // One leg is held up during the whole motion.
     let held = body(
-        |_| [0.0, standing(), 0.0],
+        |_| [0.0, standing_height(), 0.0],
         |_, pose| pose[Joint::LeftHip.index()] = turn(0, -1.2),
     );
     let fitted = fit(&held, &FitOptions::default());
@@ -194,12 +195,12 @@ fn a_body_that_lies_or_never_touches_the_ground_keeps_its_pose() {
 fn elbows_and_knees_bend_one_way_only() {
     // The left knee and the right elbow overstretch by 20 degrees and back.
     let overstretched = body(
-        |_| [0.0, standing(), 0.0],
+        |_| [0.0, standing_height(), 0.0],
         |frame, pose| {
-            let way = (0.2 * frame as f32).sin().powi(2);
-            pose[Joint::LeftKnee.index()] = turn(0, -0.35 * way);
-            pose[Joint::RightElbow.index()] = turn(1, -0.35 * way);
-            // Bent well at the end, so that it is known which way they bend.
+            let share = (0.2 * frame as f32).sin().powi(2);
+            pose[Joint::LeftKnee.index()] = turn(0, -0.35 * share);
+            pose[Joint::RightElbow.index()] = turn(1, -0.35 * share);
+            // Both are bent well at the end, which shows the direction in which they bend.
             if frame > 45 {
                 pose[Joint::LeftKnee.index()] = turn(0, 0.1 * (frame - 45) as f32);
                 pose[Joint::RightElbow.index()] = turn(1, 0.1 * (frame - 45) as f32);
@@ -220,7 +221,7 @@ fn elbows_and_knees_bend_one_way_only() {
 #[test]
 fn a_body_that_snaps_round_turns_like_one_that_has_weight() {
     let snapping = body(
-        |_| [0.0, standing(), 0.0],
+        |_| [0.0, standing_height(), 0.0],
         |frame, pose| pose[0] = turn(1, if frame < 30 { 0.0 } else { 3.0 }),
     );
     let pelvis = |motion: &Motion| {
@@ -270,16 +271,16 @@ fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() 
     assert_eq!(together[1], run(&[input(&short)], 3)[0]);
 }
 
-/// Wants the right wrist at a height.
-struct Reach(f32);
+/// An objective that draws the right wrist to a height in metres.
+struct WristHeightObjective(f32);
 
-impl FitObjective for Reach {
+impl FitObjective for WristHeightObjective {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
     ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
         let wrist = Joint::RightWrist.index();
-        let of = |poses: &Vec<[[f32; 3]; JOINTS]>| {
+        let evaluate = |poses: &Vec<[[f32; 3]; JOINTS]>| {
             let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
             let mut value = 0.0;
             for (gradient, pose) in gradient.iter_mut().zip(poses) {
@@ -289,13 +290,13 @@ impl FitObjective for Reach {
             }
             (value, gradient)
         };
-        joints.iter().map(of).collect()
+        joints.iter().map(evaluate).collect()
     }
 }
 
 #[test]
 fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
-    let still = body(|_| [0.0, standing(), 0.0], |_, _| ());
+    let still = body(|_| [0.0, standing_height(), 0.0], |_, _| ());
     let rest = RestPose::humanml3d();
     let input = FitInput {
         motion: &still,
@@ -304,30 +305,36 @@ fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
     };
     let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
     let before = still.position(30, Joint::RightWrist)[1];
-    let asked = before + 0.2;
+    let requested = before + 0.2;
     let fit = FitOptions {
         goal: 100.0,
         ..FitOptions::default()
     };
-    let whole = fit.run(&[input], Some(&mut Reach(asked)), &mut |_| {
-        ControlFlow::Continue(())
-    });
-    assert!((wrist(&whole.rotations[0]) - asked).abs() < 0.03);
+    let whole = fit.run(
+        &[input],
+        Some(&mut WristHeightObjective(requested)),
+        &mut |_| ControlFlow::Continue(()),
+    );
+    assert!((wrist(&whole.rotations[0]) - requested).abs() < 0.03);
 
-    let mut seen = 0;
-    let stopped = fit.run(&[input], Some(&mut Reach(asked)), &mut |progress| {
-        seen = progress.done;
-        match progress.done {
-            10 => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        }
-    });
-    assert!(stopped.is_stopped && seen == 10);
+    let mut last_done = 0;
+    let stopped = fit.run(
+        &[input],
+        Some(&mut WristHeightObjective(requested)),
+        &mut |progress| {
+            last_done = progress.done;
+            match progress.done {
+                10 => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        },
+    );
+    assert!(stopped.is_stopped && last_done == 10);
     assert!(wrist(&stopped.rotations[0]) > before + 0.02);
 }
 
 #[test]
 fn the_ground_is_as_low_as_the_feet_come() {
-    let sunk = body(|_| [0.0, standing() - 0.5, 0.0], |_, _| ());
+    let sunk = body(|_| [0.0, standing_height() - 0.5, 0.0], |_, _| ());
     assert!((ground(&sunk) + 0.5).abs() < 0.02, "{}", ground(&sunk));
 }

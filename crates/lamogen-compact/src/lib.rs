@@ -1,29 +1,30 @@
-//! A compact text-to-motion model as bytes in the program: 4.4 million parameters in 16 bits.
+//! The bytes of a compact text-to-motion model, embedded in the program: 4.4 million parameters in 16 bits.
 //!
-//! `LaMoGen::embedded` of the crate `lamogen` loads it. MODEL_CARD.md beside this file says what it
-//! was trained on, how good it is and what it cannot do.
+//! `LaMoGen::embedded` of the crate `lamogen` loads it. MODEL_CARD.md of this crate says what it was trained on, how good
+//! it is and what it cannot do.
 //!
-//! **The model's licence is CC BY 4.0**: it may be used in products that name the sources ([`ATTRIBUTION`]). It covers this crate alone.
+//! **The model's licence is CC BY 4.0**: the model may be used in products that name its sources ([`ATTRIBUTION`]). This
+//! licence covers this crate alone.
 
-/// Sizes of the network, JSON.
+/// The model's `config.json`: sizes of the network and how it is sampled.
 pub const CONFIG: &[u8] = include_bytes!("../model/config.json");
 
-/// Weights in 16 bits, safetensors, with `license` and `attribution` in the metadata.
+/// The weights in 16 bits, as safetensors, with `license` and `attribution` in the metadata.
 pub const WEIGHTS: &[u8] = include_bytes!("../model/model.safetensors");
 
-/// Tokenizer in the JSON of Hugging Face `tokenizers`.
+/// The tokenizer, as JSON of Hugging Face `tokenizers`.
 pub const TOKENIZER: &[u8] = include_bytes!("../model/tokenizer.json");
 
-/// Mean of the 263 pose features over the training set, `.npy`.
+/// The mean of the 263 pose features over the training set, as `.npy`.
 pub const MEAN: &[u8] = include_bytes!("../model/mean.npy");
 
-/// Standard deviation of the 263 pose features over the training set, `.npy`.
+/// The standard deviation of the 263 pose features over the training set, as `.npy`.
 pub const STD: &[u8] = include_bytes!("../model/std.npy");
 
-/// The words of the captions that it was trained on, one a line.
+/// The words of the captions that the model was trained on, one a line.
 pub const WORDS: &str = include_str!("../model/words.txt");
 
-/// Whom to name when the model is passed on, one a line; also in the metadata of the weights.
+/// The sources to name when the model is passed on, one a line. The metadata of the weights hold the same lines.
 pub const ATTRIBUTION: &str = include_str!("../ATTRIBUTION");
 
 #[cfg(doctest)]

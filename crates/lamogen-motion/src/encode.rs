@@ -1,4 +1,4 @@
-//! From joint positions to pose features: the way back from [`joints`](crate::joints).
+//! Encodes joint positions as pose features, the inverse of [`joints`](crate::joints).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -6,33 +6,35 @@ use crate::features::{FOOT_CONTACT_JOINTS, POSE_FEATURES};
 use crate::precise::points;
 use crate::skeleton::{CHAINS, JOINTS, Joint};
 
-/// Where every joint is at one frame, in metres.
+/// The position of every joint at one frame, in metres.
 type Pose = [[f32; 3]; JOINTS];
 
-/// Standard deviation and reach of the smoothing of the facing direction, in frames.
+/// Standard deviation of the Gaussian that smooths the facing direction, in frames.
 const FACING_DEVIATION: f64 = 20.0;
+/// Half width of the kernel of that Gaussian, in frames.
 const FACING_REACH: usize = 80;
-/// A foot stands if it moves less than this between two frames, in m².
-const STANDING: f64 = 0.002;
+/// A foot counts as standing if it moves by less than this between two frames, as a squared distance in m².
+const STANDING_BELOW: f64 = 0.002;
 
-/// Puts a motion where HumanML3D has it: the lowest joint of the whole motion on the ground, the first
-/// pelvis over the origin, the first pose facing +Z (Guo et al. 2022).
+/// Moves a motion to where HumanML3D has its motions: the lowest joint of the whole motion is on the ground, the
+/// pelvis of the first frame is over the origin, and the first pose faces +Z (Guo et al. 2022).
 pub fn canonical(poses: &[Pose]) -> Vec<Pose> {
-    let placed = place(poses.iter().map(points).collect()).into_iter();
-    placed
+    let moved = to_canonical(poses.iter().map(points).collect()).into_iter();
+    moved
         .map(|pose| pose.map(|point| point.as_vec3().to_array()))
         .collect()
 }
 
-fn place(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
+/// As [`canonical`], in 64 bits.
+fn to_canonical(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
     let Some(first) = poses.first() else {
         return poses;
     };
     let lowest = poses.as_flattened().iter().map(|point| point.y);
     let start = first[Joint::Pelvis.index()];
     let origin = DVec3::new(start.x, lowest.fold(f64::INFINITY, f64::min), start.z);
-    let across = across(first, Joint::LeftHip, Joint::RightHip)
-        + across(first, Joint::LeftShoulder, Joint::RightShoulder);
+    let across = right_to_left(first, Joint::LeftHip, Joint::RightHip)
+        + right_to_left(first, Joint::LeftShoulder, Joint::RightShoulder);
     let facing = across
         .normalize_or_zero()
         .cross(DVec3::Y)
@@ -44,59 +46,63 @@ fn place(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
     poses
 }
 
-/// The pose features of joint positions, a row for every step from a frame to the next: one row less than
-/// there are frames (Guo et al. 2022, section 5). Positions are taken as they are; features that a network
-/// shall understand are those of [`canonical`] positions.
+/// Computes the pose features of joint positions (Guo et al. 2022, section 5).
 ///
-/// They are what HumanML3D's own code gives, but for one thing: where a body turns past straight backwards,
-/// that code lets the step of the heading point the other way, and the motion comes back turned. Here the
-/// step keeps its side.
+/// There is one row for every step from a frame to the next, so one row less than there are frames. Positions are
+/// taken as they are; a network needs the features of [`canonical`] positions.
 ///
-/// Rotations are those of HumanML3D: along every chain the shortest turn from the rest direction of a bone
-/// to the bone. They are no joint rotations of a rig; [`Rotations`](crate::Rotations) are.
+/// The features are those of HumanML3D's own code, with one difference: where a body turns past straight backwards,
+/// that code reverses the step of the heading, and the decoded motion comes back turned. Here the step keeps its
+/// direction.
+///
+/// The rotations among the features are those of HumanML3D: along every chain, the shortest turn from the rest
+/// direction of a bone to its actual direction. They are not joint rotations of a rig;
+/// [`Rotations`](crate::Rotations) are.
 pub fn encode(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    rows(&poses.iter().map(points).collect::<Vec<_>>())
+    feature_rows(&poses.iter().map(points).collect::<Vec<_>>())
 }
 
-/// The pose features that a network understands: those of the [`canonical`] positions, which are not rounded in
-/// between.
+/// Computes the pose features of the [`canonical`] positions, which are the features that a network understands.
+/// The canonical positions are not rounded to 32 bits in between.
 pub fn encode_canonical(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    rows(&place(poses.iter().map(points).collect()))
+    feature_rows(&to_canonical(poses.iter().map(points).collect()))
 }
 
-/// As [`encode`], with as many rows as there are frames: after the last frame the motion goes on as before it. None for fewer than two frames.
+/// As [`encode`], with as many rows as there are frames: the motion is continued by one frame at the speed of its
+/// last step. The result is empty for fewer than two frames.
 pub fn encode_every_frame(poses: &[Pose]) -> Vec<[f32; POSE_FEATURES]> {
-    let [.., before, last] = poses else {
+    let [.., previous, last] = poses else {
         return Vec::new();
     };
     let next = std::array::from_fn(|joint| {
-        std::array::from_fn(|axis| 2.0 * last[joint][axis] - before[joint][axis])
+        std::array::from_fn(|axis| 2.0 * last[joint][axis] - previous[joint][axis])
     });
     encode(&[poses, &[next]].concat())
 }
 
-fn rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
+/// Returns one row of features for every step from a frame to the next.
+fn feature_rows(poses: &[[DVec3; JOINTS]]) -> Vec<[f32; POSE_FEATURES]> {
     let headings = headings(poses);
     let steps = poses.windows(2).zip(headings.windows(2));
     steps
-        .map(|(poses, headings)| row(&poses[0], &poses[1], headings[0], headings[1]))
+        .map(|(poses, headings)| feature_row(&poses[0], &poses[1], headings[0], headings[1]))
         .collect()
 }
 
-/// From the right to the left.
-fn across(pose: &[DVec3; JOINTS], left: Joint, right: Joint) -> DVec3 {
+/// Returns the vector from the right joint to the left one.
+fn right_to_left(pose: &[DVec3; JOINTS], left: Joint, right: Joint) -> DVec3 {
     pose[left.index()] - pose[right.index()]
 }
 
-/// The turn at every frame that makes the body face +Z.
+/// Returns, for every frame, the rotation that makes the body face +Z.
 fn headings(poses: &[[DVec3; JOINTS]]) -> Vec<DQuat> {
-    // The published data counts the shoulders the other way around than the hips, so what is smoothed
-    // hardly depends on where the chest faces. Every model was trained so.
+    // HumanML3D subtracts the vector across the shoulders from the one across the hips instead of adding them, so
+    // the smoothed direction hardly depends on where the chest faces. Every model was trained on such data.
     let facing: Vec<DVec3> = poses
         .iter()
         .map(|pose| {
-            let hips = across(pose, Joint::LeftHip, Joint::RightHip);
-            let shoulders = across(pose, Joint::LeftShoulder, Joint::RightShoulder);
+            let hips = right_to_left(pose, Joint::LeftHip, Joint::RightHip);
+            let shoulders = right_to_left(pose, Joint::LeftShoulder, Joint::RightShoulder);
             DVec3::Y.cross((hips - shoulders).normalize_or_zero())
         })
         .collect();
@@ -105,12 +111,12 @@ fn headings(poses: &[[DVec3; JOINTS]]) -> Vec<DQuat> {
         .enumerate()
         .map(|(frame, facing)| match frame {
             0 => DQuat::IDENTITY,
-            _ => between(facing.normalize_or_zero(), DVec3::Z),
+            _ => shortest_turn(facing.normalize_or_zero(), DVec3::Z),
         });
     turns.collect()
 }
 
-/// Gaussian smoothing along time; beyond the ends the first and the last value go on.
+/// Smooths a series along time with a Gaussian. The first and the last value are repeated beyond the ends.
 fn smooth(series: &[DVec3]) -> Vec<DVec3> {
     let reach = FACING_REACH as i64;
     let kernel: Vec<f64> = (-reach..=reach)
@@ -130,9 +136,9 @@ fn smooth(series: &[DVec3]) -> Vec<DVec3> {
         .collect()
 }
 
-/// The shortest turn from one direction to another. Not glam's, which takes nearly opposite directions for
-/// opposite ones.
-fn between(from: DVec3, to: DVec3) -> DQuat {
+/// Returns the shortest turn from one direction to another. glam's function is not used, because it treats nearly
+/// opposite directions as opposite ones.
+fn shortest_turn(from: DVec3, to: DVec3) -> DQuat {
     let v = from.cross(to);
     let w = (from.length_squared() * to.length_squared()).sqrt() + from.dot(to);
     let length = (v.length_squared() + w * w).sqrt();
@@ -142,7 +148,8 @@ fn between(from: DVec3, to: DVec3) -> DQuat {
     }
 }
 
-fn row(
+/// Returns the features of a pose and of the step from it to the next one.
+fn feature_row(
     pose: &[DVec3; JOINTS],
     next: &[DVec3; JOINTS],
     heading: DQuat,
@@ -150,10 +157,15 @@ fn row(
 ) -> [f32; POSE_FEATURES] {
     let pelvis = pose[Joint::Pelvis.index()];
     let turn = next_heading * heading.inverse();
-    // The two quaternions of a turn differ in sign: the one is taken that turns less than half around.
+    // Both signs of a quaternion are the same rotation; the one that turns by less than 180 degrees is taken.
     let yaw = turn.y * if turn.w < 0.0 { -1.0 } else { 1.0 };
-    let walked = next_heading * (next[Joint::Pelvis.index()] - pelvis);
-    let mut values = vec![yaw.clamp(-1.0, 1.0).asin(), walked.x, walked.z, pelvis.y];
+    let root_step = next_heading * (next[Joint::Pelvis.index()] - pelvis);
+    let mut values = vec![
+        yaw.clamp(-1.0, 1.0).asin(),
+        root_step.x,
+        root_step.z,
+        pelvis.y,
+    ];
 
     let ground = DVec3::new(pelvis.x, 0.0, pelvis.z);
     for &point in &pose[1..] {
@@ -168,7 +180,7 @@ fn row(
     }
     for joint in FOOT_CONTACT_JOINTS {
         let moved = next[joint.index()] - pose[joint.index()];
-        values.push(if moved.length_squared() < STANDING {
+        values.push(if moved.length_squared() < STANDING_BELOW {
             1.0
         } else {
             0.0
@@ -177,23 +189,23 @@ fn row(
     std::array::from_fn(|feature| values[feature] as f32)
 }
 
-/// HumanML3D's rotations, each at the joint where its bone ends. Every chain starts from the heading.
+/// Returns HumanML3D's rotations, each at the joint in which its bone ends. Every chain starts from the heading.
 fn chain_rotations(pose: &[DVec3; JOINTS], heading: DQuat) -> [DMat3; JOINTS] {
     let mut rotations = [DMat3::IDENTITY; JOINTS];
     for chain in CHAINS {
-        let mut turned = heading;
+        let mut accumulated = heading;
         for bone in chain.windows(2) {
             let direction = (pose[bone[1].index()] - pose[bone[0].index()]).normalize_or_zero();
-            let local = turned.inverse() * between(rest(bone[1]), direction);
+            let local = accumulated.inverse() * shortest_turn(rest_direction(bone[1]), direction);
             rotations[bone[1].index()] = DMat3::from_quat(local.normalize());
-            turned *= local;
+            accumulated *= local;
         }
     }
     rotations
 }
 
-/// The direction that HumanML3D gives the bone that ends in a joint before it is turned.
-fn rest(joint: Joint) -> DVec3 {
+/// Returns the rest direction that HumanML3D gives to the bone that ends in a joint.
+fn rest_direction(joint: Joint) -> DVec3 {
     use Joint::*;
     match joint {
         LeftHip | LeftCollar => DVec3::X,

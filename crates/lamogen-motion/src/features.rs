@@ -1,38 +1,40 @@
-//! How one pose lies in the 263 numbers of HumanML3D (Guo et al. 2022, section 5).
+//! The layout of HumanML3D's 263 pose features (Guo et al. 2022, section 5).
 
 use std::ops::Range;
 
 use crate::skeleton::{JOINTS, Joint};
 
-/// Width of a pose feature vector.
+/// The number of pose features of a frame: 263.
 pub const POSE_FEATURES: usize = FeatureGroup::FootContact.range().end;
 
-/// A run of the 263 pose features that belong together.
+/// A group of consecutive pose features.
 ///
-/// Frame `t` of the features describes the pose at `t` and the step from `t` to `t + 1`.
+/// Row `t` of the features describes the pose at frame `t` and the step from `t` to `t + 1`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FeatureGroup {
     /// Half the change of heading from `t` to `t + 1`, in radians (1 value).
     RootYaw,
-    /// Displacement of the root on the ground, x and z, in metres a frame, seen from the heading
-    /// of `t + 1` (2 values).
+    /// Displacement of the root on the ground, x and z, in metres a frame, relative to the heading
+    /// at `t + 1` (2 values).
     RootVelocity,
     /// Height of the root in metres (1 value).
     RootHeight,
-    /// Positions of the 21 joints below the pelvis in metres, relative to the root on the ground
-    /// plane, seen from the heading of `t` (63 values).
+    /// Positions of the 21 joints below the pelvis in metres, relative to the point on the
+    /// ground below the root and to the heading at `t` (63 values).
     LocalPositions,
-    /// Rotations of the same joints, six values each: the first two columns of the matrix (126).
+    /// Rotations of the same joints, six values each: the first two columns of the rotation matrix
+    /// (126 values).
     Rotations,
-    /// Displacement of all 22 joints from `t` to `t + 1` in metres, seen from the heading of `t`
+    /// Displacement of all 22 joints from `t` to `t + 1` in metres, relative to the heading at `t`
     /// (66 values).
     Velocities,
-    /// 1 where left ankle, left foot, right ankle, right foot stand on the ground (4 values).
+    /// 1 for each of left ankle, left foot, right ankle and right foot that stands on the ground, else 0
+    /// (4 values).
     FootContact,
 }
 
 impl FeatureGroup {
-    /// Every group, in the order of the vector.
+    /// All groups, in the order of the feature vector.
     pub const ALL: [FeatureGroup; 7] = [
         FeatureGroup::RootYaw,
         FeatureGroup::RootVelocity,
@@ -43,7 +45,7 @@ impl FeatureGroup {
         FeatureGroup::FootContact,
     ];
 
-    /// How many features the group has.
+    /// Returns the number of features of the group.
     pub const fn width(self) -> usize {
         match self {
             FeatureGroup::RootYaw | FeatureGroup::RootHeight => 1,
@@ -55,7 +57,7 @@ impl FeatureGroup {
         }
     }
 
-    /// Where the group lies in the feature vector.
+    /// Returns the indices of the group's features in the feature vector.
     pub const fn range(self) -> Range<usize> {
         let mut start = 0;
         let mut group = 0;
@@ -66,7 +68,7 @@ impl FeatureGroup {
         start..start + self.width()
     }
 
-    /// The name used in messages, such as `local positions`.
+    /// Returns the name used in messages, such as `local positions`.
     pub const fn name(self) -> &'static str {
         match self {
             FeatureGroup::RootYaw => "root yaw",
@@ -79,7 +81,7 @@ impl FeatureGroup {
         }
     }
 
-    /// The group that a feature belongs to; `None` past the end of the vector.
+    /// Returns the group of a feature index, or `None` past the end of the vector.
     pub fn of(feature: usize) -> Option<FeatureGroup> {
         FeatureGroup::ALL
             .into_iter()
@@ -87,7 +89,7 @@ impl FeatureGroup {
     }
 }
 
-/// The joints of [`FeatureGroup::FootContact`], in its order.
+/// The joints of the four features of [`FeatureGroup::FootContact`], in their order.
 pub const FOOT_CONTACT_JOINTS: [Joint; 4] = [
     Joint::LeftAnkle,
     Joint::LeftFoot,

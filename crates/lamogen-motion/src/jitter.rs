@@ -1,12 +1,12 @@
-//! How unsteadily a motion goes from frame to frame.
+//! Measures how unsteadily a motion goes from frame to frame.
 
 use crate::motion::{FRAMES_PER_SECOND, Motion};
 use crate::skeleton::Joint;
 
-/// How unsteadily joints move.
+/// How unsteadily joints move from frame to frame.
 ///
-/// Real motion is smooth at 20 frames a second. A generator that changes its mind between two phases of a step lets
-/// the legs jump, which shows in the ankles; noise shows in all joints.
+/// Real motion is smooth at 20 frames a second. A generator that jumps between two phases of a step makes the legs
+/// jump, which shows at the ankles; noise shows at all joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jitter {
     /// The mean length of the second difference of both ankles' positions, in mm a frame²; 0 for motions of
@@ -17,34 +17,35 @@ pub struct Jitter {
     pub jerk: f32,
 }
 
-/// `p(t) - 2 p(t + 1) + p(t + 2)`
-const SECOND: [f32; 3] = [1.0, -2.0, 1.0];
+/// Factors of the second difference, `p(t) - 2 p(t + 1) + p(t + 2)`.
+const SECOND_DIFFERENCE: [f32; 3] = [1.0, -2.0, 1.0];
 
-/// `-p(t) + 3 p(t + 1) - 3 p(t + 2) + p(t + 3)`
-const THIRD: [f32; 4] = [-1.0, 3.0, -3.0, 1.0];
+/// Factors of the third difference, `-p(t) + 3 p(t + 1) - 3 p(t + 2) + p(t + 3)`.
+const THIRD_DIFFERENCE: [f32; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 impl Jitter {
     /// Measures a motion.
     pub fn of(motion: &Motion) -> Jitter {
         let ankles = [Joint::LeftAnkle, Joint::RightAnkle];
-        let jerk = mean_difference(motion, &Joint::ALL, THIRD);
+        let jerk = mean_difference(motion, &Joint::ALL, THIRD_DIFFERENCE);
         Jitter {
-            ankles: 1000.0 * mean_difference(motion, &ankles, SECOND),
+            ankles: 1000.0 * mean_difference(motion, &ankles, SECOND_DIFFERENCE),
             jerk: jerk * FRAMES_PER_SECOND.powi(3),
         }
     }
 }
 
-/// The mean length of a difference over frames, over joints and all places that it fits, in metres.
+/// Returns the mean length, in metres, of a finite difference along time. The mean is over the joints and over all
+/// windows of `N` frames; 0 if there are none.
 fn mean_difference<const N: usize>(motion: &Motion, joints: &[Joint], factors: [f32; N]) -> f32 {
-    let places = motion.joints().windows(N);
-    let count = places.len() * joints.len();
-    let lengths = places.flat_map(|window| {
+    let windows = motion.joints().windows(N);
+    let count = windows.len() * joints.len();
+    let lengths = windows.flat_map(|window| {
         joints.iter().map(|joint| {
             let mut difference = [0.0; 3];
             for (pose, factor) in window.iter().zip(factors) {
-                for (sum, place) in difference.iter_mut().zip(pose[joint.index()]) {
-                    *sum += factor * place;
+                for (sum, coordinate) in difference.iter_mut().zip(pose[joint.index()]) {
+                    *sum += factor * coordinate;
                 }
             }
             let squared: f32 = difference.iter().map(|x| x * x).sum();
@@ -68,7 +69,7 @@ mod tests {
     fn steady_speed_has_no_jitter_and_steady_acceleration_no_jerk() {
         let gliding = Jitter::of(&motion(20, |t, _| [0.25 * t, 1.0, -0.5 * t]));
         assert_eq!((gliding.ankles, gliding.jerk), (0.0, 0.0));
-        // 2 · 1/128 m a frame² each way along y.
+        // The second difference along y is 2 · 1/128 m a frame².
         let falling = Jitter::of(&motion(20, |t, _| [0.0, -t * t / 128.0, 0.0]));
         assert_eq!((falling.ankles, falling.jerk), (15.625, 0.0));
     }
@@ -82,7 +83,7 @@ mod tests {
             }))
         };
         let ankle = shaking(Joint::LeftAnkle);
-        // Second differences are 2 · 0.125 m for one ankle of two, third ones 4 · 0.125 m.
+        // The second difference is 2 · 0.125 m at one of two ankles; the third difference is 4 · 0.125 m.
         assert_eq!(ankle.ankles, 125.0);
         let jerk = 0.5 * 8000.0 / JOINTS as f32;
         assert!((ankle.jerk - jerk).abs() < 1e-3);

@@ -1,17 +1,17 @@
-//! From pose features to joint positions.
+//! Decodes pose features into joint positions, as a differentiable function of tensors.
 
 use burn::tensor::Tensor;
 
 use crate::features::FeatureGroup;
 use crate::skeleton::JOINTS;
 
-/// Global joint positions of pose features (not normalised), differentiable.
+/// Computes the global joint positions of pose features (not normalised); differentiable.
 ///
-/// The heading is the sum of the yaw steps before a frame, the root's path the sum of its
-/// velocities turned to that heading; the other joints hang from the root. The features store
-/// *half* angles, so everything turns by twice their sum (Guo et al. 2022, `recover_from_ric`).
-/// Only the root and the local positions are read: rotations, velocities and contacts carry no
-/// position of their own.
+/// The heading at a frame is the sum of the yaw steps before it. The root's path is the sum of its
+/// velocities, each rotated by the heading; the other joints are placed relative to the root. The
+/// features store *half* angles, so every rotation is by twice their sum (Guo et al. 2022,
+/// `recover_from_ric`). Only the features of the root and the local positions are read: rotations,
+/// velocities and contacts add nothing to the positions.
 ///
 /// # Shapes
 ///
@@ -28,7 +28,8 @@ pub fn joints(features: Tensor<3>) -> Tensor<4> {
         width >= read && frames > 0,
         "joints need at least 1 frame of {read} features, got {frames} frames of {width}"
     );
-    // One cut first: the gradient is then padded to the full width once, not once per group.
+    // All groups are cut out in one piece first, so that the gradient is padded to the full width once instead of
+    // once per group.
     let features = features.narrow(2, 0, read);
     let group = |group: FeatureGroup| {
         let range = group.range();
@@ -67,7 +68,7 @@ pub fn joints(features: Tensor<3>) -> Tensor<4> {
     )
 }
 
-/// Rotation about Y by an angle with the given cosine and sine.
+/// Rotates x and z about Y by an angle with the given cosine and sine.
 fn turn(x: Tensor<3>, z: Tensor<3>, cos: &Tensor<3>, sin: &Tensor<3>) -> (Tensor<3>, Tensor<3>) {
     (
         x.clone() * cos.clone() - z.clone() * sin.clone(),
@@ -75,7 +76,7 @@ fn turn(x: Tensor<3>, z: Tensor<3>, cos: &Tensor<3>, sin: &Tensor<3>) -> (Tensor
     )
 }
 
-/// The value of the frame before; 0 at the first.
+/// Shifts values by one frame: each frame gets the value of the frame before, and the first one gets 0.
 fn earlier_frame(x: Tensor<3>) -> Tensor<3> {
     let [batch, frames, width] = x.dims();
     let first = Tensor::zeros([batch, 1, width], &x.device());
@@ -85,11 +86,11 @@ fn earlier_frame(x: Tensor<3>) -> Tensor<3> {
     Tensor::cat(vec![first, x.narrow(1, 0, frames - 1)], 1)
 }
 
-/// Sums along the frames that are right to the last bit or nearly so.
+/// Returns the cumulative sums along frames, exact to about the last bit.
 ///
-/// Early in a pass the predicted motion spins and runs far; rounding at every frame would then show
-/// in its accelerations. So the coarse part of each number, whose sums are exact as long as they
-/// stay below 4096, is summed apart from the small rest.
+/// Early in a pass the predicted motion spins and runs far, and a rounding error at every frame would
+/// show in its accelerations. Each number is therefore split into a coarse part and a small rest, which
+/// are summed separately. Sums of coarse parts are exact as long as they stay below 4096.
 fn prefix_sum(x: Tensor<3>) -> Tensor<3> {
     const GRID: f32 = 4096.0;
     let coarse = (x.clone().detach() * GRID).round() / GRID;
@@ -104,7 +105,8 @@ mod tests {
     use crate::skeleton::Joint;
     use burn::tensor::{Device, TensorData};
 
-    /// A pose whose joints stand at (joint, 1, 0) in the body's frame, turning and walking.
+    /// Returns the features of a body whose joints are at (index of the joint, 1, 0) in the frame of its heading, and
+    /// which turns by `yaw` and moves by `step` at every frame.
     fn walk(frames: usize, yaw: f32, step: [f32; 2]) -> Tensor<3> {
         let mut row = vec![0.0; POSE_FEATURES];
         row[0] = yaw;
@@ -147,7 +149,7 @@ mod tests {
 
     #[test]
     fn half_angles_turn_the_body_by_twice_their_sum() {
-        // After four steps of an eighth turn (half angle of a sixteenth) the body faces sideways twice.
+        // Each step turns by π/4, twice the half angle of π/8: by 90 degrees after two steps and 180 after four.
         let joints = joints(walk(5, std::f32::consts::PI / 8.0, [0.0, 0.0]));
         close(at(&joints, 2, Joint::LeftHip), [0.0, 1.0, 1.0]);
         close(at(&joints, 4, Joint::LeftHip), [-1.0, 1.0, 0.0]);

@@ -1,11 +1,12 @@
-//! The body that lamogen moves: its skeleton, its pose features, and the way between them.
+//! The body that lamogen moves: its skeleton and pose features, and conversions between pose features, joint
+//! positions and joint rotations.
 //!
 //! ```text
 //! normalised features ──Normalization──▶ pose features ──joints──▶ joint positions ──▶ Motion
 //!   [batch, frames, 263]                 (HumanML3D)               [batch, frames, 22, 3]
 //! ```
 //!
-//! Units are metres and frames at [`FRAMES_PER_SECOND`]; Y points up. Tensor functions are
+//! Units are metres and frames at [`FRAMES_PER_SECOND`]; Y points up. Functions of tensors are
 //! differentiable and work on whole batches; [`Motion`] holds one motion on the host.
 
 mod decode;

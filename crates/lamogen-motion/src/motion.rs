@@ -1,4 +1,4 @@
-//! One motion on the host.
+//! A single motion on the host.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -12,11 +12,13 @@ use crate::npy::{self, NpyError};
 use crate::rotations::Rotations;
 use crate::skeleton::{JOINTS, Joint};
 
-/// Frame rate of HumanML3D and of every motion here.
+/// The frame rate of HumanML3D and of every [`Motion`].
 pub const FRAMES_PER_SECOND: f32 = 20.0;
 
-/// A motion: where every joint is at every frame, and what it came from: pose features, the rotations of a rigid body, or
-/// positions alone.
+/// A motion: the position of every joint at every frame.
+///
+/// A motion keeps the pose features or the rotations that it was made from; one that was made from joint positions
+/// has neither.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     joints: Vec<[[f32; 3]; JOINTS]>,
@@ -24,21 +26,21 @@ pub struct Motion {
     rotations: Option<Rotations>,
 }
 
-/// What a motion cannot be made of.
+/// Why a motion cannot be made from its input.
 #[derive(Debug, thiserror::Error)]
 pub enum MotionError {
-    /// No frames.
+    /// There are no frames.
     #[error("expected a motion of at least one frame, found none")]
     Empty,
-    /// Pose features of another width.
+    /// The pose features have another width than 263.
     #[error("expected {POSE_FEATURES} pose features a frame, found {found}")]
     #[allow(missing_docs)]
     Width { found: usize },
-    /// A number that is no position.
+    /// A joint position is not finite.
     #[error("frame {frame}: the position of {joint} is not finite", joint = .joint.name())]
     #[allow(missing_docs)]
     NotFinite { frame: usize, joint: Joint },
-    /// Rotations of another frame rate.
+    /// The rotations have another frame rate than [`FRAMES_PER_SECOND`].
     #[error(
         "expected rotations at {FRAMES_PER_SECOND} frames a second, found {found}; resample them first"
     )]
@@ -47,7 +49,7 @@ pub enum MotionError {
 }
 
 impl Motion {
-    /// A motion of joint positions in metres, Y up, at [`FRAMES_PER_SECOND`].
+    /// Makes a motion from joint positions in metres, Y up, at [`FRAMES_PER_SECOND`].
     ///
     /// # Errors
     ///
@@ -70,8 +72,8 @@ impl Motion {
         })
     }
 
-    /// The motion of a rigid body, whose rotations are kept: its joints are where [`Rotations::joints`] has them, and files that
-    /// hold rotations hold these.
+    /// Makes the motion of a rigid body from its rotations, and keeps these. The joint positions are those of
+    /// [`Rotations::joints`], and files that hold rotations hold exactly the ones given here.
     ///
     /// # Errors
     ///
@@ -88,7 +90,7 @@ impl Motion {
         })
     }
 
-    /// The motion of pose features (not normalised), which are kept beside its joints.
+    /// Makes a motion from pose features (not normalised), which are kept beside its joints.
     ///
     /// # Shapes
     ///
@@ -102,14 +104,14 @@ impl Motion {
         if width != POSE_FEATURES {
             return Err(MotionError::Width { found: width });
         }
-        let rows = host(features)
+        let rows = to_host(features)
             .chunks_exact(POSE_FEATURES)
             .map(|row| row.try_into().expect("rows of 263"))
             .collect();
         Motion::from_pose_features(rows)
     }
 
-    /// As [`from_features`](Self::from_features), for features that are on the host, a row a frame.
+    /// As [`from_features`](Self::from_features), for features that are on the host, one row for each frame.
     ///
     /// # Errors
     ///
@@ -122,34 +124,36 @@ impl Motion {
         })
     }
 
-    /// Number of frames.
+    /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.joints.len()
     }
 
-    /// Length in seconds.
+    /// Returns the length in seconds.
     pub fn seconds(&self) -> f32 {
         self.frames() as f32 / FRAMES_PER_SECOND
     }
 
-    /// Joint positions in metres, one pose a frame, indexed by [`Joint::index`].
+    /// Returns the joint positions in metres, one pose for each frame, indexed by [`Joint::index`].
     pub fn joints(&self) -> &[[[f32; 3]; JOINTS]] {
         &self.joints
     }
 
-    /// The pose features the motion came from, if it came from features.
+    /// Returns the pose features that the motion was made from, if it was made from features.
     pub fn features(&self) -> Option<&[[f32; POSE_FEATURES]]> {
         self.features.as_deref()
     }
 
-    /// Whether this is the motion of a rigid body: whether it came from rotations.
+    /// Returns whether this is the motion of a rigid body, that is, whether it was made from rotations.
     pub fn is_rigid(&self) -> bool {
         self.rotations.is_some()
     }
 
-    /// The local rotations of the joints: those that the motion came from, which give its joints exactly; else
-    /// [solved](Rotations::of) ones, which do so as far as a rigid body can. Solving takes a millisecond a second of motion or
-    /// less.
+    /// Returns the local rotations of the joints.
+    ///
+    /// If the motion was made from rotations, these are returned, and they give its joint positions exactly. Otherwise
+    /// the rotations are [solved](Rotations::of), and they give its joint positions as closely as a rigid body can.
+    /// Solving takes at most a millisecond for each second of motion.
     pub fn rotations(&self) -> Cow<'_, Rotations> {
         match &self.rotations {
             Some(rotations) => Cow::Borrowed(rotations),
@@ -157,7 +161,7 @@ impl Motion {
         }
     }
 
-    /// Where a joint is at a frame.
+    /// Returns the position of a joint at a frame, in metres.
     ///
     /// # Panics
     ///
@@ -166,7 +170,7 @@ impl Motion {
         self.joints[frame][joint.index()]
     }
 
-    /// Mean distance in metres between the joints of two motions, over the frames they share.
+    /// Returns the mean distance in metres between the joints of two motions, over the frames that both have.
     pub fn distance(&self, other: &Motion) -> f32 {
         let pairs = self
             .joints
@@ -180,11 +184,11 @@ impl Motion {
         (sum / f64::from(count.max(1))) as f32
     }
 
-    /// Writes the joints as NumPy does: `.npy`, 32-bit floats, `(frames, 22, 3)`.
+    /// Writes the joint positions as a NumPy array: `.npy`, 32-bit floats, `(frames, 22, 3)`.
     ///
     /// # Errors
     ///
-    /// If the file cannot be written; nothing is left half-written.
+    /// If the file cannot be written; no half-written file is left behind.
     pub fn save_joints(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
         let values = self.joints.as_flattened().as_flattened();
         npy::write(path, values, &[self.frames(), JOINTS, 3])
@@ -192,13 +196,14 @@ impl Motion {
 
     /// Writes pose features as HumanML3D does: `.npy`, 32-bit floats, `(frames, 263)`.
     ///
-    /// They are those the motion came from, else those of its [canonical](crate::canonical) positions, which are a row less
-    /// than the motion has frames: a row describes a step.
+    /// If the motion was made from features, these are written. Otherwise they are computed from its
+    /// [canonical](crate::canonical) positions, and there is one row less than there are frames, because a row
+    /// describes a step from a frame to the next.
     ///
     /// # Errors
     ///
-    /// If the motion is a single frame without features, or the file cannot be written; nothing is left
-    /// half-written.
+    /// If the motion has a single frame and no features, or the file cannot be written; no half-written file is left
+    /// behind.
     pub fn save_features(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
         let encoded;
         let rows = match &self.features {
@@ -219,7 +224,8 @@ impl Motion {
     }
 }
 
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+/// Copies the numbers of a tensor to the host.
+fn to_host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("floats convert to f32")
 }
 

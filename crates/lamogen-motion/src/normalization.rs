@@ -1,4 +1,4 @@
-//! The statistics that a network's features are normalised by.
+//! The mean and standard deviation by which a network's features are normalised.
 
 use std::path::{Path, PathBuf};
 
@@ -7,20 +7,20 @@ use burn::tensor::{Device, Tensor};
 use crate::features::FeatureGroup;
 use crate::npy::{self, Array, NpyError};
 
-/// Mean and standard deviation of every pose feature over a training set.
+/// The mean and standard deviation of every pose feature over a training set.
 #[derive(Clone, Debug)]
 pub struct Normalization {
     mean: Tensor<1>,
     std: Tensor<1>,
 }
 
-/// What is wrong with a mean or standard deviation.
+/// Why a mean or standard deviation is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum NormalizationError {
-    /// The file cannot be read.
+    /// A file cannot be read.
     #[error(transparent)]
     File(#[from] NpyError),
-    /// Another number of features.
+    /// An array has another number of features than expected.
     #[error("{path}: expected {expected} values in one row, found the shape {found:?}")]
     #[allow(missing_docs)]
     Shape {
@@ -28,7 +28,7 @@ pub enum NormalizationError {
         expected: usize,
         found: Vec<usize>,
     },
-    /// A value that cannot be a mean or a standard deviation.
+    /// A value cannot be a mean or a standard deviation.
     #[error("{path}: expected {expected} for feature {feature}{group}, found {found}")]
     #[allow(missing_docs)]
     Value {
@@ -54,7 +54,7 @@ impl Normalization {
         device: &Device,
     ) -> Result<Self, NormalizationError> {
         let (mean, std) = (mean.as_ref(), std.as_ref());
-        Self::checked(
+        Self::from_arrays(
             (npy::read(mean)?, mean),
             (npy::read(std)?, std),
             features,
@@ -62,7 +62,7 @@ impl Normalization {
         )
     }
 
-    /// As [`from_files`](Self::from_files), from the bytes of the two files.
+    /// As [`from_files`](Self::from_files), for files whose bytes are in memory.
     ///
     /// # Errors
     ///
@@ -74,7 +74,7 @@ impl Normalization {
         device: &Device,
     ) -> Result<Self, NormalizationError> {
         let (mean_name, std_name) = (Path::new("mean.npy"), Path::new("std.npy"));
-        Self::checked(
+        Self::from_arrays(
             (npy::read_bytes(mean, mean_name)?, mean_name),
             (npy::read_bytes(std, std_name)?, std_name),
             features,
@@ -82,12 +82,12 @@ impl Normalization {
         )
     }
 
-    /// As [`from_files`](Self::from_files), from numbers that are in memory, as many as there are features.
+    /// As [`from_files`](Self::from_files), for numbers that are in memory, one for each feature.
     ///
     /// # Errors
     ///
-    /// If there are not as many standard deviations as means, or a value makes no sense; the error names `mean` or
-    /// `std` instead of a file.
+    /// If there are not as many standard deviations as means, a value is not finite, or a standard deviation is not
+    /// above 0. The error names `mean` or `std` instead of a file.
     pub fn from_slices(
         mean: &[f32],
         std: &[f32],
@@ -98,7 +98,7 @@ impl Normalization {
             shape: vec![values.len()],
             is_integer: false,
         };
-        Self::checked(
+        Self::from_arrays(
             (array(mean), Path::new("mean")),
             (array(std), Path::new("std")),
             mean.len(),
@@ -106,14 +106,15 @@ impl Normalization {
         )
     }
 
-    fn checked(
+    /// Checks both arrays; each path stands in error messages.
+    fn from_arrays(
         mean: (Array, &Path),
         std: (Array, &Path),
         features: usize,
         device: &Device,
     ) -> Result<Self, NormalizationError> {
-        let mean = check(mean, features, "a finite mean", f32::is_finite)?;
-        let std = check(std, features, "a standard deviation above 0", |x| {
+        let mean = checked_values(mean, features, "a finite mean", f32::is_finite)?;
+        let std = checked_values(std, features, "a standard deviation above 0", |x| {
             x.is_finite() && x > 0.0
         })?;
         Ok(Normalization {
@@ -122,12 +123,12 @@ impl Normalization {
         })
     }
 
-    /// Number of features.
+    /// Returns the number of features.
     pub fn features(&self) -> usize {
         self.mean.dims()[0]
     }
 
-    /// The mean and the standard deviation of every feature.
+    /// Returns the mean and the standard deviation of every feature, in this order.
     pub fn values(&self) -> [Vec<f32>; 2] {
         [&self.mean, &self.std].map(|row| {
             let values = row.clone().try_into_vec_as();
@@ -135,18 +136,20 @@ impl Normalization {
         })
     }
 
-    /// `(x - mean) / std` of features `[batch, frames, features]`.
+    /// Normalises features `[batch, frames, features]`: `(x - mean) / std`.
     pub fn normalize(&self, features: Tensor<3>) -> Tensor<3> {
         (features - self.mean.clone().unsqueeze()) / self.std.clone().unsqueeze()
     }
 
-    /// `x * std + mean` of normalised features `[batch, frames, features]`, differentiable.
+    /// Undoes the normalisation of features `[batch, frames, features]`: `x * std + mean`. Differentiable.
     pub fn denormalize(&self, normalized: Tensor<3>) -> Tensor<3> {
         normalized * self.std.clone().unsqueeze() + self.mean.clone().unsqueeze()
     }
 }
 
-fn check(
+/// Returns the values of an array if there are as many as `features` and all are valid; `expected` says in the error
+/// what a valid value is.
+fn checked_values(
     (array, path): (Array, &Path),
     features: usize,
     expected: &'static str,

@@ -1,4 +1,4 @@
-//! NumPy's `.npy` files: read as `f32`, written whole or not at all.
+//! Reads NumPy's `.npy` files as `f32` and writes them whole or not at all.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -9,22 +9,22 @@ use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
 use lamogen_io::{placeholder, write_atomically};
 
-/// What can go wrong with a `.npy` file.
+/// Why a `.npy` file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
     /// The file cannot be opened, read or written.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
-    /// The file is not `.npy`, or is cut short.
+    /// The file is not in the `.npy` format, or is cut short.
     #[error("{path}: not a readable .npy file: {reason}")]
     #[allow(missing_docs)]
     Format { path: PathBuf, reason: io::Error },
-    /// The numbers are of a type that lamogen does not read.
+    /// The array has an element type that lamogen does not read.
     #[error("{path}: expected floats of 16, 32 or 64 bits, found {found}")]
     #[allow(missing_docs)]
     Type { path: PathBuf, found: String },
-    /// The array is one of Python objects, which only Python can read.
+    /// The array holds Python objects, which only Python can read.
     #[error(
         "{path}: expected an array of numbers, found Python objects, which are never executed here; in Python: \
          a = numpy.load(\"{path}\", allow_pickle=True) of a file that you trust, then numpy.save(\"motion.npy\", \
@@ -32,7 +32,7 @@ pub enum NpyError {
     )]
     #[allow(missing_docs)]
     Objects { path: PathBuf },
-    /// Something else in the place of the file.
+    /// Something else is in the place of the file, such as a Git LFS pointer or a web page.
     #[error("{path}: {problem}")]
     #[allow(missing_docs)]
     Placeholder {
@@ -41,14 +41,14 @@ pub enum NpyError {
     },
 }
 
-/// An array read from a file: its numbers in C order and its shape.
+/// An array that was read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// The numbers, last axis fastest.
+    /// The numbers in C order: the index of the last axis changes fastest.
     pub values: Vec<f32>,
-    /// Length of each axis.
+    /// The length of each axis.
     pub shape: Vec<usize>,
-    /// Whether they were whole numbers in the file.
+    /// Whether the file holds integers.
     pub is_integer: bool,
 }
 
@@ -63,7 +63,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Array, NpyError> {
     read_from(BufReader::new(file), path)
 }
 
-/// Reads an array from bytes that are already in memory; `name` stands in error messages.
+/// Reads an array from bytes that are in memory; `name` stands in error messages.
 ///
 /// # Errors
 ///
@@ -72,6 +72,7 @@ pub fn read_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Array, NpyErro
     read_from(bytes, name.as_ref())
 }
 
+/// Reads an array; `path` stands in error messages.
 fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
     let malformed = |reason| NpyError::Format {
         path: path.to_owned(),
@@ -87,15 +88,15 @@ fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
     let npy = NpyFile::new(reader).map_err(malformed)?;
     let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
     let order = npy.order();
-    let (values, is_integer) = numbers(npy).map_err(|found| match found {
-        Unread::Objects => NpyError::Objects {
+    let (values, is_integer) = read_numbers(npy).map_err(|found| match found {
+        NumbersError::Objects => NpyError::Objects {
             path: path.to_owned(),
         },
-        Unread::Type(found) => NpyError::Type {
+        NumbersError::Type(found) => NpyError::Type {
             path: path.to_owned(),
             found,
         },
-        Unread::Io(reason) => malformed(reason),
+        NumbersError::Io(reason) => malformed(reason),
     })?;
     let count = shape
         .iter()
@@ -108,7 +109,7 @@ fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
     }
     let values = match order {
         Order::C => values,
-        Order::Fortran => in_c_order(&values, &shape),
+        Order::Fortran => to_c_order(&values, &shape),
     };
     Ok(Array {
         values,
@@ -117,16 +118,20 @@ fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
     })
 }
 
-/// Why numbers are not read.
-enum Unread {
+/// Why the numbers of an array cannot be read.
+enum NumbersError {
+    /// They are Python objects.
     Objects,
+    /// They have the given type, which is not supported.
     Type(String),
+    /// The file is cut short or cannot be read.
     Io(io::Error),
 }
 
-/// The numbers of a file in its own order, and whether they are whole ones.
-fn numbers<R: io::Read>(npy: NpyFile<R>) -> Result<(Vec<f32>, bool), Unread> {
-    fn tried<R: io::Read, T: Deserialize>(
+/// Reads the numbers of a file in the order in which they are stored, and returns whether they are integers.
+fn read_numbers<R: io::Read>(npy: NpyFile<R>) -> Result<(Vec<f32>, bool), NumbersError> {
+    /// Reads the numbers as type `T`, or returns the file if they have another type.
+    fn try_type<R: io::Read, T: Deserialize>(
         npy: NpyFile<R>,
         convert: impl Fn(T) -> f32,
     ) -> Result<io::Result<Vec<f32>>, NpyFile<R>> {
@@ -134,11 +139,11 @@ fn numbers<R: io::Read>(npy: NpyFile<R>) -> Result<(Vec<f32>, bool), Unread> {
         Ok(data.map(|value| value.map(&convert)).collect())
     }
     macro_rules! try_types {
-        ($npy:expr, $($type:ty => $convert:expr, $whole:expr;)*) => {{
+        ($npy:expr, $($type:ty => $convert:expr, $is_integer:expr;)*) => {{
             let npy = $npy;
             $(
-                let npy = match tried::<R, $type>(npy, $convert) {
-                    Ok(values) => return values.map(|values| (values, $whole)).map_err(Unread::Io),
+                let npy = match try_type::<R, $type>(npy, $convert) {
+                    Ok(values) => return values.map(|values| (values, $is_integer)).map_err(NumbersError::Io),
                     Err(npy) => npy,
                 };
             )*
@@ -160,34 +165,39 @@ fn numbers<R: io::Read>(npy: NpyFile<R>) -> Result<(Vec<f32>, bool), Unread> {
     );
     let found = npy.dtype().descr();
     Err(match found.contains('O') {
-        true => Unread::Objects,
-        false => Unread::Type(found),
+        true => NumbersError::Objects,
+        false => NumbersError::Type(found),
     })
 }
 
-/// Numbers whose first axis is fastest, with the last one fastest.
-fn in_c_order(values: &[f32], shape: &[usize]) -> Vec<f32> {
+/// Reorders numbers from Fortran order (first axis fastest) to C order (last axis fastest).
+fn to_c_order(values: &[f32], shape: &[usize]) -> Vec<f32> {
     let mut steps = vec![1; shape.len()];
     for axis in 1..shape.len() {
         steps[axis] = steps[axis - 1] * shape[axis - 1];
     }
-    let mut place = vec![0; shape.len()];
+    let mut position = vec![0; shape.len()];
     let mut ordered = Vec::with_capacity(values.len());
     for _ in 0..values.len() {
-        let index: usize = place.iter().zip(&steps).map(|(at, step)| at * step).sum();
+        let index: usize = position
+            .iter()
+            .zip(&steps)
+            .map(|(at, step)| at * step)
+            .sum();
         ordered.push(values[index]);
         for axis in (0..shape.len()).rev() {
-            place[axis] += 1;
-            if place[axis] < shape[axis] {
+            position[axis] += 1;
+            if position[axis] < shape[axis] {
                 break;
             }
-            place[axis] = 0;
+            position[axis] = 0;
         }
     }
     ordered
 }
 
-/// Writes an array in C order under a temporary name, then renames it: a reader never sees half.
+/// Writes an array in C order. The file is written under a temporary name and then renamed, so that no reader sees
+/// half of it.
 ///
 /// # Errors
 ///
@@ -267,7 +277,7 @@ mod tests {
         );
     }
 
-    /// A file with a header of one's own.
+    /// Returns the bytes of a file with the given header entries and data.
     fn with_header(descr: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
         let header =
             format!("{{'descr': {descr}, 'fortran_order': {order}, 'shape': ({shape}), }}\n");
@@ -280,7 +290,7 @@ mod tests {
 
     #[test]
     fn the_first_axis_may_be_the_fastest() {
-        // Of the shape [2, 3, 2], the number at [i, j, k] is 100 i + 10 j + k.
+        // The shape is [2, 3, 2], and the number at [i, j, k] is 100 i + 10 j + k.
         let mut data = Vec::new();
         for k in 0..2 {
             for j in 0..3 {

@@ -1,13 +1,13 @@
-//! Motions of different lengths in one batch.
+//! The mask of a batch of motions of different lengths.
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// 1 where a frame is part of its motion, 0 where it is padding: `[batch, frames, 1]`. `None` where
-/// no motion is padded, so that no work is spent on it.
+/// Returns a mask `[batch, frames, 1]`: 1 where a frame is part of its motion, 0 where it is padding. Returns
+/// `None` if no motion is padded, so that no work is spent on a mask.
 ///
 /// # Panics
 ///
-/// If a length is 0 or above `frames`, or there is none.
+/// If a length is 0 or above `frames`, or `lengths` is empty.
 pub fn frame_mask(lengths: &[usize], frames: usize, device: &Device) -> Option<Tensor<3>> {
     assert!(
         !lengths.is_empty() && lengths.iter().all(|&length| (1..=frames).contains(&length)),

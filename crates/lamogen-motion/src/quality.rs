@@ -1,4 +1,4 @@
-//! What is wrong with a motion, in metres: bones that change their length, and feet that slide.
+//! Measures two faults of motions: bones that change their length, and feet that slide.
 
 use crate::motion::{FRAMES_PER_SECOND, Motion};
 use crate::skeleton::{JOINTS, Joint};
@@ -8,11 +8,11 @@ use crate::skeleton::{JOINTS, Joint};
 pub struct BoneDrift {
     /// The median length of the bone that ends in each joint, in metres; 0 for the pelvis.
     pub lengths: [f32; JOINTS],
-    /// How far each of them is from that at worst, in metres.
+    /// The largest deviation of each bone from its median length, in metres.
     pub drift: [f32; JOINTS],
-    /// The joint whose bone drifts most.
+    /// The joint in which the bone with the largest deviation ends.
     pub worst: Joint,
-    /// The frame at which it does.
+    /// The frame of the largest deviation.
     pub frame: usize,
 }
 
@@ -50,7 +50,7 @@ impl BoneDrift {
         measured
     }
 
-    /// The largest drift of any bone, in metres.
+    /// Returns the largest deviation of any bone, in metres.
     pub fn largest(&self) -> f32 {
         self.drift[self.worst.index()]
     }
@@ -58,20 +58,22 @@ impl BoneDrift {
 
 /// How much feet slide while they stand.
 ///
-/// A foot stands while its ball is less than 5 cm above the lowest point that any foot reaches in the motion.
-/// The limits are those of Karunratanakul et al. 2023 (GMD, section 5).
+/// A foot stands while its ball is less than 5 cm above the lowest point that the ball of either foot reaches in the
+/// motion. The limits are those of Karunratanakul et al. 2023 (GMD, section 5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootSliding {
-    /// The share of the motion's steps from frame to frame, 0 to 1, in which a foot stands and yet moves more
-    /// than 2.5 cm along the ground.
+    /// The share of steps from frame to frame, 0 to 1, in which a foot stands and yet moves more than 2.5 cm along
+    /// the ground.
     pub ratio: f32,
-    /// How far the left and the right foot move along the ground while they stand, in metres.
+    /// The distances that the left and the right foot move along the ground while they stand, in metres.
     pub distance: [f32; 2],
-    /// How fast a standing foot moves along the ground on average, in metres a second; 0 where none stands.
+    /// The mean speed of a standing foot along the ground, in metres a second; 0 if no foot ever stands.
     pub speed: f32,
 }
 
+/// Height in metres above the lowest point below which a foot stands.
 const STANDING_BELOW: f32 = 0.05;
+/// Distance in metres from frame to frame above which a standing foot slides.
 const SLIDING_FROM: f32 = 0.025;
 
 impl FootSliding {
@@ -136,7 +138,7 @@ mod tests {
 
     #[test]
     fn only_a_foot_that_stands_can_slide() {
-        // The left foot slides by 5 cm a frame on the ground, the right one flies as fast.
+        // The left foot slides by 5 cm a frame on the ground; the right foot moves as fast in the air.
         let sliding = motion(|frame, joint| match joint {
             Joint::LeftFoot => [0.05 * frame as f32, 0.01, 0.0],
             Joint::RightFoot => [0.05 * frame as f32, 0.2, 0.0],

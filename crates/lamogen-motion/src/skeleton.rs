@@ -1,6 +1,6 @@
 //! The 22 joints of HumanML3D (the SMPL body without its hands).
 
-/// Number of joints of the skeleton.
+/// The number of joints of the skeleton.
 pub const JOINTS: usize = 22;
 
 /// A joint of the skeleton, in the order of HumanML3D.
@@ -47,7 +47,7 @@ pub const CHAINS: [&[Joint]; 5] = [
 ];
 
 impl Joint {
-    /// Every joint, in index order.
+    /// All joints, in index order.
     pub const ALL: [Joint; JOINTS] = [
         Pelvis,
         LeftHip,
@@ -73,12 +73,12 @@ impl Joint {
         RightWrist,
     ];
 
-    /// Index in joint tensors.
+    /// Returns the joint's index in joint tensors.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The name that SMPL and HumanML3D use, such as `left_wrist`.
+    /// Returns the name that SMPL and HumanML3D use, such as `left_wrist`.
     pub const fn name(self) -> &'static str {
         match self {
             Pelvis => "pelvis",
@@ -106,7 +106,7 @@ impl Joint {
         }
     }
 
-    /// The joint that this one hangs from; `None` for the pelvis.
+    /// Returns the parent of this joint in the skeleton; `None` for the pelvis.
     pub const fn parent(self) -> Option<Joint> {
         Some(match self {
             Pelvis => return None,
@@ -130,13 +130,13 @@ impl Joint {
         })
     }
 
-    /// The joints that hang from this one, in index order; none for head, hands and toes.
+    /// Returns the children of this joint in index order. Head, wrists and feet have none.
     pub fn children(self) -> impl Iterator<Item = Joint> {
         let joints = Joint::ALL.into_iter();
         joints.filter(move |joint| joint.parent() == Some(self))
     }
 
-    /// The joint on the other side of the body; a joint of the middle mirrors to itself.
+    /// Returns the joint on the other side of the body. A joint on the midline is its own mirror image.
     pub const fn mirrored(self) -> Joint {
         match self {
             LeftHip => RightHip,
@@ -159,7 +159,7 @@ impl Joint {
         }
     }
 
-    /// The joint of a name as given by [`Joint::name`].
+    /// Returns the joint with a name as given by [`Joint::name`].
     pub fn from_name(name: &str) -> Option<Joint> {
         Joint::ALL.into_iter().find(|joint| joint.name() == name)
     }

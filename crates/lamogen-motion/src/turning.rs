@@ -1,4 +1,4 @@
-//! How fast joints turn from frame to frame.
+//! Measures how far joints turn from frame to frame.
 
 use glam::DQuat;
 
@@ -8,31 +8,31 @@ use crate::skeleton::{JOINTS, Joint};
 
 /// How far every joint turns from one frame to the next, in degrees a frame of 1/20 s.
 ///
-/// A joint turns as a rig has it: in the frame of the joint that it hangs from, the pelvis in the world. What no position
-/// tells is seen here too: a chest or a shoulder that flips about its own bone, and back, stays where it is and takes all that
-/// hangs from it on the wrong way round between two frames.
+/// Rotations are local, as in a rig: each joint turns in the frame of its parent, the pelvis in the world. This also
+/// shows faults that joint positions do not show: a chest or a shoulder may flip about its own bone and back without
+/// changing its position, and takes the whole body part below it the wrong way round between two frames.
 ///
-/// The turn from one rotation to the next is the shortest there is, 0 to 180 degrees.
+/// The angle is that of the shortest turn from one rotation to the next, 0 to 180 degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointTurning {
-    /// From each frame to the next.
+    /// The angles of all joints from each frame to the next, in degrees.
     steps: Vec<[f32; JOINTS]>,
 }
 
-/// A joint that turns.
+/// The turn of a joint from one frame to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointTurn {
-    /// How far from one frame to the next, in degrees.
+    /// The angle of the turn, in degrees.
     pub degrees: f32,
-    /// The joint that does.
+    /// The joint that turns.
     pub joint: Joint,
-    /// The frame at which it has; 0 where nothing turns.
+    /// The frame at the end of the turn; 0 if nothing turns.
     pub frame: usize,
 }
 
 impl JointTurning {
-    /// Measures the [local](Rotations::local) rotations. Those of another frame rate are
-    /// [resampled](Rotations::resampled) to 20 frames a second before, as readers of files do.
+    /// Measures the [local](Rotations::local) rotations. Rotations at another frame rate are first
+    /// [resampled](Rotations::resampled) to 20 frames a second, as when files are read.
     pub fn of(rotations: &Rotations) -> JointTurning {
         let resampled;
         let local = match rotations.frames_per_second() == FRAMES_PER_SECOND {
@@ -47,38 +47,40 @@ impl JointTurning {
         JointTurning::of_local(&local)
     }
 
-    /// Measures local rotations at 20 frames a second: quaternions `[x, y, z, w]` frame by frame, indexed by
-    /// [`Joint::index`]. Neither their sign nor their length matters, nor does it matter in which rest pose they would be
-    /// none: what turns a joint before or after all of its rotations cancels.
+    /// Measures local rotations at 20 frames a second: quaternions `[x, y, z, w]` for each frame, indexed by
+    /// [`Joint::index`].
+    ///
+    /// Neither the sign nor the length of a quaternion matters. The rest pose does not matter either: a constant
+    /// rotation before or after all rotations of a joint cancels.
     pub fn of_local(local: &[[[f64; 4]; JOINTS]]) -> JointTurning {
         let steps = local.windows(2).map(|pair| {
-            std::array::from_fn(|joint| degrees(pair[0][joint], pair[1][joint]) as f32)
+            std::array::from_fn(|joint| angle_degrees(pair[0][joint], pair[1][joint]) as f32)
         });
         JointTurning {
             steps: steps.collect(),
         }
     }
 
-    /// How far every joint turns from each frame to the next, in degrees, indexed by [`Joint::index`]: an entry less than
-    /// there are frames.
+    /// Returns how far every joint turns from each frame to the next, in degrees, indexed by [`Joint::index`]. There is
+    /// one entry less than there are frames.
     pub fn steps(&self) -> &[[f32; JOINTS]] {
         &self.steps
     }
 
-    /// How far a joint turns on average, in degrees a frame; 0 for a motion of one frame.
+    /// Returns how far a joint turns on average, in degrees a frame; 0 for a motion of one frame.
     pub fn mean(&self, joint: Joint) -> f32 {
-        let sum: f64 = self.of_joint(joint).map(f64::from).sum();
+        let sum: f64 = self.steps_of(joint).map(f64::from).sum();
         (sum / self.steps.len().max(1) as f64) as f32
     }
 
-    /// Where a joint turns farthest from one frame to the next.
+    /// Returns the largest turn of a joint from one frame to the next.
     pub fn largest(&self, joint: Joint) -> JointTurn {
         let still = JointTurn {
             degrees: 0.0,
             joint,
             frame: 0,
         };
-        let steps = self.of_joint(joint).enumerate();
+        let steps = self.steps_of(joint).enumerate();
         steps.fold(still, |largest, (step, degrees)| {
             match degrees > largest.degrees {
                 true => JointTurn {
@@ -91,15 +93,16 @@ impl JointTurning {
         })
     }
 
-    /// How far all joints but the pelvis turn on average, in degrees a frame.
+    /// Returns how far all joints but the pelvis turn on average, in degrees a frame.
     pub fn mean_but_pelvis(&self) -> f32 {
-        let sum: f32 = OTHERS.iter().map(|&joint| self.mean(joint)).sum();
-        sum / OTHERS.len() as f32
+        let sum: f32 = ALL_BUT_PELVIS.iter().map(|&joint| self.mean(joint)).sum();
+        sum / ALL_BUT_PELVIS.len() as f32
     }
 
-    /// Where any joint but the pelvis turns farthest; the first of [`Joint::ALL`] where several do.
+    /// Returns the largest turn of any joint but the pelvis. If several joints turn as far, the first of
+    /// [`Joint::ALL`] is returned.
     pub fn largest_but_pelvis(&self) -> JointTurn {
-        let turns = OTHERS.iter().map(|&joint| self.largest(joint));
+        let turns = ALL_BUT_PELVIS.iter().map(|&joint| self.largest(joint));
         let farthest = turns.reduce(|farthest, turn| match turn.degrees > farthest.degrees {
             true => turn,
             false => farthest,
@@ -107,21 +110,23 @@ impl JointTurning {
         farthest.expect("there are other joints")
     }
 
-    /// How often a joint turns by more than so many degrees from one frame to the next.
+    /// Returns how often a joint turns by more than `degrees` from one frame to the next.
     pub fn snaps(&self, joint: Joint, degrees: f32) -> usize {
-        self.of_joint(joint).filter(|turn| *turn > degrees).count()
+        self.steps_of(joint).filter(|turn| *turn > degrees).count()
     }
 
-    fn of_joint(&self, joint: Joint) -> impl Iterator<Item = f32> {
+    /// Returns the angles of one joint, in degrees.
+    fn steps_of(&self, joint: Joint) -> impl Iterator<Item = f32> {
         self.steps.iter().map(move |step| step[joint.index()])
     }
 }
 
 /// All joints but the pelvis.
-const OTHERS: &[Joint] = Joint::ALL.split_at(1).1;
+const ALL_BUT_PELVIS: &[Joint] = Joint::ALL.split_at(1).1;
 
-/// The angle between two rotations. The cosine alone would lose small angles: near 1 it hardly changes.
-fn degrees(from: [f64; 4], to: [f64; 4]) -> f64 {
+/// Returns the angle between two rotations, in degrees. It is computed from sine and cosine, because the cosine alone
+/// hardly changes at small angles.
+fn angle_degrees(from: [f64; 4], to: [f64; 4]) -> f64 {
     let turn = DQuat::from_array(from).conjugate() * DQuat::from_array(to);
     let sine = turn.xyz().length();
     // Both signs of a quaternion are the same rotation.
@@ -138,7 +143,7 @@ mod tests {
 
     const STILL: Pose = [[0.0, 0.0, 0.0, 1.0]; JOINTS];
 
-    /// A pose in which one joint is turned.
+    /// Returns local rotations of which only that of one joint is not the identity.
     fn turned(joint: Joint, turn: DQuat) -> Pose {
         let mut pose = STILL;
         pose[joint.index()] = turn.to_array();
@@ -183,7 +188,7 @@ mod tests {
         let worst = turning.largest_but_pelvis();
         assert!(close(worst.degrees, 92.0));
         assert_eq!((worst.joint, worst.frame), (Joint::Spine3, 4));
-        // There and back.
+        // The joint turns by 92 degrees and back.
         assert!(close(turning.mean(Joint::Spine3), 2.0 * 92.0 / 10.0));
         assert!(close(turning.mean_but_pelvis(), 18.4 / 21.0));
         assert_eq!(turning.snaps(Joint::Spine3, 60.0), 2);
@@ -225,7 +230,7 @@ mod tests {
         }
     }
 
-    /// A stiff body that turns about itself by 3 degrees a frame.
+    /// Returns the motion of a stiff body that turns about the vertical by 3 degrees a frame.
     fn spinning(frames: usize) -> Motion {
         let mut rest = [DVec3::ZERO; JOINTS];
         for joint in Joint::ALL {

@@ -1,4 +1,4 @@
-//! Pose features against those of a NumPy implementation of HumanML3D's representation, for a body that walks a
+//! Compares pose features with those of a NumPy implementation of HumanML3D's representation. The body walks a
 //! curve, turns right around and swings all its limbs.
 
 use burn::tensor::{Device, Tensor, TensorData};
@@ -35,7 +35,7 @@ fn features_are_those_of_the_reference() {
     let off = largest_difference(features.as_flattened(), &expected.values);
     assert!(off < 1e-5, "{off}");
 
-    // From anywhere; the golden canonical positions were rounded on the way.
+    // The input may be anywhere in the world. The golden canonical positions were rounded to 32 bits in between.
     let features = encode_canonical(&poses("joints"));
     let off = largest_difference(features.as_flattened(), &expected.values);
     assert!(off < 5e-5, "{off}");
@@ -59,7 +59,7 @@ fn positions_come_back_from_features_past_straight_backwards() {
     let off = largest_difference(found, expected.as_flattened().as_flattened());
     assert!(off < 1e-4, "{off} m");
 
-    // The tensors' way gives the same.
+    // The function of tensors gives the same.
     let shape = [1, features.len(), POSE_FEATURES];
     let data = TensorData::new(features.as_flattened().to_vec(), shape);
     let tensor = joints(Tensor::from_data(data, &Device::flex()));

@@ -1,18 +1,18 @@
-//! The rotation that takes several points to several others as well as any can.
+//! The rotation that maps three points onto three others with the least squared error.
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// How much the rotation expected counts against the points, relative to them: enough where they leave
-/// a rotation open, nothing to speak of where they do not.
-const EXPECTED: f64 = 1e-9;
+/// The weight of the expected rotation relative to the points. It is large enough to decide where the points leave the
+/// rotation undetermined, and negligible where they do not.
+const EXPECTED_WEIGHT: f64 = 1e-9;
 
-/// The rotation `R` with the least `Σ |R from - to|²`; where several are as good, the one nearest to
-/// `expected`.
+/// Returns the rotation `R` with the least `Σ |R from - to|²`. If several rotations are equally good, it returns the
+/// one nearest to `expected`.
 ///
-/// It is the eigenvector of the largest eigenvalue of a symmetric 4×4 matrix (Davenport's q-method;
+/// The rotation, as a quaternion, is the eigenvector of the largest eigenvalue of a symmetric 4×4 matrix (Davenport's q-method;
 /// Horn 1987).
-pub(super) fn fit(from: &[DVec3; 3], to: &[DVec3; 3], expected: DQuat) -> DQuat {
-    // Σ to ⊗ from.
+pub(super) fn fit_rotation(from: &[DVec3; 3], to: &[DVec3; 3], expected: DQuat) -> DQuat {
+    // Σ to ⊗ from, the correlation matrix of the points.
     let mut b = DMat3::ZERO;
     let mut size = 0.0;
     for (&from, &to) in from.iter().zip(to) {
@@ -27,7 +27,7 @@ pub(super) fn fit(from: &[DVec3; 3], to: &[DVec3; 3], expected: DQuat) -> DQuat 
     ];
     let trace = at(0, 0) + at(1, 1) + at(2, 2);
     let q = expected.to_array();
-    let prior = EXPECTED * size.max(1e-6);
+    let prior = EXPECTED_WEIGHT * size.max(1e-6);
     let k = std::array::from_fn(|row| {
         std::array::from_fn(|column| {
             let data = match (row, column) {
@@ -45,9 +45,9 @@ pub(super) fn fit(from: &[DVec3; 3], to: &[DVec3; 3], expected: DQuat) -> DQuat 
     }
 }
 
-/// The eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi's rotations.
+/// Returns the eigenvector of the largest eigenvalue of a symmetric matrix, found by Jacobi rotations.
 fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
-    /// Each sweep squares the error; real matrices need four or five.
+    /// Each sweep squares the error; the matrices of real motions need four or five sweeps.
     const SWEEPS: usize = 12;
     let mut vectors = [[0.0; 4]; 4];
     for (i, row) in vectors.iter_mut().enumerate() {
@@ -95,7 +95,7 @@ mod tests {
             let i = f64::from(i);
             let axis = DVec3::new((i * 1.1).sin(), (i * 1.7).cos(), (i * 2.3).sin());
             let turn = DQuat::from_axis_angle(axis.normalize(), i * 0.4);
-            let found = fit(&SHAPE, &SHAPE.map(|point| turn * point), DQuat::IDENTITY);
+            let found = fit_rotation(&SHAPE, &SHAPE.map(|point| turn * point), DQuat::IDENTITY);
             assert!(found.dot(turn).abs() > 1.0 - 1e-12, "{i}: {found} {turn}");
         }
     }
@@ -113,7 +113,7 @@ mod tests {
                 .map(|(&from, &to)| (turn * from - to).length_squared())
                 .sum()
         };
-        let best = fit(&SHAPE, &to, DQuat::IDENTITY);
+        let best = fit_rotation(&SHAPE, &to, DQuat::IDENTITY);
         for axis in DVec3::AXES {
             for angle in [-1e-3, 1e-3, 0.5, 3.0] {
                 assert!(error(DQuat::from_axis_angle(axis, angle) * best) > error(best));
@@ -124,11 +124,11 @@ mod tests {
     #[test]
     fn points_that_leave_it_open_give_what_was_expected() {
         let expected = DQuat::from_axis_angle(DVec3::Y, 1.0);
-        let found = fit(&[DVec3::ZERO; 3], &[DVec3::ZERO; 3], expected);
+        let found = fit_rotation(&[DVec3::ZERO; 3], &[DVec3::ZERO; 3], expected);
         assert!(found.angle_between(expected) < 1e-6, "{found}");
-        // On one line, any twist about it is as good.
+        // If all points are on one line, every twist about it is equally good.
         let line = [DVec3::Y, -DVec3::Y, DVec3::Y * 0.5];
-        let found = fit(&line, &line, expected);
+        let found = fit_rotation(&line, &line, expected);
         assert!(found.angle_between(expected) < 1e-6, "{found}");
     }
 }

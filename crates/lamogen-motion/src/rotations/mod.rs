@@ -1,4 +1,4 @@
-//! From joint positions to local joint rotations on a T-pose rest skeleton, and back.
+//! Converts joint positions to local joint rotations on a T-pose rest skeleton, and back.
 
 mod fit;
 mod rest;
@@ -16,10 +16,10 @@ use crate::motion::{FRAMES_PER_SECOND, Motion};
 use crate::precise::vector;
 use crate::skeleton::{JOINTS, Joint};
 
-/// A motion as rotations: what rigs, engines and files such as BVH and GLB want.
+/// A motion as joint rotations, as rigs, engines and files such as BVH and GLB need it.
 ///
-/// Quaternions are `[x, y, z, w]`, of length 1, and turn a joint's children in the frame of its parent;
-/// the pelvis turns in the world. Without any rotation the body stands in its [`RestPose`].
+/// Rotations are quaternions `[x, y, z, w]` of length 1. The rotation of a joint turns its children and is relative to
+/// the frame of its parent; the pelvis turns in the world. Without any rotation the body stands in its [`RestPose`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rotations {
     rest: RestPose,
@@ -28,36 +28,36 @@ pub struct Rotations {
     frames_per_second: f32,
 }
 
-/// How far rotations of rigid bones are from a motion, in metres.
+/// The distance between the joints of a rigid body and those of a motion, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigDistance {
-    /// Between all joints on average.
+    /// The mean distance over all joints and frames.
     pub mean: f32,
-    /// At worst.
+    /// The largest distance.
     pub largest: f32,
-    /// The joint where it is worst.
+    /// The joint with the largest distance.
     pub joint: Joint,
-    /// The frame at which it is.
+    /// The frame of the largest distance.
     pub frame: usize,
 }
 
 impl Rotations {
-    /// The rotations of a motion, by which [`joints`](Self::joints) gives its positions again, as far as a
-    /// rigid body can: bones get their median length, and what sits around pelvis and upper spine moves
-    /// together.
+    /// Solves the rotations of a motion. [`joints`](Self::joints) then gives the positions of the motion as closely as a
+    /// rigid body can: bones get their median length, and the children of the pelvis, as those of the upper spine, keep
+    /// their positions relative to each other.
     ///
-    /// Pelvis and upper spine turn as fits their three children best (least squares). Every other joint
-    /// turns by the smallest swing that points its bone the right way; upper arms and thighs are twisted
-    /// so that elbows and knees bend as hinges, and where a limb is too straight to tell, the twist is
-    /// carried smoothly from where it is known. Nothing flips, whichever way the body faces, because every
-    /// joint is solved over the whole motion at once. Head, hands and toes keep the turn of their parents.
+    /// Pelvis and upper spine get the rotation that fits their three children best (least squares). Every other joint
+    /// gets the smallest swing that points its bone in the right direction. Upper arms and thighs are also twisted so
+    /// that elbows and knees bend as hinges; where a limb is too straight to show its twist, the twist is carried over
+    /// smoothly from frames where it is known. Nothing flips, whichever way the body faces, because every joint is
+    /// solved over the whole motion at once. Head, hands and toes turn with their parents.
     pub fn of(motion: &Motion) -> Rotations {
         Rotations::on_body(motion, &RestPose::of(motion))
     }
 
-    /// As [`of`](Self::of), with the bones of a body that is given: bones keep their directions and get its lengths.
+    /// As [`of`](Self::of), on a given body: the bones keep their directions and get the lengths of that body.
     pub fn on_body(motion: &Motion, rest: &RestPose) -> Rotations {
-        let global = solve::solve(motion, rest);
+        let global = solve::solve_global(motion, rest);
         let mut last = [DQuat::IDENTITY; JOINTS];
         let local = global.iter().map(|global| {
             for joint in Joint::ALL {
@@ -66,7 +66,7 @@ impl Rotations {
                     None => global[j],
                     Some(parent) => global[parent.index()].inverse() * global[j],
                 };
-                // Of the two quaternions of a rotation the one next to the frame before.
+                // Of the two quaternions of a rotation, take the one nearer to that of the frame before.
                 last[j] = match turn.dot(last[j]) < 0.0 {
                     true => -turn,
                     false => turn,
@@ -83,11 +83,12 @@ impl Rotations {
         }
     }
 
-    /// Rotations that are known: where the pelvis is at every frame, and the local rotations, which have length 1.
+    /// Makes rotations from known values: the position of the pelvis at every frame in metres, and the local rotations
+    /// at every frame as quaternions of length 1.
     ///
     /// # Panics
     ///
-    /// If there are not as many places as rotations, or none.
+    /// If `root` and `local` do not have the same number of frames, or have none.
     pub fn new(
         rest: RestPose,
         root: Vec<[f32; 3]>,
@@ -108,33 +109,34 @@ impl Rotations {
         }
     }
 
-    /// The skeleton that the rotations turn.
+    /// Returns the skeleton that the rotations turn.
     pub fn rest(&self) -> &RestPose {
         &self.rest
     }
 
-    /// Number of frames.
+    /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.root.len()
     }
 
-    /// Frames a second; 20 but for [resampled](Self::resampled) rotations.
+    /// Returns the frame rate in frames a second: 20, unless the rotations were made or
+    /// [resampled](Self::resampled) at another rate.
     pub fn frames_per_second(&self) -> f32 {
         self.frames_per_second
     }
 
-    /// Where the pelvis is at every frame, in metres, Y up.
+    /// Returns the position of the pelvis at every frame, in metres, Y up.
     pub fn root(&self) -> &[[f32; 3]] {
         &self.root
     }
 
-    /// The local rotations at every frame, indexed by [`Joint::index`]. Of the two quaternions of a rotation it is
-    /// the one nearer to that of the frame before, so that they may be mixed number by number.
+    /// Returns the local rotations at every frame, indexed by [`Joint::index`]. Of the two quaternions of a rotation,
+    /// the one nearer to that of the frame before is used, so that the numbers of two frames may be interpolated.
     pub fn local(&self) -> &[[[f32; 4]; JOINTS]] {
         &self.local
     }
 
-    /// Forward kinematics: where the joints are at every frame, in metres.
+    /// Computes the joint positions at every frame, in metres, by forward kinematics.
     pub fn joints(&self) -> Vec<[[f32; 3]; JOINTS]> {
         let frames = self.root.iter().zip(&self.local);
         frames
@@ -158,13 +160,14 @@ impl Rotations {
             .collect()
     }
 
-    /// The same movement of another body: every bone keeps its direction and gets the other's length, and what sits
-    /// around pelvis and upper spine is placed as on the other. Ways and heights of the pelvis grow with the legs.
-    /// Where hands touch each other or feet the ground is not kept beyond that.
+    /// Transfers the movement to another body. Every bone keeps its direction and gets the length that it has on that
+    /// body; the children of pelvis and upper spine are placed as on that body. The path and the height of the pelvis
+    /// are scaled by the length of the legs. Contacts, such as hands that touch each other or feet on the ground, are
+    /// not kept beyond that.
     ///
     /// # Panics
     ///
-    /// If the body that moves now has no legs: if all four bones have no length.
+    /// If the body that moves now has no legs, that is, if all four leg bones have no length.
     pub fn on(&self, body: &RestPose) -> Rotations {
         let leg = self.rest.leg();
         assert!(leg > 0.0, "a body without legs tells no size");
@@ -178,10 +181,10 @@ impl Rotations {
         }
     }
 
-    /// How far [`joints`](Self::joints) are from those of a motion of the same frame rate, over the frames that both
-    /// have: for the motion that the rotations were made of, what a rigid body cannot follow.
+    /// Measures how far [`joints`](Self::joints) are from those of a motion of the same frame rate, over the frames that
+    /// both have. For the motion that the rotations were solved from, this is the part that a rigid body cannot follow.
     pub fn distance(&self, motion: &Motion) -> RigDistance {
-        let mut found = RigDistance {
+        let mut measured = RigDistance {
             mean: 0.0,
             largest: 0.0,
             joint: Joint::Pelvis,
@@ -194,18 +197,19 @@ impl Rotations {
                 let distance = ours.distance(theirs);
                 sum += distance;
                 count += 1;
-                if distance as f32 > found.largest {
-                    (found.largest, found.joint, found.frame) = (distance as f32, joint, frame);
+                if distance as f32 > measured.largest {
+                    (measured.largest, measured.joint, measured.frame) =
+                        (distance as f32, joint, frame);
                 }
             }
         }
-        found.mean = (sum / f64::from(count.max(1))) as f32;
-        found
+        measured.mean = (sum / f64::from(count.max(1))) as f32;
+        measured
     }
 
-    /// The same movement at another frame rate: rotations along the shortest arc between two frames, the
-    /// pelvis along a smooth curve through its places. It begins with the first frame and ends with the
-    /// last one, or up to half a new frame beside it.
+    /// Resamples the movement to another frame rate. Rotations follow the shortest arc between two frames; the pelvis
+    /// follows a smooth curve through its positions. The result begins with the first frame and ends with the last one,
+    /// or up to half a new frame before or after it.
     ///
     /// # Panics
     ///
@@ -221,16 +225,17 @@ impl Rotations {
         let step = f64::from(self.frames_per_second) / f64::from(frames_per_second);
         let last = self.frames() - 1;
         let frames = (last as f64 / step).round() as usize + 1;
-        let places = (0..frames).map(|frame| {
-            let place = (frame as f64 * step).min(last as f64);
-            let before = (place.floor() as usize).min(last.saturating_sub(1));
-            (before, place - before as f64)
+        // Each new frame lies between two old ones: the index of the first, and the fraction of the way to the second.
+        let times = (0..frames).map(|frame| {
+            let time = (frame as f64 * step).min(last as f64);
+            let before = (time.floor() as usize).min(last.saturating_sub(1));
+            (before, time - before as f64)
         });
-        let (root, local) = places
-            .map(|(before, part)| {
+        let (root, local) = times
+            .map(|(before, fraction)| {
                 (
-                    self.root_between(before, part),
-                    self.local_between(before, part),
+                    self.root_between(before, fraction),
+                    self.local_between(before, fraction),
                 )
             })
             .unzip();
@@ -242,8 +247,8 @@ impl Rotations {
         }
     }
 
-    /// Catmull and Rom's curve through four neighbours; beyond the ends it goes straight on.
-    fn root_between(&self, before: usize, part: f64) -> [f32; 3] {
+    /// Interpolates the root by a Catmull-Rom spline through four neighbours; it goes straight on beyond the ends.
+    fn root_between(&self, before: usize, fraction: f64) -> [f32; 3] {
         let last = self.frames() - 1;
         let at = |frame: usize| vector(self.root[frame.min(last)]);
         let (b, c) = (at(before), at(before + 1));
@@ -256,23 +261,25 @@ impl Rotations {
             false => at(before + 2),
         };
         let (speed_b, speed_c) = ((c - a) / 2.0, (d - b) / 2.0);
-        let [t, t2, t3] = [1, 2, 3].map(|power| part.powi(power));
-        let place = b * (2.0 * t3 - 3.0 * t2 + 1.0)
+        let [t, t2, t3] = [1, 2, 3].map(|power| fraction.powi(power));
+        let position = b * (2.0 * t3 - 3.0 * t2 + 1.0)
             + speed_b * (t3 - 2.0 * t2 + t)
             + c * (3.0 * t2 - 2.0 * t3)
             + speed_c * (t3 - t2);
-        place.as_vec3().to_array()
+        position.as_vec3().to_array()
     }
 
-    fn local_between(&self, before: usize, part: f64) -> [[f32; 4]; JOINTS] {
+    /// Interpolates the local rotations along the shortest arc.
+    fn local_between(&self, before: usize, fraction: f64) -> [[f32; 4]; JOINTS] {
         let after = (before + 1).min(self.frames() - 1);
         std::array::from_fn(|joint| {
             let [from, to] = [before, after].map(|frame| quaternion(self.local[frame][joint]));
-            from.slerp(to, part).to_array().map(|x| x as f32)
+            from.slerp(to, fraction).to_array().map(|x| x as f32)
         })
     }
 }
 
+/// Converts a quaternion to 64 bits and length 1.
 fn quaternion(values: [f32; 4]) -> DQuat {
     DQuat::from_array(values.map(f64::from)).normalize()
 }

@@ -1,40 +1,43 @@
-//! The T-pose.
+//! The rest pose of a body: a T-pose with its bone lengths.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::fit::fit;
+use super::fit::fit_rotation;
 use crate::motion::Motion;
 use crate::precise::{points, vector};
 use crate::quality::BoneDrift;
 use crate::skeleton::{JOINTS, Joint};
 
-/// The skeleton without any rotation: a T-pose that faces +Z, Y up, left arm along +X, with the bone
-/// lengths of a motion.
+/// The skeleton without any rotation: a T-pose that faces +Z with Y up and the left arm along +X, with the bone
+/// lengths of a body.
 ///
-/// Limbs and spine are straight. Where the joints around the pelvis and the upper spine sit, the motion
-/// itself says: they hang together, and only their true places let one rotation reach all of them.
+/// Limbs and spine are straight. The children of the pelvis and of the upper spine are where the motion has them: they
+/// move together, and a single rotation of their parent reaches all of them only from their true positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestPose {
     pub(super) offsets: [[f32; 3]; JOINTS],
 }
 
-/// A joint whose children move together: the child on the left, that on the right, and that of the spine.
-pub(super) struct Hub {
+/// A joint with three children that move together.
+pub(super) struct BranchJoint {
     pub(super) joint: Joint,
+    /// The child on the left side.
     pub(super) left: Joint,
+    /// The child on the right side.
     pub(super) right: Joint,
+    /// The child on the spine.
     pub(super) upper: Joint,
 }
 
-/// Pelvis and upper spine.
-pub(super) const HUBS: [Hub; 2] = [
-    Hub {
+/// The pelvis and the upper spine.
+pub(super) const BRANCH_JOINTS: [BranchJoint; 2] = [
+    BranchJoint {
         joint: Joint::Pelvis,
         left: Joint::LeftHip,
         right: Joint::RightHip,
         upper: Joint::Spine1,
     },
-    Hub {
+    BranchJoint {
         joint: Joint::Spine3,
         left: Joint::LeftCollar,
         right: Joint::RightCollar,
@@ -42,21 +45,23 @@ pub(super) const HUBS: [Hub; 2] = [
     },
 ];
 
-impl Hub {
+impl BranchJoint {
+    /// Returns the left, right and upper child.
     pub(super) fn children(&self) -> [Joint; 3] {
         [self.left, self.right, self.upper]
     }
 }
 
-/// Bones shorter than this have no direction, in metres.
-pub(super) const SHORTEST: f64 = 1e-6;
-/// Rounds in which the shape of a hub and its turns are fitted to each other.
-const ROUNDS: usize = 3;
-/// Length of a leg from hip to ankle, in metres, of the body that [`RestPose::tips`] is measured on.
-const LEG: f64 = 0.82;
+/// Length in metres up to which a bone has no direction.
+pub(super) const MIN_BONE_LENGTH: f64 = 1e-6;
+/// The number of rounds in which the offsets of a branch joint's children and the joint's rotations are fitted to each
+/// other.
+const FIT_ROUNDS: usize = 3;
+/// Length of a leg from hip to ankle, in metres, of the adult body whose limb ends [`RestPose::tips`] scales.
+const ADULT_LEG: f64 = 0.82;
 
-/// [`RestPose::humanml3d`] in tenths of a millimetre.
-const HUMANML3D: [[i16; 3]; JOINTS] = [
+/// The offsets of [`RestPose::humanml3d`] in tenths of a millimetre.
+const HUMANML3D_OFFSETS: [[i16; 3]; JOINTS] = [
     [0, 0, 0],
     [543, -863, -152],
     [-663, -863, -152],
@@ -82,14 +87,14 @@ const HUMANML3D: [[i16; 3]; JOINTS] = [
 ];
 
 impl RestPose {
-    /// The T-pose of a motion's body: every bone as long as it is on the median over the frames.
+    /// Returns the T-pose of a motion's body. Every bone has its median length over the frames.
     pub fn of(motion: &Motion) -> RestPose {
         let poses: Vec<[DVec3; JOINTS]> = motion.joints().iter().map(points).collect();
         let lengths = BoneDrift::of(motion).lengths.map(f64::from);
         let mut offsets = Joint::ALL.map(|joint| direction(joint) * lengths[joint.index()]);
-        for hub in &HUBS {
-            if let Some(shape) = shape(&poses, hub, &lengths) {
-                for (joint, offset) in hub.children().into_iter().zip(shape) {
+        for branch in &BRANCH_JOINTS {
+            if let Some(child_offsets) = child_offsets(&poses, branch, &lengths) {
+                for (joint, offset) in branch.children().into_iter().zip(child_offsets) {
                     offsets[joint.index()] = offset;
                 }
             }
@@ -99,15 +104,15 @@ impl RestPose {
         }
     }
 
-    /// The body that all motions of HumanML3D have, to a tenth of a millimetre: measured as [`RestPose::of`] does on
-    /// the sample that comes with the data set's code. It is not quite symmetric.
+    /// Returns the body that all motions of HumanML3D have, to a tenth of a millimetre. It was measured as by
+    /// [`RestPose::of`] on the sample that comes with the data set's code, and it is not quite symmetric.
     pub fn humanml3d() -> RestPose {
         RestPose {
-            offsets: HUMANML3D.map(|offset| offset.map(|x| f32::from(x) / 1e4)),
+            offsets: HUMANML3D_OFFSETS.map(|offset| offset.map(|x| f32::from(x) / 1e4)),
         }
     }
 
-    /// Length of the legs from hip to ankle, in metres, on the average of both.
+    /// Returns the length of a leg from hip to ankle, in metres, as the average of both legs.
     pub fn leg(&self) -> f32 {
         let legs = [
             Joint::LeftKnee,
@@ -119,8 +124,8 @@ impl RestPose {
         (lengths.iter().sum::<f64>() / 2.0) as f32
     }
 
-    /// The axis about which elbow or knee bends in the T-pose: elbows bend forward when the palms look down, knees backward. `None` for
-    /// joints that turn any way.
+    /// Returns the axis about which an elbow or knee bends in the T-pose: elbows bend forward with the palms facing down,
+    /// knees backward. `None` for all other joints, which may turn about any axis.
     pub fn hinge(joint: Joint) -> Option<[f32; 3]> {
         match joint {
             Joint::LeftElbow => Some([0.0, -1.0, 0.0]),
@@ -130,17 +135,17 @@ impl RestPose {
         }
     }
 
-    /// Where a joint is seen from its parent, in metres; the pelvis is at the origin.
+    /// Returns the position of a joint relative to its parent, in metres; the pelvis is at the origin.
     pub fn offset(&self, joint: Joint) -> [f32; 3] {
         self.offsets[joint.index()]
     }
 
-    /// Where the limbs end, in metres from the joints that have no child: crown of the head, fingertips,
-    /// tips of the toes. No motion knows them; they are those of a grown body, scaled to this one's legs.
+    /// Returns the ends of the limbs relative to the joints without children, in metres: crown of the head, fingertips
+    /// and tips of the toes. Motions do not contain them; they are those of an adult body, scaled by leg length.
     pub fn tips(&self) -> [(Joint, [f32; 3]); 5] {
         let length = |joint: Joint| vector(self.offset(joint)).length();
         let leg = [Joint::LeftKnee, Joint::LeftAnkle].map(length);
-        let scale = (leg.iter().sum::<f64>() / LEG) as f32;
+        let scale = (leg.iter().sum::<f64>() / ADULT_LEG) as f32;
         [
             (Joint::Head, [0.0, 0.18, 0.0]),
             (Joint::LeftWrist, [0.17, 0.0, 0.0]),
@@ -152,8 +157,8 @@ impl RestPose {
     }
 }
 
-/// Where the bone that ends in a joint points in the T-pose. Those of the hubs stand in only for motions
-/// whose hubs have no shape.
+/// Returns the direction of the bone that ends in a joint in the T-pose. The directions of the children of branch
+/// joints are used only for motions from which [`child_offsets`] cannot be measured.
 pub(super) fn direction(joint: Joint) -> DVec3 {
     use Joint::*;
     match joint {
@@ -171,20 +176,24 @@ pub(super) fn direction(joint: Joint) -> DVec3 {
     }
 }
 
-/// The places of a hub's children around it, upright: left to right along X, the spine in the plane of X
-/// and Y. `None` if they lie on one line at every frame.
-fn shape(poses: &[[DVec3; JOINTS]], hub: &Hub, lengths: &[f64; JOINTS]) -> Option<[DVec3; 3]> {
-    let children = hub.children();
-    let seen = |pose: &[DVec3; JOINTS]| {
-        children.map(|child| pose[child.index()] - pose[hub.joint.index()])
+/// Returns the offsets of the three children of a branch joint in the T-pose: the left and right child lie along X, and
+/// the child on the spine in the plane of X and Y. `None` if the left and the right child coincide at every frame.
+fn child_offsets(
+    poses: &[[DVec3; JOINTS]],
+    branch: &BranchJoint,
+    lengths: &[f64; JOINTS],
+) -> Option<[DVec3; 3]> {
+    let children = branch.children();
+    let relative = |pose: &[DVec3; JOINTS]| {
+        children.map(|child| pose[child.index()] - pose[branch.joint.index()])
     };
     let lengths = children.map(|child| lengths[child.index()]);
     let (mut sum, mut frames) = ([DVec3::ZERO; 3], 0);
     for pose in poses {
-        let places = seen(pose);
-        if let Some(upright) = upright(places) {
-            for (sum, place) in sum.iter_mut().zip(places) {
-                *sum += upright.transpose() * place;
+        let positions = relative(pose);
+        if let Some(frame) = branch_frame(positions) {
+            for (sum, position) in sum.iter_mut().zip(positions) {
+                *sum += frame.transpose() * position;
             }
             frames += 1;
         }
@@ -192,34 +201,35 @@ fn shape(poses: &[[DVec3; JOINTS]], hub: &Hub, lengths: &[f64; JOINTS]) -> Optio
     if frames == 0 {
         return None;
     }
-    // The mean of directions that differ is short.
-    let full =
-        |shape: [DVec3; 3]| std::array::from_fn(|i| shape[i].normalize_or_zero() * lengths[i]);
-    let mut shape = full(sum);
-    for _ in 0..ROUNDS {
+    // The mean of vectors in different directions is too short, so each sum gets the length of its bone.
+    let with_lengths =
+        |sum: [DVec3; 3]| std::array::from_fn(|i| sum[i].normalize_or_zero() * lengths[i]);
+    let mut offsets = with_lengths(sum);
+    for _ in 0..FIT_ROUNDS {
         let mut sum = [DVec3::ZERO; 3];
         let mut turn = DQuat::IDENTITY;
         for pose in poses {
-            let places = seen(pose);
-            turn = fit(&shape, &places, turn);
-            for (sum, place) in sum.iter_mut().zip(places) {
-                *sum += turn.inverse() * place;
+            let positions = relative(pose);
+            turn = fit_rotation(&offsets, &positions, turn);
+            for (sum, position) in sum.iter_mut().zip(positions) {
+                *sum += turn.inverse() * position;
             }
         }
-        shape = full(sum);
+        offsets = with_lengths(sum);
     }
-    let upright = upright(shape)?;
-    Some(shape.map(|place| upright.transpose() * place))
+    let frame = branch_frame(offsets)?;
+    Some(offsets.map(|offset| frame.transpose() * offset))
 }
 
-/// The frame in which X runs from the right child to the left one and Y towards the spine's.
-fn upright([left, right, upper]: [DVec3; 3]) -> Option<DMat3> {
+/// Returns the coordinate frame in which X points from the right child to the left one, and Y towards the child on the
+/// spine. `None` if the left and the right child coincide.
+fn branch_frame([left, right, upper]: [DVec3; 3]) -> Option<DMat3> {
     let x = (left - right).try_normalize()?;
     let middle = (left + right) / 2.0;
-    // Where the three are on one line, that line is above or below the hub; or the hub is on it too, and any
-    // direction across is as good.
+    // If the three children are on one line, the line is above or below the branch joint; if the branch joint is on
+    // the line too, any direction orthogonal to the line will do.
     let ups = [upper - middle, upper, -middle].map(|up| up - up.dot(x) * x);
-    let up = ups.into_iter().find(|up| up.length() > SHORTEST);
+    let up = ups.into_iter().find(|up| up.length() > MIN_BONE_LENGTH);
     let y = up.unwrap_or(x.any_orthogonal_vector()).normalize();
     Some(DMat3::from_cols(x, y, x.cross(y)))
 }

@@ -1,21 +1,21 @@
-//! Global rotations of every joint at every frame.
+//! Solves the global rotation of every joint at every frame from joint positions.
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::fit::fit;
-use super::rest::{HUBS, RestPose, SHORTEST};
-use super::twist::{Hint, smooth};
+use super::fit::fit_rotation;
+use super::rest::{BRANCH_JOINTS, MIN_BONE_LENGTH, RestPose};
+use super::twist::{TwistEstimate, smooth_twists};
 use crate::motion::Motion;
 use crate::precise::{points, vector};
 use crate::skeleton::{JOINTS, Joint};
 
-/// A joint with one child below it, and the child of that: a limb that bends in a plane.
+/// An arm or a leg: two bones that bend in a plane.
 struct Limb {
-    /// Shoulder or hip.
+    /// The shoulder or hip.
     upper: Joint,
-    /// Elbow or knee.
+    /// The elbow or knee.
     middle: Joint,
-    /// Wrist or ankle.
+    /// The wrist or ankle.
     end: Joint,
 }
 
@@ -42,60 +42,62 @@ const LIMBS: [Limb; 4] = [
     },
 ];
 
-/// How much a hint on a twist counts, against 1 for turning no further than the bone itself does from
-/// frame to frame.
+/// Weights of the estimates of a twist, where adding no twist to the turn of the bone from frame to frame has weight 1.
 mod weight {
-    /// The smallest swing, where nothing else is known: exact.
+    /// The weight of the smallest swing where nothing else is known: large, so that the swing is met exactly.
     pub(super) const SWING: f64 = 1e4;
-    /// The bending plane of a limb.
+    /// The weight of the plane in which a limb bends.
     pub(super) const PLANE: f64 = 100.0;
-    /// The smallest swing of a limb that hardly bends: takes over within two seconds.
+    /// The weight of the smallest swing of a limb that hardly bends: it takes over within two seconds.
     pub(super) const STRAIGHT: f64 = 0.001;
 }
 
-/// Bends in degrees from which on a limb's plane is known a little, and fully.
+/// The bend of a limb, in degrees, above which its plane begins to count.
 const PLANE_FROM: f64 = 10.0;
-const PLANE_SURE: f64 = 30.0;
+/// The bend of a limb, in degrees, above which its plane counts fully.
+const PLANE_FULL: f64 = 30.0;
 
-/// What every joint has turned to in the world, frame by frame.
-pub(super) fn solve(motion: &Motion, rest: &RestPose) -> Vec<[DQuat; JOINTS]> {
+/// Returns the rotation of every joint in the world at every frame.
+pub(super) fn solve_global(motion: &Motion, rest: &RestPose) -> Vec<[DQuat; JOINTS]> {
     let poses: Vec<[DVec3; JOINTS]> = motion.joints().iter().map(points).collect();
     let mut global = vec![[DQuat::IDENTITY; JOINTS]; poses.len()];
     for joint in Joint::ALL {
-        let turns = Turns {
+        let solver = JointSolver {
             poses: &poses,
             rest,
             global: &global,
         };
-        let column = turns.of(joint);
-        for (pose, turn) in global.iter_mut().zip(column) {
+        let turns = solver.solve(joint);
+        for (pose, turn) in global.iter_mut().zip(turns) {
             pose[joint.index()] = turn;
         }
     }
     global
 }
 
-/// What is known when a joint's turn comes: all joints above it are solved.
-struct Turns<'a> {
+/// Solves the rotations of one joint over a whole motion. The joints above it must have been solved before.
+struct JointSolver<'a> {
     poses: &'a [[DVec3; JOINTS]],
     rest: &'a RestPose,
+    /// The rotations solved so far, in the world.
     global: &'a [[DQuat; JOINTS]],
 }
 
-impl Turns<'_> {
-    fn of(&self, joint: Joint) -> Vec<DQuat> {
-        if let Some(hub) = HUBS.iter().find(|hub| hub.joint == joint) {
-            return self.hub(joint, hub.children());
+impl JointSolver<'_> {
+    /// Returns the rotation of a joint in the world at every frame.
+    fn solve(&self, joint: Joint) -> Vec<DQuat> {
+        if let Some(branch) = BRANCH_JOINTS.iter().find(|branch| branch.joint == joint) {
+            return self.solve_branch(joint, branch.children());
         }
         match joint.children().next() {
-            Some(child) => self.bone(joint, child),
-            // Head, hands and toes: nothing is known beyond them.
-            None => self.parents(joint).collect(),
+            Some(child) => self.solve_bone(joint, child),
+            // The positions do not tell how head, hands and toes turn.
+            None => self.parent_turns(joint).collect(),
         }
     }
 
-    /// Turns of the joint above; the T-pose above the pelvis.
-    fn parents(&self, joint: Joint) -> impl Iterator<Item = DQuat> + '_ {
+    /// Returns the rotations of the joint's parent; for the pelvis these are the identity.
+    fn parent_turns(&self, joint: Joint) -> impl Iterator<Item = DQuat> + '_ {
         let parent = joint.parent();
         self.global.iter().map(move |pose| match parent {
             Some(parent) => pose[parent.index()],
@@ -107,63 +109,67 @@ impl Turns<'_> {
         vector(self.rest.offset(joint))
     }
 
-    /// The best turn for three children at once.
-    fn hub(&self, joint: Joint, children: [Joint; 3]) -> Vec<DQuat> {
-        let shape = children.map(|child| self.offset(child));
-        let mut expected = self.parents(joint).next().unwrap_or_default();
+    /// Returns the rotations of a branch joint that fit its three children best.
+    fn solve_branch(&self, joint: Joint, children: [Joint; 3]) -> Vec<DQuat> {
+        let offsets = children.map(|child| self.offset(child));
+        let mut expected = self.parent_turns(joint).next().unwrap_or_default();
         let turn = |pose: &[DVec3; JOINTS]| {
-            let places = children.map(|child| pose[child.index()] - pose[joint.index()]);
-            expected = fit(&shape, &places, expected);
+            let positions = children.map(|child| pose[child.index()] - pose[joint.index()]);
+            expected = fit_rotation(&offsets, &positions, expected);
             expected
         };
         self.poses.iter().map(turn).collect()
     }
 
-    /// The turn that points one bone the right way, with a twist that is known or carried through.
-    fn bone(&self, joint: Joint, child: Joint) -> Vec<DQuat> {
-        let parents: Vec<DQuat> = self.parents(joint).collect();
+    /// Returns the rotations that point a bone in its direction. Their twist about the bone is estimated where it is
+    /// known and carried along elsewhere.
+    fn solve_bone(&self, joint: Joint, child: Joint) -> Vec<DQuat> {
+        let parents: Vec<DQuat> = self.parent_turns(joint).collect();
         let Some(rest) = self.offset(child).try_normalize() else {
             return parents;
         };
-        // All of this is seen from the parent: a body that turns as a whole twists nothing.
-        let bones = self.directions((joint, child), &parents, rest);
+        // Everything below is relative to the parent, so that a turn of the whole body adds no twist.
+        let bones = self.bone_directions((joint, child), &parents, rest);
         let swings = bones
             .iter()
             .map(|&bone| DQuat::from_rotation_arc(rest, bone));
         let swings: Vec<DQuat> = swings.collect();
-        // The first turn, carried along by the bone alone.
+        // The first swing, carried along from frame to frame by the shortest turns of the bone.
         let mut carried: Vec<DQuat> = Vec::with_capacity(bones.len());
         for (frame, &bone) in bones.iter().enumerate() {
             carried.push(match frame.checked_sub(1) {
                 None => swings[0],
-                Some(before) => {
-                    let turn = DQuat::from_rotation_arc(bones[before], bone);
-                    (turn * carried[before]).normalize()
+                Some(previous) => {
+                    let turn = DQuat::from_rotation_arc(bones[previous], bone);
+                    (turn * carried[previous]).normalize()
                 }
             });
         }
-        let hint = |frame: usize, turn: DQuat, weight: f64| {
+        let estimate = |frame: usize, turn: DQuat, weight: f64| {
             let between = carried[frame].inverse() * turn;
-            Hint {
+            TwistEstimate {
                 angle: 2.0 * between.xyz().dot(rest).atan2(between.w),
                 weight,
             }
         };
-        let swings = |weight: f64| -> Vec<Hint> {
+        let swing_estimates = |weight: f64| -> Vec<TwistEstimate> {
             let frames = swings.iter().zip(&bones).enumerate();
-            let hints = frames
-                .map(|(frame, (&swing, &bone))| hint(frame, swing, weight * certainty(rest, bone)));
-            hints.collect()
+            let estimates = frames.map(|(frame, (&swing, &bone))| {
+                estimate(frame, swing, weight * swing_certainty(rest, bone))
+            });
+            estimates.collect()
         };
         let twists = match LIMBS.iter().find(|limb| limb.upper == joint) {
-            None => smooth(&[&swings(weight::SWING)]),
+            None => smooth_twists(&[&swing_estimates(weight::SWING)]),
             Some(limb) => {
-                let planes = self.planes(limb, rest, &bones, &parents);
+                let planes = self.bending_planes(limb, rest, &bones, &parents);
                 let planes = planes.into_iter().enumerate();
-                let planes: Vec<Hint> = planes
-                    .map(|(frame, (turn, sure))| hint(frame, turn, weight::PLANE * sure))
+                let planes: Vec<TwistEstimate> = planes
+                    .map(|(frame, (turn, certainty))| {
+                        estimate(frame, turn, weight::PLANE * certainty)
+                    })
                     .collect();
-                bent(&planes, &swings(weight::STRAIGHT))
+                limb_twists(&planes, &swing_estimates(weight::STRAIGHT))
             }
         };
         let turns = parents.iter().zip(&carried).zip(twists);
@@ -174,9 +180,9 @@ impl Turns<'_> {
             .collect()
     }
 
-    /// Directions of a bone, seen from the parent of the joint where it starts; where it has none it keeps
-    /// the one it had, at first that of the T-pose.
-    fn directions(
+    /// Returns the directions of a bone relative to the parent of the joint in which it starts. A bone without length
+    /// keeps its last direction, at first that of the T-pose.
+    fn bone_directions(
         &self,
         (joint, child): (Joint, Joint),
         parents: &[DQuat],
@@ -187,7 +193,7 @@ impl Turns<'_> {
         frames
             .map(|(pose, parent)| {
                 let bone = pose[child.index()] - pose[joint.index()];
-                if bone.length() > SHORTEST {
+                if bone.length() > MIN_BONE_LENGTH {
                     last = (parent.inverse() * bone).normalize();
                 }
                 last
@@ -195,9 +201,9 @@ impl Turns<'_> {
             .collect()
     }
 
-    /// The turn of a limb's upper bone that puts the hinge upright on the plane in which the limb bends,
-    /// and how sure that plane is, 0 to 1.
-    fn planes(
+    /// Returns, for every frame, the rotation of a limb's upper bone that makes the hinge axis of elbow or knee
+    /// orthogonal to the plane in which the limb bends, and the certainty of that plane, 0 to 1.
+    fn bending_planes(
         &self,
         limb: &Limb,
         rest: DVec3,
@@ -205,7 +211,7 @@ impl Turns<'_> {
         parents: &[DQuat],
     ) -> Vec<(DQuat, f64)> {
         let hinge = RestPose::hinge(limb.middle).expect("elbows and knees are hinges");
-        let standing = frame(rest, vector(hinge)).transpose();
+        let from_rest = orthogonal_basis(rest, vector(hinge)).transpose();
         let plane = |((pose, parent), &bone): ((&[DVec3; JOINTS], &DQuat), &DVec3)| {
             let lower = pose[limb.end.index()] - pose[limb.middle.index()];
             let lower = (parent.inverse() * lower).normalize_or_zero();
@@ -214,10 +220,10 @@ impl Turns<'_> {
                 return (DQuat::IDENTITY, 0.0);
             }
             let bend = normal.length().atan2(bone.dot(lower)).to_degrees();
-            // Folded flat, a limb has no plane either.
-            let sure = ramp(bend, PLANE_FROM, PLANE_SURE) * ramp(180.0 - bend, 2.0, 10.0);
-            let turn = frame(bone, normal.normalize()) * standing;
-            (DQuat::from_mat3(&turn), sure)
+            // A limb that is folded flat has no plane either.
+            let certainty = ramp(bend, PLANE_FROM, PLANE_FULL) * ramp(180.0 - bend, 2.0, 10.0);
+            let turn = orthogonal_basis(bone, normal.normalize()) * from_rest;
+            (DQuat::from_mat3(&turn), certainty)
         };
         self.poses
             .iter()
@@ -228,51 +234,54 @@ impl Turns<'_> {
     }
 }
 
-/// The twists of a limb. Bent well, it says itself which way it bends. Bent a little from one straight
-/// moment to the next, elbow or knee may be overstretched, so the side is taken that the rest of the motion
-/// suggests.
-fn bent(planes: &[Hint], swings: &[Hint]) -> Vec<f64> {
-    let is_sure = |hint: &Hint| hint.weight >= weight::PLANE * 0.99;
-    let sure: Vec<Hint> = planes
+/// Returns the twists of a limb's upper bone.
+///
+/// Where a limb bends well, its plane gives the twist. Where it bends only a little between two straight moments, elbow
+/// or knee may be overstretched, so that the plane is right but its side is not; then the side is taken that agrees with
+/// the rest of the motion.
+fn limb_twists(planes: &[TwistEstimate], swings: &[TwistEstimate]) -> Vec<f64> {
+    let is_certain = |estimate: &TwistEstimate| estimate.weight >= weight::PLANE * 0.99;
+    let certain: Vec<TwistEstimate> = planes
         .iter()
-        .map(|hint| match is_sure(hint) {
-            true => *hint,
-            false => Hint {
+        .map(|estimate| match is_certain(estimate) {
+            true => *estimate,
+            false => TwistEstimate {
                 weight: 0.0,
-                ..*hint
+                ..*estimate
             },
         })
         .collect();
-    let suggested = smooth(&[&sure, swings]);
-    let mut sided = planes.to_vec();
+    let expected = smooth_twists(&[&certain, swings]);
+    let mut planes = planes.to_vec();
     let mut start = 0;
-    for bend in sided.chunk_by_mut(|a, b| (a.weight > 0.0) == (b.weight > 0.0)) {
-        let agreement = bend.iter().zip(&suggested[start..]);
+    for bend in planes.chunk_by_mut(|a, b| (a.weight > 0.0) == (b.weight > 0.0)) {
+        let agreement = bend.iter().zip(&expected[start..]);
         let agreement: f64 = agreement
-            .map(|(hint, suggested)| hint.weight * (hint.angle - suggested).cos())
+            .map(|(estimate, expected)| estimate.weight * (estimate.angle - expected).cos())
             .sum();
         start += bend.len();
-        if agreement < 0.0 && !bend.iter().any(is_sure) {
-            for hint in bend {
-                hint.angle += std::f64::consts::PI;
+        if agreement < 0.0 && !bend.iter().any(is_certain) {
+            for estimate in bend {
+                estimate.angle += std::f64::consts::PI;
             }
         }
     }
-    smooth(&[&sided, swings])
+    smooth_twists(&[&planes, swings])
 }
 
-/// How well the smallest swing between two directions is defined, 0 to 1: not at all between opposites.
-fn certainty(from: DVec3, to: DVec3) -> f64 {
+/// Returns how well the smallest swing between two directions is defined, 0 to 1; it is undefined (0) between opposite
+/// directions.
+fn swing_certainty(from: DVec3, to: DVec3) -> f64 {
     ((1.0 + from.dot(to)) / 0.2).clamp(0.0, 1.0).powi(4)
 }
 
-/// 0 up to `from`, 1 from `to` on, smooth between.
+/// Returns 0 for `x` up to `from`, 1 from `to` on, and a smooth transition between.
 fn ramp(x: f64, from: f64, to: f64) -> f64 {
     let x = ((x - from) / (to - from)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// The frame of two directions upright on each other.
-fn frame(first: DVec3, second: DVec3) -> DMat3 {
+/// Returns the basis of two orthogonal unit vectors and their cross product.
+fn orthogonal_basis(first: DVec3, second: DVec3) -> DMat3 {
     DMat3::from_cols(first, second, first.cross(second))
 }

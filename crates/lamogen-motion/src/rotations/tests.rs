@@ -3,13 +3,13 @@ use std::f64::consts::{PI, TAU};
 use super::*;
 use crate::skeleton::Joint::*;
 
-/// Lengths of the bones of HumanML3D's body, by the joint in which they end.
+/// Lengths of the bones of HumanML3D's body in metres, indexed by the joint in which they end.
 const LENGTHS: [f64; JOINTS] = [
     0.0, 0.103, 0.110, 0.132, 0.394, 0.390, 0.143, 0.432, 0.426, 0.057, 0.143, 0.149, 0.219, 0.137,
     0.143, 0.103, 0.132, 0.123, 0.257, 0.263, 0.266, 0.270,
 ];
 
-/// A body in T-pose.
+/// Returns a body in T-pose with these bone lengths.
 fn body() -> RestPose {
     let mut pose = [[0.0; 3]; JOINTS];
     for joint in Joint::ALL {
@@ -22,7 +22,7 @@ fn body() -> RestPose {
     RestPose::of(&Motion::from_joints(vec![pose]).unwrap())
 }
 
-/// The body moved by known rotations.
+/// Returns known rotations of that body, and the motion that they give.
 fn moved(frames: usize, turn: impl Fn(usize, Joint) -> DQuat) -> (Rotations, Motion) {
     let rotations = Rotations {
         rest: body(),
@@ -38,12 +38,12 @@ fn moved(frames: usize, turn: impl Fn(usize, Joint) -> DQuat) -> (Rotations, Mot
     (rotations, motion)
 }
 
-/// The largest distance between the joints of a motion and what its rotations give, in metres.
+/// Returns the largest distance in metres between the joints of a motion and those that rotations give.
 fn error(rotations: &Rotations, motion: &Motion) -> f32 {
     rotations.distance(motion).largest
 }
 
-/// The largest turn of a joint from one frame to the next, in degrees, and where it is.
+/// Returns the largest turn of a joint from one frame to the next in degrees, its frame, and the joint's name.
 fn largest_step(rotations: &Rotations) -> (f64, usize, &'static str) {
     let mut largest = (0.0, 0, "");
     for (t, pair) in rotations.local().windows(2).enumerate() {
@@ -58,7 +58,7 @@ fn largest_step(rotations: &Rotations) -> (f64, usize, &'static str) {
     largest
 }
 
-/// Quaternions, not only rotations, go on without a jump.
+/// Returns whether quaternions, and not only the rotations that they stand for, go on without a jump.
 fn signs_are_kept(rotations: &Rotations) -> bool {
     rotations
         .local()
@@ -66,7 +66,8 @@ fn signs_are_kept(rotations: &Rotations) -> bool {
         .all(|pair| (0..JOINTS).all(|j| quaternion(pair[0][j]).dot(quaternion(pair[1][j])) >= 0.0))
 }
 
-/// Everything swings, limbs bend and stretch; the body as a whole is turned by `whole`.
+/// Returns a local rotation with which all joints swing and limbs bend and stretch; `whole` turns the whole body at a
+/// time in seconds.
 fn swinging(t: usize, joint: Joint, whole: impl Fn(f64) -> DQuat) -> DQuat {
     let time = t as f64 / 20.0;
     let phase = joint.index() as f64;
@@ -88,7 +89,7 @@ fn swinging(t: usize, joint: Joint, whole: impl Fn(f64) -> DQuat) -> DQuat {
             wave(0.6, 0.5),
             wave(0.4, 0.9),
         ),
-        // About the axis on which the collarbones lie, a collar would be twisted: nobody could tell.
+        // A turn about X would be a twist about the collar's own bone, which positions do not show.
         LeftCollar | RightCollar => DQuat::from_rotation_z(wave(0.3, 0.15)),
         Head | LeftWrist | RightWrist | LeftFoot | RightFoot => DQuat::IDENTITY,
         _ => DQuat::from_euler(glam::EulerRot::XYZ, wave(0.4, 0.15), 0.0, wave(0.3, 0.15)),
@@ -97,8 +98,8 @@ fn swinging(t: usize, joint: Joint, whole: impl Fn(f64) -> DQuat) -> DQuat {
 
 #[test]
 fn positions_come_back_at_every_heading_and_upside_down() {
-    type Way = (&'static str, fn(f64) -> DQuat);
-    let ways: [Way; 7] = [
+    type NamedTurn = (&'static str, fn(f64) -> DQuat);
+    let turns: [NamedTurn; 7] = [
         ("forwards", |_| DQuat::IDENTITY),
         ("backwards", |time| {
             DQuat::from_rotation_y(PI + 0.3 * (time * 3.0).sin())
@@ -111,7 +112,7 @@ fn positions_come_back_at_every_heading_and_upside_down() {
             DQuat::from_rotation_x(PI) * DQuat::from_rotation_y(time)
         }),
     ];
-    for (way, whole) in ways {
+    for (name, whole) in turns {
         for heading in 0..8 {
             let facing = DQuat::from_rotation_y(f64::from(heading) * PI / 4.0);
             let (known, motion) = moved(100, |t, joint| {
@@ -119,13 +120,13 @@ fn positions_come_back_at_every_heading_and_upside_down() {
             });
             let found = Rotations::of(&motion);
             let error = error(&found, &motion);
-            assert!(error < 1e-4, "{way}, heading {heading}: {error} m");
+            assert!(error < 1e-4, "{name}, heading {heading}: {error} m");
             let (step, known) = (largest_step(&found), largest_step(&known));
             assert!(
                 step.0 < 1.5 * known.0 + 2.0,
-                "{way}, {heading}: {step:?}, known {known:?}"
+                "{name}, {heading}: {step:?}, known {known:?}"
             );
-            assert!(signs_are_kept(&found), "{way}, heading {heading}");
+            assert!(signs_are_kept(&found), "{name}, heading {heading}");
         }
     }
 }
@@ -243,7 +244,7 @@ fn knees_that_overstretch_and_noise_on_straight_limbs_turn_nothing_around() {
 
 #[test]
 fn a_leg_may_go_past_the_opposite_of_its_rest() {
-    // Straight up beside the head and over, a little to the side: a full circle of the hip.
+    // The hip makes a full circle, a little to the side: the leg goes straight up beside the head and over.
     for side in [-0.1, -0.02, 0.001, 0.05] {
         let (_, motion) = moved(120, |t, joint| match joint {
             LeftHip => {
@@ -282,7 +283,7 @@ fn bodies_that_are_not_rigid_are_met_as_well_as_one_can() {
 }
 
 #[test]
-fn a_hub_whose_children_lie_on_one_line_is_rigid_too() {
+fn a_branch_joint_whose_children_lie_on_one_line_is_rigid_too() {
     for height in [0.2, 0.0, -0.1] {
         let mut rest = body();
         let line = [(LeftCollar, 0.05), (RightCollar, -0.05), (Neck, 0.0)];
@@ -370,7 +371,7 @@ fn resampling_keeps_the_frames_that_both_rates_have_and_the_bones() {
     assert_eq!(Rotations::of(&short).resampled(120.0).frames(), 1);
 }
 
-/// Real clips, where there are some: joints in `.npy` files in the folder named by LAMOGEN_CLIPS.
+/// Checks real clips: joints in `.npy` files in the folder that LAMOGEN_CLIPS names.
 #[test]
 #[ignore = "needs clips: LAMOGEN_CLIPS=folder cargo test --release --workspace -- --ignored real_clips"]
 fn real_clips_come_back_without_flips() {
@@ -404,7 +405,7 @@ fn another_body_moves_in_the_same_directions() {
     let (_, motion) = moved(60, swing);
     let rotations = Rotations::of(&motion);
 
-    // Of the same shape and half as large: all is half as large.
+    // On a body of the same shape and half the size, all positions are half as large.
     let half = RestPose {
         offsets: rotations
             .rest()
@@ -418,7 +419,7 @@ fn another_body_moves_in_the_same_directions() {
     let scaled = Motion::from_joints(scaled.collect()).unwrap();
     assert!(error(&rotations.on(&half), &scaled) < 1e-4);
 
-    // HumanML3D's: limbs keep their directions, and bones are as long as its own.
+    // On HumanML3D's body, limbs keep their directions and bones get the lengths of that body.
     let target = RestPose::humanml3d();
     let moved = Motion::from_joints(rotations.on(&target).joints()).unwrap();
     for (before, after) in motion.joints().iter().zip(moved.joints()) {
