@@ -1,4 +1,4 @@
-//! How long one evaluation and one step of each pass take.
+//! The time of one evaluation of a network, and of one step of each pass.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use lamogen_guide::{Batch, Guidance, Sampler, noise};
 use lamogen_laban::Scale;
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse};
 
-/// Which network is timed.
+/// The network that is timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Size {
     /// The embedded model.
@@ -19,7 +19,7 @@ pub enum Size {
     Full,
 }
 
-/// What is timed.
+/// The options of a benchmark.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Which network.
@@ -42,7 +42,7 @@ pub struct Options {
     pub repeat: u64,
 }
 
-/// Median seconds of each.
+/// The median times in seconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Times {
     /// One evaluation of the network.
@@ -86,13 +86,13 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
         modulation: None,
         mask: FrameMask::new(&batch.lengths, frames, device),
     };
-    let median = |task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>| {
+    let median_time = |task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>| {
         median(options.repeat as usize, task)
     };
-    let denoiser = median(&mut || Ok(model.denoise(input.clone(), &batch.prompt.context)))?;
-    let baseline_step = median(&mut || Ok(sampler.baseline(&batch, &mut ())?))?;
+    let denoiser = median_time(&mut || Ok(model.denoise(input.clone(), &batch.prompt.context)))?;
+    let baseline_step = median_time(&mut || Ok(sampler.baseline(&batch, &mut ())?))?;
     let baseline = sampler.baseline(&batch, &mut ())?;
-    let guided_step = median(&mut || {
+    let guided_step = median_time(&mut || {
         let guided = sampler.guided(&batch, baseline.clone(), &scales, &guidance, &mut ())?;
         Ok(guided.motion)
     })?;
@@ -103,6 +103,7 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
     })
 }
 
+/// Creates a batch of motions with random noise and some tokens.
 fn batch(
     model: &MotionDiffuse,
     frames: usize,
@@ -128,25 +129,25 @@ fn batch(
     }
 }
 
-/// Median seconds of a task, which is over when its result can be read; one run before does not count.
+/// Returns the median time of a task in seconds, after one run that is not timed. The task ends when its result can be read.
 fn median(
     repeat: usize,
     task: &mut dyn FnMut() -> Result<Tensor<3>, Box<dyn Error>>,
 ) -> Result<f64, Box<dyn Error>> {
-    let mut timed = || -> Result<f64, Box<dyn Error>> {
+    let mut seconds = || -> Result<f64, Box<dyn Error>> {
         let start = Instant::now();
         task()?.into_data();
         Ok(start.elapsed().as_secs_f64())
     };
-    timed()?;
+    seconds()?;
     let mut times = (0..repeat)
-        .map(|_| timed())
+        .map(|_| seconds())
         .collect::<Result<Vec<_>, _>>()?;
     times.sort_by(f64::total_cmp);
     Ok(times[repeat / 2])
 }
 
-/// The most memory that this process has held, in MiB, where the system tells.
+/// Returns the peak memory of this process in MiB; `None` if the operating system does not report it.
 pub fn peak_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! From a model folder to the files that the crate lamogen-compact embeds.
+//! The conversion of a model folder to the files that the crate lamogen-compact embeds.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -10,7 +10,7 @@ use lamogen::LaMoGen;
 use lamogen_model::Precision;
 use lamogen_motion::write_atomically;
 
-/// Files that are taken as they are.
+/// The files that are copied without changes.
 const COPIED: [&str; 5] = [
     "config.json",
     "tokenizer.json",
@@ -19,8 +19,8 @@ const COPIED: [&str; 5] = [
     "std.npy",
 ];
 
-/// Writes the folder's weights in few bits with their licence beside, and copies the rest. Answers
-/// with the size of the weights' file.
+/// Writes the weights of a model folder at a lower precision, with their licence as metadata, and copies the other files.
+/// Returns the size of the file of weights in bytes.
 ///
 /// # Errors
 ///
@@ -32,7 +32,7 @@ pub fn run(
     license: String,
     attribution: String,
 ) -> Result<u64, Box<dyn Error>> {
-    // Everything is read and checked before anything is written.
+    // All files are read and checked before any file is written.
     let model = LaMoGen::load(from, &Device::flex())?;
     let read = |name: &str| {
         let path = from.join(name);

@@ -12,7 +12,7 @@ pub mod test;
 pub mod training;
 pub mod truth;
 
-/// The programs in the README compile.
+/// Compiles the programs in the README.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 struct Readme;

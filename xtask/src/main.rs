@@ -129,33 +129,35 @@ fn main() -> ExitCode {
             folder,
             device,
             allow_rounding,
-        } => on(device, |device| parity(&folder, device, allow_rounding)),
+        } => with_device(device, |device| parity(&folder, device, allow_rounding)),
         Task::Bench {
             options,
             device: name,
-        } => on(name, |device| bench(&options, name, device)),
+        } => with_device(name, |device| bench(&options, name, device)),
         Task::Measure {
             options,
             device: name,
-        } => on(name, |device| {
+        } => with_device(name, |device| {
             match xtask::measure::run(&options, device, &mut |line| eprintln!("{line}")) {
-                Ok(figures) => {
-                    println!("{figures:#}");
+                Ok(results) => {
+                    println!("{results:#}");
                     ExitCode::SUCCESS
                 }
                 Err(error) => fail(&*error),
             }
         }),
-        Task::Strips { options, device } => on(device, |device| {
-            match xtask::strips::run(&options, device) {
-                Ok(()) => ExitCode::SUCCESS,
-                Err(error) => fail(&*error),
-            }
-        }),
+        Task::Strips { options, device } => {
+            with_device(device, |device| {
+                match xtask::strips::run(&options, device) {
+                    Ok(()) => ExitCode::SUCCESS,
+                    Err(error) => fail(&*error),
+                }
+            })
+        }
         Task::BenchTraining {
             options,
             device: name,
-        } => on(name, |device| {
+        } => with_device(name, |device| {
             match xtask::training::run(&options, device) {
                 Ok(seconds) => {
                     let line = serde_json::json!({
@@ -172,12 +174,14 @@ fn main() -> ExitCode {
                 Err(error) => fail(&*error),
             }
         }),
-        Task::Sweep { size, out, device } => on(device, |device| {
-            match xtask::sweep::run(size, device, &out, &mut |line| println!("{line}")) {
-                Ok(()) => ExitCode::SUCCESS,
-                Err(error) => fail(&*error),
-            }
-        }),
+        Task::Sweep { size, out, device } => {
+            with_device(device, |device| {
+                match xtask::sweep::run(size, device, &out, &mut |line| println!("{line}")) {
+                    Ok(()) => ExitCode::SUCCESS,
+                    Err(error) => fail(&*error),
+                }
+            })
+        }
         Task::Truth { options, device } => truth(&options, device),
         Task::Embed {
             from,
@@ -195,13 +199,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn on(name: DeviceName, task: impl FnOnce(&Device) -> ExitCode) -> ExitCode {
+/// Runs a task on a device.
+fn with_device(name: DeviceName, task: impl FnOnce(&Device) -> ExitCode) -> ExitCode {
     match name.open() {
         Ok(device) => task(&device),
         Err(error) => fail(&error),
     }
 }
 
+/// Runs a golden case and prints the comparison.
 fn parity(folder: &Path, device: &Device, allow_rounding: bool) -> ExitCode {
     let spinner = ProgressBar::new_spinner();
     let result = xtask::parity::run(folder, device, &mut |step| {
@@ -216,6 +222,7 @@ fn parity(folder: &Path, device: &Device, allow_rounding: bool) -> ExitCode {
     }
 }
 
+/// Times a network and prints the result as JSON.
 fn bench(options: &Options, device_name: DeviceName, device: &Device) -> ExitCode {
     let times = match xtask::bench::run(options, device) {
         Ok(times) => times,
@@ -236,6 +243,7 @@ fn bench(options: &Options, device_name: DeviceName, device: &Device) -> ExitCod
     ExitCode::SUCCESS
 }
 
+/// Checks everyday sentences, or validates the checks.
 fn truth(options: &xtask::truth::Options, device: DeviceName) -> ExitCode {
     let data = options.data.as_deref().filter(|_| options.validate);
     if let Some(data) = data {
@@ -254,7 +262,7 @@ fn truth(options: &xtask::truth::Options, device: DeviceName) -> ExitCode {
             Err(error) => fail(&*error),
         };
     }
-    on(device, |device| {
+    with_device(device, |device| {
         match xtask::truth::run(options, device, &mut |line| eprintln!("{line}")) {
             Ok(page) => {
                 print!("{page}");
@@ -265,22 +273,24 @@ fn truth(options: &xtask::truth::Options, device: DeviceName) -> ExitCode {
     })
 }
 
+/// Prints an error.
 fn fail(error: &dyn std::error::Error) -> ExitCode {
     eprintln!("error: {error}");
     ExitCode::FAILURE
 }
 
+/// Prints the rows of a comparison; fails if a value is too far off.
 fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
-    let (mut failed, mut excusable) = (0, 0);
+    let (mut failed, mut within_rounding) = (0, 0);
     for Row { name, result } in rows {
         let Some(result) = result else {
             println!("{name:20} not yet covered");
             continue;
         };
-        let is_excusable = !result.is_within_tolerance() && result.is_within_rounding();
-        let passes = result.is_within_tolerance() || (is_excusable && allow_rounding);
+        let is_within_rounding = !result.is_within_tolerance() && result.is_within_rounding();
+        let passes = result.is_within_tolerance() || (is_within_rounding && allow_rounding);
         failed += usize::from(!passes);
-        excusable += usize::from(!passes && is_excusable);
+        within_rounding += usize::from(!passes && is_within_rounding);
         let verdict = match passes {
             true => "ok",
             false => "TOO FAR OFF",
@@ -298,7 +308,7 @@ fn report(rows: &[Row], allow_rounding: bool) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     println!(
-        "{failed} too far off, {excusable} of them within what rounding alone does in this case \
+        "{failed} too far off, {within_rounding} of them within what rounding alone does in this case \
          (docs/parity.md; --allow-rounding accepts those)"
     );
     ExitCode::FAILURE

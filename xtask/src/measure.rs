@@ -1,4 +1,4 @@
-//! How good a model is on motions that it has not seen: what stands in its model card.
+//! The quality of a model on motions that it was not trained on, for its model card.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::subject::Subject;
 
-/// What is measured.
+/// The options of the measurement.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Folder of the data set.
@@ -34,11 +34,14 @@ pub struct Options {
     pub split: Split,
 }
 
-/// Repetitions of captions and batches for R-precision.
+/// The number of draws of captions and batches for the R-precision.
 const DRAWS: usize = 20;
 
-/// Measures a model and, beside it, the real motions: losses on clean motions, R-precision, FID, foot sliding, jitter, bone
-/// drift. Generated motions have captions and lengths of the real ones, and are what the network itself gives.
+/// Measures the motions of a model and, for comparison, the real motions: losses on clean motions, R-precision, FID, foot sliding,
+/// jitter, bone drift. Returns the results as JSON; `report` receives one line of text for each part.
+///
+/// The generated motions have the captions and lengths of the real ones. They are the motions of the network itself, not those of
+/// the rigid body.
 ///
 /// # Errors
 ///
@@ -46,11 +49,11 @@ const DRAWS: usize = 20;
 pub fn run(
     options: &Options,
     device: &Device,
-    tell: &mut dyn FnMut(String),
+    report: &mut dyn FnMut(String),
 ) -> Result<Value, Box<dyn Error>> {
     let model = options.subject.open(device)?;
     let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
-    let judge = Evaluator::load(&options.evaluator, device)?;
+    let evaluator = Evaluator::load(&options.evaluator, device)?;
     let network = model.network();
     let lengths = network.min_frames()..=network.max_frames();
     let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
@@ -59,7 +62,7 @@ pub fn run(
         let validation = Validation::new(&dataset, &tokens, split, lengths.clone(), device);
         let validation = validation.ok_or("no motions to validate on")?;
         let loss = validation.loss(network);
-        tell(format!("{split}: validation loss {loss:.4}"));
+        report(format!("{split}: validation loss {loss:.4}"));
         losses.insert(split.name().into(), loss.into());
     }
     let entries = dataset.split(options.split).filter(|entry| !entry.mirror);
@@ -70,7 +73,7 @@ pub fn run(
         .iter()
         .map(|entry| dataset.motion(entry))
         .collect::<Result<_, _>>()?;
-    let (real, embedded) = judged(&judge, &entries, &real, None)?;
+    let (real, embedded) = evaluate(&evaluator, &entries, &real, None)?;
     let mut generated = Vec::new();
     for seed in 0..options.repeats {
         let requests: Vec<Request> = entries
@@ -83,15 +86,21 @@ pub fn run(
                     .seed(seed * 100_000 + place as u64)
             })
             .collect();
-        let made = model.generate_all(&requests)?;
-        let made: Vec<Motion> = made.into_iter().map(|made| made.network.guided).collect();
-        let (mut figures, found) = judged(&judge, &entries, &made, Some(seed))?;
-        figures.insert("fid", fid(embedded.motions(), found.motions())?);
-        tell(format!("seed {seed}: {figures:.4?}"));
-        generated.push(figures);
+        let generations = model.generate_all(&requests)?.into_iter();
+        let motions: Vec<Motion> = generations
+            .map(|generation| generation.network.guided)
+            .collect();
+        let (mut metrics, generated_embedded) =
+            evaluate(&evaluator, &entries, &motions, Some(seed))?;
+        metrics.insert(
+            "fid",
+            fid(embedded.motions(), generated_embedded.motions())?,
+        );
+        report(format!("seed {seed}: {metrics:.4?}"));
+        generated.push(metrics);
     }
     let means = generated[0].keys().map(|name| {
-        let values = generated.iter().map(|figures| figures[name]);
+        let values = generated.iter().map(|metrics| metrics[name]);
         let estimate = Estimate::of(values);
         let value = json!({ "mean": estimate.mean, "interval": estimate.interval });
         ((*name).to_owned(), value)
@@ -109,21 +118,22 @@ pub fn run(
     }))
 }
 
-/// Which caption a motion is generated from.
+/// Returns the index of the caption from which a motion is generated.
 fn caption(entry: &Entry, seed: u64) -> usize {
     seed as usize % entry.captions.len()
 }
 
-type Figures = std::collections::BTreeMap<&'static str, f64>;
+/// The values of the metrics by their names.
+type Metrics = std::collections::BTreeMap<&'static str, f64>;
 
-/// What a judge and a ruler make of motions. Generated ones are held against the caption they come from, real ones against all of
-/// theirs.
-fn judged(
-    judge: &Evaluator,
+/// Evaluates motions with an evaluator and with metrics of the body. Generated motions, which have a seed, are compared with the
+/// caption from which they were generated, real motions with all of their captions.
+fn evaluate(
+    evaluator: &Evaluator,
     entries: &[&Entry],
     motions: &[Motion],
     seed: Option<u64>,
-) -> Result<(Figures, CaptionedMotions), Box<dyn Error>> {
+) -> Result<(Metrics, CaptionedMotions), Box<dyn Error>> {
     let pairs = entries.iter().zip(motions).map(|(entry, motion)| {
         let captions = entry.captions.iter().map(|caption| caption.text.clone());
         let captions: Vec<String> = match seed {
@@ -133,9 +143,9 @@ fn judged(
         let rows = motion.features().expect("motions of pose features");
         (captions, rows.as_flattened().to_vec())
     });
-    let found = CaptionedMotions::embed(judge, pairs)?;
-    let precision = real_motions(&found, DRAWS, 0)?;
-    let mut figures = Figures::from([
+    let embedded = CaptionedMotions::embed(evaluator, pairs)?;
+    let precision = real_motions(&embedded, DRAWS, 0)?;
+    let mut metrics = Metrics::from([
         ("r_precision_1", precision.r_precision[0].mean),
         ("r_precision_2", precision.r_precision[1].mean),
         ("r_precision_3", precision.r_precision[2].mean),
@@ -150,8 +160,8 @@ fn judged(
             ("jerk_m_s3", jitter.jerk),
             ("bone_drift_m", BoneDrift::of(motion).largest()),
         ] {
-            *figures.entry(name).or_default() += f64::from(value) / motions.len() as f64;
+            *metrics.entry(name).or_default() += f64::from(value) / motions.len() as f64;
         }
     }
-    Ok((figures, found))
+    Ok((metrics, embedded))
 }

@@ -1,4 +1,4 @@
-//! What a model makes of sentences, to be looked at.
+//! Pictures of the motions that a model generates from sentences.
 
 use std::error::Error;
 use std::ffi::OsStr;
@@ -10,7 +10,7 @@ use lamogen_view::{Row, png, save, strip};
 
 use crate::subject::Subject;
 
-/// What is drawn.
+/// The options of the pictures.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     #[command(flatten)]
@@ -30,7 +30,7 @@ pub struct Options {
     pub seconds: f32,
 }
 
-/// What the model card shows: ten that come to mind first, then ways to go, hands, fights, exercises and the floor.
+/// The sentences of the model card: ten simple ones, then ways of walking, hands, fights, exercises, and motions on the floor.
 const PROMPTS: [&str; 40] = [
     "a person walks forward",
     "a person runs",
@@ -74,10 +74,10 @@ const PROMPTS: [&str; 40] = [
     "a person does a cartwheel",
 ];
 
-/// Poses of each motion.
+/// The number of poses that are drawn of each motion.
 const POSES: usize = 9;
 
-/// Draws a strip of every sentence's motion, without tags.
+/// Draws a strip of the motion of each sentence, without tags.
 ///
 /// # Errors
 ///
@@ -95,10 +95,13 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
     };
     let requests: Vec<Request> = sentences.iter().map(request).collect();
     let motions = model.generate_all(&requests)?;
-    let rows = sentences.iter().zip(&motions).map(|(label, made)| Row {
-        label,
-        motion: &made.guided,
-    });
+    let rows = sentences
+        .iter()
+        .zip(&motions)
+        .map(|(label, generation)| Row {
+            label,
+            motion: &generation.guided,
+        });
     let svg = strip(&rows.collect::<Vec<_>>(), POSES);
     match options.out.extension().and_then(OsStr::to_str) {
         Some("svg") => save(&options.out, &svg)?,

@@ -1,4 +1,4 @@
-//! The model that a card speaks of.
+//! The model that is measured, and how it samples.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use burn::tensor::Device;
 use lamogen::{LaMoGen, TemporalSmoothing};
 
-/// Which model, and how it samples.
+/// The options that select a model and its sampling.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Subject {
     /// Folder of a model; the embedded one without.
@@ -18,7 +18,7 @@ pub struct Subject {
     /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
     #[arg(long)]
     pub temporal_smoothing: Option<f32>,
-    /// The last timestep at which they are.
+    /// The last timestep at which predictions are smoothed.
     #[arg(long, default_value_t = TemporalSmoothing::default().until, requires = "temporal_smoothing")]
     pub until: usize,
     /// How strongly motions follow the sentence (classifier-free guidance); the model's own default without.
@@ -27,7 +27,7 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Loads it.
+    /// Loads the model.
     ///
     /// # Errors
     ///

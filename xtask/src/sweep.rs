@@ -1,4 +1,4 @@
-//! How cost grows with frames, motions at once, and steps: measured and plotted.
+//! Measures and plots how the time grows with frames, batch size and steps.
 
 use std::error::Error;
 use std::path::Path;
@@ -9,7 +9,7 @@ use plotters::prelude::*;
 
 use crate::bench::{self, Options, Size, Times};
 
-/// What is varied.
+/// The quantity that is varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Axis {
     Frames,
@@ -20,6 +20,7 @@ enum Axis {
 impl Axis {
     const ALL: [Axis; 3] = [Axis::Frames, Axis::Batch, Axis::Steps];
 
+    /// The values at which the time is measured.
     fn values(self) -> &'static [u64] {
         match self {
             Axis::Frames => &[20, 40, 60, 80, 100, 120, 140, 160, 180, 196],
@@ -28,6 +29,7 @@ impl Axis {
         }
     }
 
+    /// The title of the panel.
     fn title(self) -> &'static str {
         match self {
             Axis::Frames => "one motion: ms a step by frames",
@@ -36,6 +38,7 @@ impl Axis {
         }
     }
 
+    /// The options of the benchmark at a value.
     fn options(self, size: Size, value: u64) -> Options {
         let options = Options {
             size,
@@ -43,7 +46,7 @@ impl Axis {
             frames: 80,
             batch: 1,
             steps: 4,
-            // Short measurements need many of them.
+            // Short measurements need more repetitions.
             repeat: match size {
                 Size::Compact => 21,
                 Size::Full => 3,
@@ -65,7 +68,7 @@ impl Axis {
         }
     }
 
-    /// Milliseconds of the baseline and of the guided pass, in the title's unit.
+    /// Returns the milliseconds of the baseline pass and of the guided pass, in the unit of the title.
     fn milliseconds(self, value: u64, times: Times) -> [f64; 2] {
         let factor = match self {
             Axis::Frames => 1.0,
@@ -76,13 +79,14 @@ impl Axis {
     }
 }
 
-/// Measured points of one panel.
+/// One panel of the plot, with its measured points.
 struct Panel {
     axis: Axis,
+    /// The values, with the milliseconds of the baseline pass and of the guided pass.
     points: Vec<(u64, [f64; 2])>,
 }
 
-/// Measures a network of a size and writes the plot as SVG; `line` sees a row for each point.
+/// Measures a network and writes the plot as SVG. `report` receives one line of text for each point.
 ///
 /// # Errors
 ///
@@ -91,9 +95,9 @@ pub fn run(
     size: Size,
     device: &Device,
     out: &Path,
-    line: &mut dyn FnMut(&str),
+    report: &mut dyn FnMut(&str),
 ) -> Result<(), Box<dyn Error>> {
-    // Minutes of measuring should not end with a folder that is not there.
+    // A missing folder is an error now, not after minutes of measurements.
     let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new("."));
     if !folder.is_dir() {
@@ -105,7 +109,7 @@ pub fn run(
         for &value in axis.values() {
             let times = bench::run(&axis.options(size, value), device)?;
             let [baseline, guided] = axis.milliseconds(value, times);
-            line(&format!(
+            report(&format!(
                 "{:55} {value:4}  baseline {baseline:8.2}  guided {guided:8.2}",
                 axis.title()
             ));
@@ -120,8 +124,10 @@ pub fn run(
     Ok(())
 }
 
+/// The colours of the baseline pass and of the guided pass.
 const COLOURS: [RGBColor; 2] = [RGBColor(70, 110, 170), RGBColor(200, 80, 60)];
 
+/// Draws the panels side by side.
 fn draw(panels: &[Panel], svg: &mut String) -> Result<(), Box<dyn Error>> {
     let root = SVGBackend::with_string(svg, (1080, 320)).into_drawing_area();
     root.fill(&WHITE)?;

@@ -1,10 +1,10 @@
-//! Everything that must pass before a change is one.
+//! The checks that every change must pass.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Cargo calls in the order in which their failures are quickest to mend. All use the release profile
-/// and the whole workspace, so that dependencies are built once.
+/// The Cargo commands; those with failures that are quickest to fix come first. All use the release profile and the whole
+/// workspace, so that dependencies are built once.
 const STEPS: [(&str, &[&str]); 7] = [
     ("format", &["fmt", "--all", "--check"]),
     (
@@ -51,32 +51,32 @@ const STEPS: [(&str, &[&str]); 7] = [
     ),
 ];
 
-/// The backends beside flex. They are features, so burn is built a second time for them.
+/// The features of the backends besides flex. Because they are features, burn is built a second time for them.
 const BACKENDS: &str = "xtask/ndarray,xtask/wgpu";
 const BACKENDS_WITHOUT_GPU: &str = "xtask/ndarray";
 
-/// Which backends are tested beside flex.
+/// The backends that are tested besides flex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backends {
-    /// What this machine can run.
+    /// Those that this machine can run.
     Possible,
     /// Those of the CPU.
     Cpu,
-    /// All: a machine that cannot run them fails.
+    /// All; the checks fail on a machine that cannot run them.
     All,
 }
 
 const NO_DRIVER: &str = "no Vulkan driver found, which the tests of the GPU backends need; one that computes on the CPU \
      will do (Debian and Ubuntu: apt-get install mesa-vulkan-drivers)";
 
-/// Runs every step; stops at the first that fails and says which. What this machine cannot run is said at the end.
+/// Runs all checks, and stops at the first that fails. The end of the output names what this machine cannot run.
 pub fn run(backends: Backends) -> ExitCode {
-    let can = has_vulkan_driver();
-    if backends == Backends::All && !can {
+    let has_driver = has_vulkan_driver();
+    if backends == Backends::All && !has_driver {
         eprintln!("error: {NO_DRIVER}");
         return ExitCode::FAILURE;
     }
-    let cpu_only = backends == Backends::Cpu || !can;
+    let cpu_only = backends == Backends::Cpu || !has_driver;
     for (name, arguments) in STEPS {
         if !passes(name, arguments) {
             return ExitCode::FAILURE;
@@ -102,8 +102,9 @@ pub fn run(backends: Backends) -> ExitCode {
     ExitCode::SUCCESS
 }
 
+/// Runs a Cargo command and returns whether it succeeded.
 fn passes(name: &str, arguments: &[&str]) -> bool {
-    // Cargo names itself to what it runs.
+    // Cargo sets this variable for the programs that it runs.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     eprintln!("\n== {name}: cargo {}", arguments.join(" "));
     let status = Command::new(&cargo)
@@ -118,29 +119,30 @@ fn passes(name: &str, arguments: &[&str]) -> bool {
     false
 }
 
-/// Whether a driver is registered with the Vulkan loader. Other systems than Linux bring their own
-/// graphics interface.
+/// Returns whether a driver is registered with the Vulkan loader. Operating systems other than Linux have their own graphics
+/// interface.
 fn has_vulkan_driver() -> bool {
     if !cfg!(target_os = "linux") {
         return true;
     }
-    let named =
+    let listed =
         ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES"].map(std::env::var_os);
-    if named.iter().flatten().any(|files| !files.is_empty()) {
+    if listed.iter().flatten().any(|files| !files.is_empty()) {
         return true;
     }
     let data = std::env::var_os("XDG_DATA_DIRS").filter(|folders| !folders.is_empty());
     let data = data.unwrap_or_else(|| "/usr/local/share:/usr/share".into());
-    let mut places = std::env::split_paths(&data).collect::<Vec<PathBuf>>();
-    places.push("/etc".into());
-    places.extend(std::env::var_os("XDG_DATA_HOME").map(PathBuf::from));
-    places.extend(std::env::var_os("HOME").map(|home| Path::new(&home).join(".local/share")));
-    let places = places.into_iter();
-    places
-        .map(|place| place.join("vulkan/icd.d"))
+    let mut folders = std::env::split_paths(&data).collect::<Vec<PathBuf>>();
+    folders.push("/etc".into());
+    folders.extend(std::env::var_os("XDG_DATA_HOME").map(PathBuf::from));
+    folders.extend(std::env::var_os("HOME").map(|home| Path::new(&home).join(".local/share")));
+    let folders = folders.into_iter();
+    folders
+        .map(|folder| folder.join("vulkan/icd.d"))
         .any(|folder| has_json(&folder))
 }
 
+/// Returns whether a folder has a JSON file.
 fn has_json(folder: &Path) -> bool {
     let Ok(entries) = folder.read_dir() else {
         return false;

@@ -1,4 +1,4 @@
-//! How long one step of training takes: noise, gradients, clipping, AdamW, averaging.
+//! The time of one training step: noise, gradients, clipping, AdamW, averaging.
 
 use std::error::Error;
 use std::path::Path;
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::bench::Size;
 
-/// What is timed.
+/// The options of the benchmark.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Which network.
@@ -31,7 +31,7 @@ pub struct Options {
     pub repeat: u64,
 }
 
-/// Median seconds of a step.
+/// Returns the median time of a step in seconds.
 ///
 /// # Errors
 ///
@@ -60,7 +60,7 @@ pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
     Ok(times[times.len() / 2])
 }
 
-/// Training on motions that are noise themselves.
+/// The training of a denoiser on random motions, which are noise themselves.
 pub struct Practice {
     batch: usize,
     frames: usize,
@@ -70,7 +70,7 @@ pub struct Practice {
 }
 
 impl Practice {
-    /// Batches of so many motions of so many frames.
+    /// Creates a task with batches of `batch` motions of `frames` frames.
     pub fn new(config: ModelConfig, batch: usize, frames: usize, device: &Device) -> Self {
         Practice {
             batch,
@@ -96,7 +96,7 @@ impl TrainingTask for Practice {
     fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
         let features = self.config.input_feats;
         let shape = [self.batch, self.frames, features];
-        let drawn = |seed: u64| {
+        let random_motions = |seed: u64| {
             let motions = (0..self.batch as u64).into_par_iter();
             let motions =
                 motions.map(|motion| noise(seed * 10_000 + motion, self.frames, features));
@@ -104,10 +104,12 @@ impl TrainingTask for Practice {
             let data = TensorData::new(motions.concat(), shape);
             Tensor::<3>::from_data(data, &self.device)
         };
-        let (clean, noise) = (drawn(2 * step), drawn(2 * step + 1));
+        let (clean, noise) = (random_motions(2 * step), random_motions(2 * step + 1));
         let timesteps: Vec<usize> = (0..self.batch).map(|i| i * 997 % 1000).collect();
-        let alphas = Schedule::linear();
-        let alphas = timesteps.iter().map(|&t| alphas.alphas_cumprod()[t] as f32);
+        let schedule = Schedule::linear();
+        let alphas = timesteps
+            .iter()
+            .map(|&t| schedule.alphas_cumprod()[t] as f32);
         let alphas = TensorData::new(alphas.collect::<Vec<f32>>(), [self.batch, 1, 1]);
         let alphas = Tensor::<3>::from_data(alphas, &self.device);
         let rest: Tensor<3> = 1.0 - alphas.clone();
@@ -129,11 +131,11 @@ impl TrainingTask for Practice {
             sentences: None,
             mask: FrameMask::new(&vec![self.frames; self.batch], self.frames, &self.device),
         };
-        let trained = network.gradients(batch, |output| (output - clean).square().mean());
+        let computed = network.gradients(batch, |output| (output - clean).square().mean());
         StepGradients {
-            loss: trained.loss.clone(),
-            total_loss: trained.loss,
-            gradients: trained.gradients,
+            loss: computed.loss.clone(),
+            total_loss: computed.loss,
+            gradients: computed.gradients,
             motions: self.batch,
             frames: self.batch * self.frames,
         }

@@ -1,4 +1,4 @@
-//! Whether a model's motions do what everyday sentences say; and whether the checks are right about real motions.
+//! Checks whether the motions of a model do what everyday sentences say, and validates the checks on real motions.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -17,7 +17,7 @@ use serde_json::json;
 
 use crate::subject::Subject;
 
-/// What is generated and judged.
+/// The options of the checks.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     #[command(flatten)]
@@ -26,24 +26,24 @@ pub struct Options {
     /// Motions of every sentence, from as many seeds.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub seeds: u64,
-    /// Evaluator the motions that the network itself gives instead of those of the rigid body that users get.
+    /// Judge the motions of the network itself instead of those of the rigid body that users get.
     #[arg(long)]
     pub network: bool,
     /// Folder for truth.json and truth.md.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Evaluator these sentences instead, a file in the form of lamogen-eval/src/truth/sentences.txt: `group | phrasing | seconds | sentence |
+    /// Judge these sentences instead, a file in the form of lamogen-eval/src/truth/sentences.txt: `group | phrasing | seconds | sentence |
     /// checks` a line.
     #[arg(long, value_name = "FILE", conflicts_with = "validate")]
     pub sentences: Option<PathBuf>,
-    /// Evaluator captions of this split of the data set instead, at the length of their motions; what each has to do follows from what its motion
+    /// Judge captions of this split of the data set instead, at the length of their motions; what each has to do follows from what its motion
     /// shows.
     #[arg(long, value_name = "SPLIT", requires = "data", conflicts_with_all = ["validate", "sentences"], value_parser = |name: &str| name.parse::<Split>())]
     pub captions: Option<Split>,
     /// Only sentences of this group, several times for several.
     #[arg(long)]
     pub group: Vec<String>,
-    /// Evaluator real motions instead, and the checks by them.
+    /// Judge real motions instead, and the checks by them.
     #[arg(long, requires = "data")]
     pub validate: bool,
     /// Folder of the data set with the real motions.
@@ -54,7 +54,8 @@ pub struct Options {
     pub more_captions: Option<PathBuf>,
 }
 
-/// Generates every sentence without tags, judges the motions and writes the report, which is returned to be printed.
+/// Generates motions of every sentence without tags, checks them and writes the report. Returns a summary to be printed;
+/// `progress` receives one line of text for each sentence.
 ///
 /// # Errors
 ///
@@ -62,19 +63,19 @@ pub struct Options {
 pub fn run(
     options: &Options,
     device: &Device,
-    tell: &mut dyn FnMut(String),
+    progress: &mut dyn FnMut(String),
 ) -> Result<String, Box<dyn Error>> {
     let suite = match (&options.sentences, options.captions, &options.data) {
         (None, Some(split), Some(data)) => captions(data, split)?,
         (Some(path), ..) => {
             let text = std::fs::read_to_string(path)
                 .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
-            let read = read_sentences(&text);
-            let read = read.map_err(|error| format!("{}: {error}", path.display()))?;
-            if read.is_empty() {
+            let sentences = read_sentences(&text);
+            let sentences = sentences.map_err(|error| format!("{}: {error}", path.display()))?;
+            if sentences.is_empty() {
                 return Err(format!("{}: expected sentences, found none", path.display()).into());
             }
-            read
+            sentences
         }
         _ => sentences(),
     };
@@ -89,11 +90,11 @@ pub fn run(
         .into());
     }
     let model = options.subject.open(device)?;
-    let is_asked =
+    let is_selected =
         |sentence: &Sentence| options.group.is_empty() || options.group.contains(&sentence.group);
-    let sentences: Vec<Sentence> = suite.into_iter().filter(is_asked).collect();
+    let sentences: Vec<Sentence> = suite.into_iter().filter(is_selected).collect();
     let mut report = Report::new(sentences.clone());
-    // On the body whatever the model's preset; nothing else of guidance matters without tags.
+    // Motions are fitted to the rigid body, whatever the preset of the model. The rest of guidance has no effect without tags.
     let guidance = Guidance {
         body: Body::Rig,
         ..model.preset().guidance()
@@ -107,16 +108,16 @@ pub fn run(
                 request.steps(steps).seed(seed)
             })
             .collect();
-        let made = model.generate_all(&requests)?;
-        for (seed, made) in made.iter().enumerate() {
+        let generations = model.generate_all(&requests)?;
+        for (seed, generation) in generations.iter().enumerate() {
             let motion = match options.network {
-                true => &made.network.baseline,
-                false => &made.baseline,
+                true => &generation.network.baseline,
+                false => &generation.baseline,
             };
             report.add(place, seed as u64, motion);
         }
-        let hold = report.trials_of(place).filter(|trial| trial.holds).count();
-        tell(format!("{hold}/{} {}", options.seeds, sentence.text));
+        let passed = report.trials_of(place).filter(|trial| trial.holds).count();
+        progress(format!("{passed}/{} {}", options.seeds, sentence.text));
     }
     if let Some(folder) = &options.out {
         let subject = &options.subject;
@@ -139,8 +140,8 @@ pub fn run(
     Ok(report.summary())
 }
 
-/// Judges real motions of all splits, and by them every check; returns what is to be printed, and whether all checks are good
-/// enough and all sentences phrased as they say.
+/// Applies every check to the real motions of all splits. Returns the report to be printed, and whether all checks are good enough
+/// and all sentences have the phrasing that they state.
 ///
 /// # Errors
 ///
@@ -152,16 +153,16 @@ pub fn validate(
 ) -> Result<(String, bool), Box<dyn Error>> {
     let mut dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
     let clips = clips(&dataset, dataset.entries())?;
-    let mut found: Vec<Validation> = evidence()
+    let mut validations: Vec<Validation> = evidence()
         .iter()
         .map(|evidence| evidence.validate(&clips))
         .collect();
     let worst = |validation: &Validation| validation.true_share.min(1.0 - validation.false_share);
-    found.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
+    validations.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
     let mut page = String::from(
         "| check | holds where it should | of | holds where it should not | of |\n|---|---|---|---|---|\n",
     );
-    for row in &found {
+    for row in &validations {
         let mark = if row.is_valid() {
             ""
         } else {
@@ -173,7 +174,7 @@ pub fn validate(
             row.check, row.true_share, row.true_clips, row.false_share, row.false_clips
         )?;
     }
-    // What is done in a motion is told by its own captions, whatever else is said of it.
+    // Further captions are added only now, since the evidence for the checks comes from the motions' own captions.
     if let Some(path) = more_captions {
         dataset.add_captions(path)?;
     }
@@ -195,12 +196,12 @@ pub fn validate(
             new_words += usize::from(!novelty.words.is_empty());
         }
     }
-    let valid = found.iter().filter(|row| row.is_valid()).count();
+    let valid = validations.iter().filter(|row| row.is_valid()).count();
     writeln!(
         page,
         "\n{valid} of {} checks are good enough. {} sentences, {novel} of them novel, {new_words} of these with a word that no \
          caption for training has; {wrong} phrased otherwise than they say.",
-        found.len(),
+        validations.len(),
         sentences.len(),
     )?;
     if let Some(folder) = out {
@@ -208,16 +209,16 @@ pub fn validate(
             json!({ "name": clip.name, "content": clip.content, "captions": clip.captions, "measured": clip.measured })
         });
         let clips: Vec<_> = clips.collect();
-        let file = json!({ "checks": found, "clips": clips });
+        let file = json!({ "checks": validations, "clips": clips });
         write(folder, "validation.json", &file.to_string())?;
         write(folder, "validation.md", &page)?;
     }
-    Ok((page, valid == found.len() && wrong == 0))
+    Ok((page, valid == validations.len() && wrong == 0))
 }
 
-/// What is said of the motions of a split, and what these show.
+/// Returns the captions of a split as sentences, with the checks that their motions pass.
 fn captions(data: &Path, split: Split) -> Result<Vec<Sentence>, Box<dyn Error>> {
-    /// Motions for every check.
+    /// The number of motions for every check.
     const MOTIONS: usize = 4;
     let dataset = Dataset::open(data, &LoadOptions::default(), &mut |_| ())?;
     let sentences = captioned(&clips(&dataset, dataset.split(split))?, MOTIONS);
@@ -231,6 +232,7 @@ fn captions(data: &Path, split: Split) -> Result<Vec<Sentence>, Box<dyn Error>> 
     Ok(sentences)
 }
 
+/// Measures the motions of some entries.
 fn clips<'a>(
     dataset: &Dataset,
     entries: impl IntoIterator<Item = &'a Entry>,
@@ -250,6 +252,7 @@ fn clips<'a>(
     clips.collect()
 }
 
+/// Writes a file to a folder, which is created if it does not exist.
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     let path = folder.join(name);

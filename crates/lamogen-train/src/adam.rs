@@ -1,6 +1,7 @@
-//! burn's AdamW on every weight of a network.
+//! One step of burn's AdamW on every weight of a network.
 //!
-//! The moments are networks themselves, whose weights are the moments of the weights in their place: they are saved and read as networks are.
+//! The moments are stored as networks: the moment of a weight takes the place of the weight. They are therefore saved and read
+//! in the same way as networks.
 
 use burn::module::{Module, ModuleMapper, Param, ParamId};
 use burn::optim::{AdamW, AdamWState, AdaptiveMomentumState, GradientsParams, Optimizer};
@@ -8,12 +9,12 @@ use burn::tensor::Tensor;
 use burn::tensor::container::TensorContainer;
 
 use crate::average::weights;
-use crate::optimization::decays;
+use crate::optimization::has_weight_decay;
 
-/// First and second moments of all weights.
+/// The first and the second moments of all weights.
 pub(crate) type Moments<M> = [M; 2];
 
-/// Moments before the first step: zeros.
+/// Returns the moments before the first step, which are zeros.
 pub(crate) fn zeros<M: Module>(network: &M) -> Moments<M> {
     struct Zeros;
     impl ModuleMapper for Zeros {
@@ -24,40 +25,47 @@ pub(crate) fn zeros<M: Module>(network: &M) -> Moments<M> {
     [(); 2].map(|()| network.valid().map(&mut Zeros))
 }
 
-/// One step. `made` is how many were made before, `adam` that of matrices and that of other weights.
+/// Makes one step. `previous_steps` is the number of steps before it; `adam` is the optimiser of weights with weight decay, then
+/// that of the other weights.
 pub(crate) fn step<M: Module>(
     network: M,
     moments: Moments<M>,
     gradients: GradientsParams,
     adam: [AdamW; 2],
     rate: f64,
-    made: u64,
+    previous_steps: u64,
 ) -> (M, Moments<M>) {
-    let mut step = Step {
+    let mut updater = AdamWUpdater {
         path: Vec::new(),
         gradients,
         moments: [weights(&moments[0]), weights(&moments[1])],
         adam,
         rate,
-        made: made as usize,
+        previous_steps: previous_steps as usize,
     };
-    let network = network.map(&mut step);
-    let [first, second] = step.moments;
+    let network = network.map(&mut updater);
+    let [first, second] = updater.moments;
     let [old_first, old_second] = moments;
-    let first = old_first.map(&mut Replaced(first));
-    (network, [first, old_second.map(&mut Replaced(second))])
+    let first = old_first.map(&mut WeightReplacer(first));
+    (
+        network,
+        [first, old_second.map(&mut WeightReplacer(second))],
+    )
 }
 
-struct Step {
+/// Updates each weight of a network, and its moments.
+struct AdamWUpdater {
+    /// The names of the modules around the current weight.
     path: Vec<String>,
     gradients: GradientsParams,
     moments: [TensorContainer<ParamId>; 2],
     adam: [AdamW; 2],
+    /// The learning rate.
     rate: f64,
-    made: usize,
+    previous_steps: usize,
 }
 
-impl ModuleMapper for Step {
+impl ModuleMapper for AdamWUpdater {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -68,11 +76,11 @@ impl ModuleMapper for Step {
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let id = param.id;
-        // A weight that the loss does not depend on stays.
+        // A weight on which the loss does not depend keeps its value.
         let Some(gradient) = self.gradients.remove::<D>(id) else {
             return param;
         };
-        let adam = match decays(&self.path, D) {
+        let adam = match has_weight_decay(&self.path, D) {
             true => &self.adam[0],
             false => &self.adam[1],
         };
@@ -81,25 +89,29 @@ impl ModuleMapper for Step {
             let moments = moments.remove::<Tensor<D>>(&id);
             moments.expect("moments are of the same network")
         });
-        let state = AdamWState::new(AdaptiveMomentumState::new(self.made, first, second));
+        let state = AdamWState::new(AdaptiveMomentumState::new(
+            self.previous_steps,
+            first,
+            second,
+        ));
         let rate = self.rate;
-        let mut after = None;
+        let mut new_state = None;
         let param = param.map(|weights| {
             let (weights, state) = adam.step(rate, weights.inner(), gradient, Some(state));
-            after = state;
+            new_state = state;
             weights.autodiff().require_grad()
         });
-        let after = after.expect("AdamW has a state").momentum;
-        moments[0].register(id, after.moment_1);
-        moments[1].register(id, after.moment_2);
+        let new_moments = new_state.expect("AdamW has a state").momentum;
+        moments[0].register(id, new_moments.moment_1);
+        moments[1].register(id, new_moments.moment_2);
         param
     }
 }
 
-/// Gives every weight the value that is kept under its name.
-struct Replaced(TensorContainer<ParamId>);
+/// Replaces every weight by the value with the same id.
+struct WeightReplacer(TensorContainer<ParamId>);
 
-impl ModuleMapper for Replaced {
+impl ModuleMapper for WeightReplacer {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let value = self.0.remove::<Tensor<D>>(&param.id);
         let value = value.expect("values are of the same network");

@@ -1,4 +1,4 @@
-//! The exponential moving average of a network's weights, which is what is kept of a training.
+//! The exponential moving average of a network's weights, which is the result of a training.
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::tensor::Tensor;
@@ -6,35 +6,37 @@ use burn::tensor::container::TensorContainer;
 
 /// Moves an average towards the weights of a network: `average ← decay · average + (1 - decay) · weights`.
 ///
-/// Both are the same network; the average is not tracked by autodiff.
-pub(crate) fn follow<M: Module>(average: M, network: &M, decay: f64) -> M {
-    average.map(&mut Follow {
+/// Both are versions of the same network; autodiff does not track the average.
+pub(crate) fn update<M: Module>(average: M, network: &M, decay: f64) -> M {
+    average.map(&mut AverageUpdater {
         weights: weights(network),
         decay,
     })
 }
 
-/// The weights of a network, not followed by autodiff.
+/// Returns the weights of a network, not tracked by autodiff.
 pub(crate) fn weights<M: Module>(network: &M) -> TensorContainer<ParamId> {
-    let mut weights = Weights(TensorContainer::new());
-    network.visit(&mut weights);
-    weights.0
+    let mut collector = WeightCollector(TensorContainer::new());
+    network.visit(&mut collector);
+    collector.0
 }
 
-struct Weights(TensorContainer<ParamId>);
+/// Collects the weights of a network by their ids.
+struct WeightCollector(TensorContainer<ParamId>);
 
-impl ModuleVisitor for Weights {
+impl ModuleVisitor for WeightCollector {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         self.0.register(param.id, param.val().inner());
     }
 }
 
-struct Follow {
+/// Moves each weight of an average towards the weight of the same id.
+struct AverageUpdater {
     weights: TensorContainer<ParamId>,
     decay: f64,
 }
 
-impl ModuleMapper for Follow {
+impl ModuleMapper for AverageUpdater {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
         let weights = self.weights.remove::<Tensor<D>>(&param.id);
         let weights = weights.expect("both are the same network");

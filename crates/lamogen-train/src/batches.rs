@@ -1,4 +1,4 @@
-//! Which motions a step sees.
+//! The choice of the motions of each training step.
 
 use std::collections::HashMap;
 use std::ops::{Range, RangeInclusive};
@@ -9,11 +9,11 @@ use lamogen_model::LABAN_FEATURES;
 use rand::{Rng, RngExt};
 
 use crate::config::DenoisingConfig;
-use crate::sampling::{candidates, cut, stream};
+use crate::sampling::{draw_crop, step_generator, weighted_entries};
 
-/// Deals out the motions of the training split.
+/// Draws batches of motions from the training split.
 #[derive(Clone, Debug)]
-pub(crate) struct Batches {
+pub(crate) struct BatchSampler {
     seed: u64,
     crop: f64,
     lengths: RangeInclusive<usize>,
@@ -23,51 +23,57 @@ pub(crate) struct Batches {
     laban_share: f64,
     phrasings: bool,
     buckets: Vec<Bucket>,
-    /// Sums of the buckets' weights, each with those before it.
+    /// The cumulative sums of the buckets' weights.
     weights: Vec<f64>,
 }
 
 /// Motions of about the same length.
 #[derive(Clone, Debug)]
 struct Bucket {
-    entries: Vec<Candidate>,
-    /// Sums of the entries' weights, each with those before it.
+    entries: Vec<CandidateMotion>,
+    /// The cumulative sums of the entries' weights.
     weights: Vec<f64>,
+    /// The length of the longest motion in frames.
     longest: usize,
 }
 
+/// A motion that can be drawn.
 #[derive(Clone, Debug)]
-struct Candidate {
+struct CandidateMotion {
+    /// The index of its entry in the data set.
     entry: usize,
+    /// Its length in frames.
     frames: usize,
+    /// The number of its captions.
     captions: usize,
-    /// Which entries are variations of it.
+    /// The indices of the entries that are variations of it.
     variations: Vec<usize>,
 }
 
-/// A motion of a batch.
+/// One item of a batch: which motion the network sees, and with which conditions, timestep and noise.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Visit {
-    /// Which entry of the data set.
+pub(crate) struct BatchItem {
+    /// The index of the entry in the data set, whose captions are used.
     pub(crate) entry: usize,
-    /// Whose motion is shown: that entry's, or a variation's.
+    /// The index of the entry whose motion is used: the same entry, or one of its variations.
     pub(crate) motion: usize,
-    /// Which frames of it.
+    /// The frames of the motion that are used.
     pub(crate) frames: Range<usize>,
-    /// Which of its captions; none where nothing is said.
+    /// The index of the caption; `None` without text.
     pub(crate) caption: Option<usize>,
-    /// Which phrasing of it; 0 is as it is.
+    /// A number that selects a phrasing of the caption; 0 is the caption itself.
     pub(crate) phrasing: u64,
-    /// Which Laban features are told.
+    /// Which Laban features the network sees.
     pub(crate) laban: [bool; LABAN_FEATURES],
+    /// The diffusion timestep.
     pub(crate) timestep: usize,
-    /// Of its noise.
+    /// The seed of the noise.
     pub(crate) noise: u64,
 }
 
-impl Batches {
-    /// Batches of the training split's motions that are as long as the model asks for; of longer ones a part is seen. `None` if there
-    /// is none.
+impl BatchSampler {
+    /// Collects the motions of the training split that have at least the model's shortest length; of motions that are longer than
+    /// the model's longest, a part is used. Returns `None` if there are none.
     pub(crate) fn new(
         dataset: &Dataset,
         config: &DenoisingConfig,
@@ -75,32 +81,32 @@ impl Batches {
         lengths: RangeInclusive<usize>,
     ) -> Option<Self> {
         let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
-        let mut sorted = candidates(dataset, *lengths.start(), config.source_balance);
+        let mut sorted = weighted_entries(dataset, *lengths.start(), config.source_balance);
         sorted.sort_by_key(|&(entry, _)| (frames(entry), entry));
         let size = sorted.len().div_ceil(config.length_buckets);
-        let mut varied = variations(dataset);
+        let mut variations = variations_by_original(dataset);
         let mut bucket = |candidates: &[(usize, f64)]| {
-            let entries = candidates.iter().map(|&(place, _)| {
-                let entry = &dataset.entries()[place];
-                Candidate {
-                    entry: place,
+            let entries = candidates.iter().map(|&(index, _)| {
+                let entry = &dataset.entries()[index];
+                CandidateMotion {
+                    entry: index,
                     frames: entry.frames,
                     captions: entry.captions.len(),
-                    variations: varied.remove(&*entry.name).unwrap_or_default(),
+                    variations: variations.remove(&*entry.name).unwrap_or_default(),
                 }
             });
             let (longest, _) = candidates.last().expect("chunks are not empty");
             Bucket {
                 entries: entries.collect(),
-                weights: sums(candidates.iter().map(|(_, weight)| *weight)),
+                weights: cumulative_sums(candidates.iter().map(|(_, weight)| *weight)),
                 longest: frames(*longest),
             }
         };
         let buckets: Vec<Bucket> = sorted.chunks(size.max(1)).map(&mut bucket).collect();
         let weights = buckets.iter();
         let weights = weights.map(|bucket| bucket.weights.last().expect("not empty"));
-        let weights = sums(weights.copied());
-        (!buckets.is_empty()).then_some(Batches {
+        let weights = cumulative_sums(weights.copied());
+        (!buckets.is_empty()).then_some(BatchSampler {
             seed,
             crop: config.crop,
             lengths,
@@ -114,12 +120,12 @@ impl Batches {
         })
     }
 
-    /// How many motions are dealt out.
+    /// Returns the number of motions that can be drawn, variations not counted.
     pub(crate) fn motions(&self) -> usize {
         self.buckets.iter().map(|bucket| bucket.entries.len()).sum()
     }
 
-    /// Which entries are dealt out, variations included.
+    /// Returns the indices of the entries that can be drawn, variations included.
     pub(crate) fn entries(&self) -> impl Iterator<Item = usize> {
         let candidates = self.buckets.iter().flat_map(|bucket| &bucket.entries);
         candidates.flat_map(|candidate| {
@@ -127,45 +133,48 @@ impl Batches {
         })
     }
 
-    /// The batch of a step.
-    pub(crate) fn draw(&self, step: u64) -> Vec<Visit> {
-        let mut generator = stream(self.seed, step);
-        let bucket = &self.buckets[pick(&self.weights, &mut generator)];
+    /// Draws the batch of a step.
+    pub(crate) fn draw(&self, step: u64) -> Vec<BatchItem> {
+        let mut generator = step_generator(self.seed, step);
+        let bucket = &self.buckets[draw_index(&self.weights, &mut generator)];
         let count = (self.frames_per_batch / (bucket.longest * self.noises)).max(1);
-        let mut visits = Vec::with_capacity(count * self.noises);
+        let mut items = Vec::with_capacity(count * self.noises);
         for _ in 0..count {
-            let candidate = &bucket.entries[pick(&bucket.weights, &mut generator)];
+            let candidate = &bucket.entries[draw_index(&bucket.weights, &mut generator)];
             let lengths = self.lengths.clone();
-            let frames = cut(candidate.frames, self.crop, lengths, 1, &mut generator);
+            let frames = draw_crop(candidate.frames, self.crop, lengths, 1, &mut generator);
             let caption = generator.random_range(0..candidate.captions as u64) as usize;
-            // Drawn only where asked for, so that other runs draw as they did before.
+            // Drawn only if there are phrasings, so that runs without them draw the same numbers as before.
             let phrasing = match self.phrasings {
                 true => generator.random_range(0..=u64::from(u32::MAX)),
                 false => 0,
             };
-            // Each noise of a motion in a part of the timesteps of its own, so that they differ.
+            // Each noise of a motion has its own range of timesteps, so that the timesteps differ.
             for part in 0..self.noises {
                 let range = |part: usize| (part * TRAINING_STEPS / self.noises) as u64;
-                let unsaid = self.text_dropout > 0.0 && generator.random_bool(self.text_dropout);
+                let is_without_text =
+                    self.text_dropout > 0.0 && generator.random_bool(self.text_dropout);
                 let laban = match self.laban_share > 0.0 {
-                    true => told(self.laban_share, &mut generator),
+                    true => draw_laban_features(self.laban_share, &mut generator),
                     false => [false; LABAN_FEATURES],
                 };
-                // A variation is only shown with all that sets it apart.
+                // A variation is used only together with all of its Laban features, which distinguish it from its original.
                 let variations = &candidate.variations;
                 let may_be_varied = laban != [false; LABAN_FEATURES] && !variations.is_empty();
-                let (motion, laban) = match may_be_varied && generator.random_bool(VARIED) {
+                let (motion, laban) = match may_be_varied
+                    && generator.random_bool(VARIATION_PROBABILITY)
+                {
                     true => {
-                        let which = generator.random_range(0..variations.len() as u64) as usize;
-                        (variations[which], [true; LABAN_FEATURES])
+                        let choice = generator.random_range(0..variations.len() as u64) as usize;
+                        (variations[choice], [true; LABAN_FEATURES])
                     }
                     false => (candidate.entry, laban),
                 };
-                visits.push(Visit {
+                items.push(BatchItem {
                     entry: candidate.entry,
                     motion,
                     frames: frames.clone(),
-                    caption: (!unsaid).then_some(caption),
+                    caption: (!is_without_text).then_some(caption),
                     phrasing,
                     laban,
                     timestep: generator.random_range(range(part)..range(part + 1)) as usize,
@@ -173,36 +182,38 @@ impl Batches {
                 });
             }
         }
-        visits
+        items
     }
 }
 
-/// How often a variation is shown in place of a motion that has some and whose Laban features are told.
-const VARIED: f64 = 0.75;
+/// The probability that a motion with variations is replaced by one of them where the network sees Laban features.
+const VARIATION_PROBABILITY: f64 = 0.75;
 
-/// The variations of every motion that has some, by its name.
-fn variations(dataset: &Dataset) -> HashMap<&str, Vec<usize>> {
+/// Returns the indices of the variations of each motion that has any, by the motion's name.
+fn variations_by_original(dataset: &Dataset) -> HashMap<&str, Vec<usize>> {
     let mut variations: HashMap<&str, Vec<usize>> = HashMap::new();
-    for (place, entry) in dataset.entries().iter().enumerate() {
+    for (index, entry) in dataset.entries().iter().enumerate() {
         if let Some(original) = &entry.variation_of {
-            variations.entry(original).or_default().push(place);
+            variations.entry(original).or_default().push(index);
         }
     }
     variations
 }
 
-/// Which Laban features are told of a motion: of a share of the motions, mostly all of them, at times only some.
-fn told(share: f64, generator: &mut impl Rng) -> [bool; LABAN_FEATURES] {
-    const ALL: f64 = 0.7;
+/// Draws which Laban features of a motion the network sees. Only the given share of the motions has any; most of these have
+/// all, the others a random subset.
+fn draw_laban_features(share: f64, generator: &mut impl Rng) -> [bool; LABAN_FEATURES] {
+    /// The probability of all features.
+    const ALL_PROBABILITY: f64 = 0.7;
     if !generator.random_bool(share) {
         return [false; LABAN_FEATURES];
     }
-    let all = generator.random_bool(ALL);
+    let all = generator.random_bool(ALL_PROBABILITY);
     std::array::from_fn(|_| generator.random_bool(0.5) || all)
 }
 
-/// Sums of numbers, each with those before it.
-fn sums(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
+/// Computes the cumulative sums of some numbers.
+fn cumulative_sums(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
     numbers
         .scan(0.0, |sum, number| {
             *sum += number;
@@ -211,10 +222,10 @@ fn sums(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
         .collect()
 }
 
-/// A place, each as likely as its weight is large.
-fn pick(sums: &[f64], generator: &mut impl Rng) -> usize {
-    let all = sums.last().expect("something to pick from");
-    let drawn = generator.random::<f64>() * all;
+/// Draws an index with a probability in proportion to its weight, from the cumulative sums of the weights.
+fn draw_index(sums: &[f64], generator: &mut impl Rng) -> usize {
+    let total = sums.last().expect("something to pick from");
+    let drawn = generator.random::<f64>() * total;
     sums.partition_point(|sum| *sum <= drawn)
         .min(sums.len() - 1)
 }
@@ -225,13 +236,13 @@ mod tests {
 
     #[test]
     fn variations_are_shown_only_with_all_that_sets_them_apart() {
-        let candidate = |entry, variations| Candidate {
+        let candidate = |entry, variations| CandidateMotion {
             entry,
             frames: 50,
             captions: 2,
             variations,
         };
-        let batches = Batches {
+        let batches = BatchSampler {
             seed: 3,
             crop: 0.2,
             lengths: 40..=196,
@@ -247,20 +258,21 @@ mod tests {
             }],
             weights: vec![1.0],
         };
-        let (mut varied, mut told) = (0, 0);
+        let (mut varied, mut with_laban) = (0, 0);
         for step in 0..50 {
-            for visit in batches.draw(step) {
-                let is_told = visit.laban != [false; LABAN_FEATURES];
-                told += usize::from(is_told && visit.entry == 0);
-                if visit.motion == visit.entry {
+            for item in batches.draw(step) {
+                let has_laban = item.laban != [false; LABAN_FEATURES];
+                with_laban += usize::from(has_laban && item.entry == 0);
+                if item.motion == item.entry {
                     continue;
                 }
-                assert!(visit.entry == 0 && [5, 6].contains(&visit.motion));
-                assert_eq!(visit.laban, [true; LABAN_FEATURES]);
+                assert!(item.entry == 0 && [5, 6].contains(&item.motion));
+                assert_eq!(item.laban, [true; LABAN_FEATURES]);
                 varied += 1;
             }
         }
-        let share = varied as f64 / told as f64;
-        assert!((share - VARIED).abs() < 0.08, "{varied} of {told}");
+        let share = varied as f64 / with_laban as f64;
+        let error = (share - VARIATION_PROBABILITY).abs();
+        assert!(error < 0.08, "{varied} of {with_laban}");
     }
 }

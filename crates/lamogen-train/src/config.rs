@@ -1,4 +1,4 @@
-//! What is trained, and how: the file that `lamogen train --config` reads.
+//! The training config of a denoiser: the file that `lamogen train --config` reads.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::losses::LossWeights;
 use crate::optimization::OptimizerConfig;
 
-/// A denoiser and how it is trained.
+/// The config of a denoiser and of its training.
 ///
 /// ```
 /// use lamogen_train::TrainingConfig;
@@ -22,49 +22,54 @@ use crate::optimization::OptimizerConfig;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
-    /// Sizes of the network, and what it predicts.
+    /// The sizes of the network, and what it predicts.
     pub model: ModelConfig,
-    /// What it sees, and what it makes small.
+    /// The data of each training step, and the losses.
     #[serde(default)]
     pub denoising: DenoisingConfig,
-    /// How its weights move.
+    /// The optimiser and its learning rate.
     #[serde(default)]
     pub optimization: OptimizerConfig,
 }
 
-/// What a denoiser sees, and what it makes small. What a file leaves out has the default.
+/// The training data and the losses of a denoiser. A field that a file leaves out has its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DenoisingConfig {
-    /// Frames of a batch with padding: as many motions are drawn as fit.
+    /// The frames of a batch, padding included: a batch has as many motions as fit.
     pub frames_per_batch: usize,
-    /// How often each motion of a batch is in it, at timesteps of its own: its caption is then read once for all of them.
+    /// How often a batch contains each of its motions, each time with another timestep and other noise. The text encoder then
+    /// encodes the motion's caption once for all of them.
     pub noises_per_motion: usize,
-    /// Motions are sorted by length and dealt into so many buckets; a batch comes from one of them, so that little of it is
-    /// padding.
+    /// The number of buckets into which the motions are divided by length. A batch comes from one bucket, so that little of it
+    /// is padding.
     pub length_buckets: usize,
-    /// The share of a motion's frames that may be cut away, at its ends, at each visit; never below the model's shortest motion.
+    /// The largest share of a motion's frames that is cut away at its ends each time the motion is drawn. What is left is never
+    /// shorter than the model's shortest motion.
     pub crop: f64,
-    /// How often each caption is also known in other words (see [`Paraphrases`](crate::Paraphrases)), beside its own.
+    /// The largest number of paraphrases that training uses of each caption (see [`Paraphrases`](crate::Paraphrases)), besides
+    /// the caption itself.
     pub phrasings: usize,
-    /// What classifier-free guidance at this scale makes of the network that training begins with is learned as what the network itself says
-    /// (guidance distillation, Meng et al. 2023; the target is that of Tang et al. 2025): it then follows sentences as closely in one evaluation a
-    /// step. 1 learns none. Asks for a network to begin with that was trained with text dropout.
+    /// The scale of the classifier-free guidance that the network learns to reproduce without guidance (guidance distillation,
+    /// Meng et al. 2023; the target is that of Tang et al. 2025). The network that training begins with supplies the effect of
+    /// the guidance. The trained network then follows sentences as closely with one evaluation per step. 1 turns distillation
+    /// off; any other scale needs a network to begin with that was trained with text dropout.
     #[serde(skip_serializing_if = "is_one")]
     pub text_scale: f64,
-    /// The share of motions that are shown without their caption, so that the network knows motion of which nothing is said: what
+    /// The share of motions that the network sees without their caption, so that it also learns motion without text, which
     /// classifier-free guidance (Ho and Salimans 2022) needs.
     pub text_dropout: f64,
-    /// The share of motions that are shown with their Laban features, as one more condition: what control without gradients needs. Their
-    /// statistics are measured on the training split where the model's config has none.
+    /// The share of motions that the network sees with their Laban features as a further condition, which control without
+    /// gradients needs. The statistics of the features are measured on the training split if the model's config has none.
     pub laban_share: f64,
-    /// Motions are drawn by one over this power of how many have their source: 0 draws them as if all were from one, 1 each source alike.
+    /// The exponent that balances sources: a motion is drawn in proportion to one over this power of the number of motions from
+    /// its source. 0 ignores sources, 1 gives every source the same share.
     pub source_balance: f64,
-    /// Sentences of a step that the text encoder learns from a sentence encoder; none at 0.
+    /// The number of sentences in each step from which the text encoder learns a sentence encoder's similarities; 0 turns this off.
     pub sentences_per_batch: usize,
-    /// Weight of what it learns from them.
+    /// The weight of the loss on these sentences.
     pub sentence_weight: f64,
-    /// Weights of losses beside that of the prediction.
+    /// The weights of the losses besides the loss of the prediction.
     pub losses: LossWeights,
 }
 
@@ -87,13 +92,13 @@ impl Default for DenoisingConfig {
     }
 }
 
-// serde hands a reference.
+// serde passes a reference.
 #[allow(clippy::trivially_copy_pass_by_ref)]
 fn is_one(scale: &f64) -> bool {
     *scale == 1.0
 }
 
-/// What is wrong with a training config.
+/// The error of a training config that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingConfigError {
     /// The file cannot be read.
@@ -110,38 +115,38 @@ pub enum TrainingConfigError {
         path: PathBuf,
         reason: serde_json::Error,
     },
-    /// A value that makes no sense.
+    /// A value makes no sense.
     #[error("{path}: {problem}")]
     #[allow(missing_docs)]
     Value { path: PathBuf, problem: String },
 }
 
 impl TrainingConfig {
-    /// A recipe for a network as large as the embedded one.
+    /// Returns the recipe for a network of the embedded model's size.
     pub fn compact() -> Self {
         let file = include_bytes!("../configs/compact.json");
         Self::from_json(file, "compact.json").expect("checked by a test")
     }
 
-    /// Reads a file such as [`compact.json`](Self::compact).
+    /// Reads a config from a file such as [`compact.json`](Self::compact).
     ///
     /// # Errors
     ///
-    /// If it cannot be read, is no training config, or a value makes no sense.
+    /// If the file cannot be read, is not a training config, or has a value that makes no sense.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
         read_file(path.as_ref(), Self::problem)
     }
 
-    /// Reads a config from JSON; `name` stands in error messages.
+    /// Reads a config from JSON. Error messages show `name` as its path.
     ///
     /// # Errors
     ///
-    /// If it is no training config or a value makes no sense.
+    /// If the JSON is not a training config, or has a value that makes no sense.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
         read_json(json, name.as_ref(), Self::problem)
     }
 
-    /// Why this cannot be trained, if it cannot.
+    /// Returns why a network cannot be trained with this config; `None` if it can.
     pub fn problem(&self) -> Option<String> {
         let found = self.model.input_feats;
         let features = (found != POSE_FEATURES).then(|| {
@@ -155,7 +160,7 @@ impl TrainingConfig {
     }
 }
 
-/// Reads a config of any kind from a file; `problem` says what makes no sense in it.
+/// Reads a config of any type from a file; `problem` returns what makes no sense in it.
 pub(crate) fn read_file<C: DeserializeOwned>(
     path: &Path,
     problem: fn(&C) -> Option<String>,
@@ -167,7 +172,7 @@ pub(crate) fn read_file<C: DeserializeOwned>(
     read_json(&bytes, path, problem)
 }
 
-/// Reads a config of any kind from JSON; `name` stands in error messages.
+/// Reads a config of any type from JSON; error messages show `name` as its path, and `problem` returns what makes no sense in it.
 pub(crate) fn read_json<C: DeserializeOwned>(
     json: &[u8],
     name: &Path,
@@ -189,7 +194,7 @@ pub(crate) fn read_json<C: DeserializeOwned>(
 }
 
 impl DenoisingConfig {
-    /// Which value makes no sense.
+    /// Describes the first value that makes no sense; `None` if there is none.
     fn problem(&self) -> Option<String> {
         for (name, found) in [
             ("frames_per_batch", self.frames_per_batch),

@@ -1,4 +1,4 @@
-//! Training a denoiser.
+//! Training of a denoiser.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -13,47 +13,49 @@ use lamogen_model::{
 };
 use lamogen_motion::Normalization;
 
-use crate::batches::{Batches, Visit};
+use crate::batches::{BatchItem, BatchSampler};
 use crate::config::TrainingConfig;
 use crate::error::TrainError;
-use crate::example::Example;
+use crate::example::DenoisingExamples;
 use crate::identity::first_difference;
-use crate::laban::TrainingLaban;
-use crate::losses::Truth;
-use crate::model_folder::{self, write};
+use crate::laban::LabanLabels;
+use crate::losses::NoisyMotions;
+use crate::model_folder::{write_file, write_statistics_and_tokenizer};
 use crate::optimization::OptimizerConfig;
 use crate::sentences::Sentences;
 use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
 use crate::validation::Validation;
 
-/// A text-to-motion denoiser that learns from a data set's training split.
+/// The training of a text-to-motion denoiser on the training split of a data set.
 ///
 /// ```text
-/// seed, step ──Batches──▶ visits ──Example──▶ noisy motions ──MotionDiffuse::gradients──▶ loss, gradients
+/// seed, step ──BatchSampler──▶ batch items ──DenoisingExamples──▶ noisy motions ──MotionDiffuse::gradients──▶ loss, gradients
 /// ```
 pub struct DenoisingTask<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     config: TrainingConfig,
-    laban: Option<TrainingLaban>,
+    laban: Option<LabanLabels>,
+    /// Whether the statistics of Laban features are those of this data set, and not those of the config.
     laban_is_measured: bool,
     sentences: Option<&'a Sentences>,
-    batches: Batches,
+    batches: BatchSampler,
     schedule: Schedule,
     normalization: Normalization,
     validation: Option<Validation<'a>>,
     device: Device,
     metadata: HashMap<String, String>,
+    /// The network to begin with; `None` for random weights.
     start: Option<MotionDiffuse>,
 }
 
 impl<'a> DenoisingTask<'a> {
-    /// A task on a device.
+    /// Creates a task that computes on a device.
     ///
     /// # Errors
     ///
-    /// If the training split has no motion that the network is made for.
+    /// If the captions were encoded for another network, or the training split has no motion that is long enough for the network.
     pub fn new(
         dataset: &'a Dataset,
         tokens: &'a CaptionTokens,
@@ -72,14 +74,14 @@ impl<'a> DenoisingTask<'a> {
         }
         let lengths = config.model.shortest()..=config.model.num_frames;
         let seed = config.optimization.seed;
-        let batches = Batches::new(dataset, &config.denoising, seed, lengths.clone());
+        let batches = BatchSampler::new(dataset, &config.denoising, seed, lengths.clone());
         let batches = batches.ok_or_else(|| TrainError::NoMotions {
             split: Split::Train,
             shortest: *lengths.start(),
             longest: *lengths.end(),
         })?;
         let laban = (config.denoising.laban_share > 0.0)
-            .then(|| TrainingLaban::measure(dataset, batches.entries(), device));
+            .then(|| LabanLabels::measure(dataset, batches.entries(), device));
         let mut config = config.clone();
         let laban_is_measured = config.model.laban_condition.is_none();
         if let (Some(laban), true) = (&laban, laban_is_measured) {
@@ -102,23 +104,23 @@ impl<'a> DenoisingTask<'a> {
         })
     }
 
-    /// Sets what travels with the weights in their file, such as `license` and `attribution`.
+    /// Sets the metadata in the file of the weights, such as `license` and `attribution`.
     pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
         DenoisingTask { metadata, ..self }
     }
 
-    /// Begins with the weights of this network instead of fresh ones. Its captions' tokens must be its own tokenizer's, and the data
-    /// normalised by its statistics ([`Dataset::with_normalization`]).
+    /// Begins with the weights of this network instead of random ones. The captions must be encoded by the network's tokenizer, and
+    /// the data normalised by its statistics ([`Dataset::with_normalization`]).
     ///
     /// # Errors
     ///
-    /// If its sizes or its prediction are not those of the config.
+    /// If the sizes or the prediction of the network are not those of the config.
     pub fn with_start(mut self, network: MotionDiffuse) -> Result<Self, TrainError> {
-        // Statistics that were only measured give way to those that the network learned with.
+        // The statistics with which the network was trained replace those that were measured here.
         if self.laban_is_measured {
             self.config.model.laban_condition = network.config().laban_condition;
         }
-        // How it is sampled is no size.
+        // The sampling defaults are not compared, since they are not sizes.
         let sampling = network.config().sampling.clone();
         let sampling = self.config.model.sampling.take().or(sampling);
         let found = ModelConfig {
@@ -128,11 +130,11 @@ impl<'a> DenoisingTask<'a> {
         if self.config.model != found {
             let [expected, found] = [&self.config.model, &found]
                 .map(|config| serde_json::to_value(config).expect("sizes are JSON"));
-            let (size, expected, found) =
+            let (path, expected, found) =
                 first_difference("", &expected, &found).expect("equal configs are equal JSON");
             return Err(TrainError::Sizes {
-                expected: format!("{size} = {expected}"),
-                found: format!("{size} = {found}"),
+                expected: format!("{path} = {expected}"),
+                found: format!("{path} = {found}"),
             });
         }
         self.config.model.sampling = sampling;
@@ -142,7 +144,7 @@ impl<'a> DenoisingTask<'a> {
         })
     }
 
-    /// Lets the text encoder compute_gradients from sentences as well, as the config's `sentences_per_batch` and `sentence_weight` say.
+    /// Lets the text encoder also learn from sentences, by the config's `sentences_per_batch` and `sentence_weight`.
     pub fn with_sentences(self, sentences: &'a Sentences) -> Self {
         DenoisingTask {
             sentences: Some(sentences),
@@ -150,49 +152,57 @@ impl<'a> DenoisingTask<'a> {
         }
     }
 
-    /// Sizes of the network, with the statistics of Laban features where it is told any.
+    /// Returns the config of the network, with the statistics of Laban features if it has them as a condition.
     pub fn model(&self) -> &ModelConfig {
         &self.config.model
     }
 
-    /// What the network is to make of noisy motions: the clean ones or, where it learns what classifier-free guidance makes of the network it
-    /// began with, these with so much more of what the sentence adds.
-    fn distilled(&self, truth: Truth, batch: &TrainingBatch, visits: &[Visit]) -> Truth {
+    /// Adds the effect of classifier-free guidance to the clean motions, if guidance is distilled.
+    ///
+    /// The effect is the difference of the clean motions that the network to begin with predicts with and without the sentence,
+    /// times `text_scale` minus 1.
+    fn add_guidance(
+        &self,
+        motions: NoisyMotions,
+        batch: &TrainingBatch,
+        items: &[BatchItem],
+    ) -> NoisyMotions {
         let scale = self.config.denoising.text_scale;
         let (true, Some(teacher)) = (scale != 1.0, &self.start) else {
-            return truth;
+            return motions;
         };
         let prediction = self.config.model.prediction;
-        let unsaid = self.tokens.empty();
-        let unsaid = TensorData::new(unsaid.to_vec(), [1, unsaid.len()]);
-        let free = TrainingBatch {
-            tokens: Tensor::from_data(unsaid, &self.device),
-            captions: vec![0; visits.len()],
+        let empty = self.tokens.empty();
+        let empty = TensorData::new(empty.to_vec(), [1, empty.len()]);
+        let without_text = TrainingBatch {
+            tokens: Tensor::from_data(empty, &self.device),
+            captions: vec![0; items.len()],
             ..batch.clone()
         };
-        let clean = |batch: TrainingBatch| truth.clean_of(teacher.predict(batch), prediction);
-        let added = clean(batch.clone()) - clean(free);
-        // Nothing is added to what is learned of motions of which nothing is said.
-        let said: Vec<f32> = { visits.iter() }
-            .map(|visit| f32::from(u8::from(visit.caption.is_some())))
+        let clean =
+            |batch: TrainingBatch| motions.predicted_clean(teacher.predict(batch), prediction);
+        let effect = clean(batch.clone()) - clean(without_text);
+        // Motions without a caption keep their target.
+        let has_text: Vec<f32> = { items.iter() }
+            .map(|item| f32::from(u8::from(item.caption.is_some())))
             .collect();
-        let said =
-            Tensor::<3>::from_data(TensorData::new(said, [visits.len(), 1, 1]), &self.device);
-        let [_, _, features] = added.dims();
-        let beyond: Tensor<3> = feature_scales(scale, features, &self.device) - 1.0;
-        let clean = truth.clean.clone() + added * said * beyond;
-        truth.with_clean(clean)
+        let has_text = TensorData::new(has_text, [items.len(), 1, 1]);
+        let has_text = Tensor::<3>::from_data(has_text, &self.device);
+        let [_, _, features] = effect.dims();
+        let excess: Tensor<3> = feature_scales(scale, features, &self.device) - 1.0;
+        let clean = motions.clean.clone() + effect * has_text * excess;
+        motions.with_clean(clean)
     }
 
-    /// How many motions are trained on, mirrored ones included.
+    /// Returns the number of training motions, mirrored ones included.
     pub fn motions(&self) -> usize {
         self.batches.motions()
     }
 }
 
-/// How a network that is trained here is best sampled, where its config says nothing else. One that is narrower than a pose needs the help of
-/// neighbouring frames (docs/method.md, "Frames that agree").
-fn usual_sampling(config: &ModelConfig) -> SamplingDefaults {
+/// Returns the sampling defaults of a trained network whose config has none. A network that is narrower than a pose needs smoothing
+/// over neighbouring frames (docs/method.md, "Frames that agree").
+fn sampling_defaults(config: &ModelConfig) -> SamplingDefaults {
     let is_narrow = config.latent_dim < config.input_feats;
     SamplingDefaults {
         preset: Some(Preset::Precise.name().to_owned()),
@@ -210,22 +220,22 @@ impl TrainingTask for DenoisingTask<'_> {
     }
 
     fn start(&self, device: &Device) -> MotionDiffuse {
-        let fresh =
+        let initial =
             || MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device);
-        { self.start.clone() }.map_or_else(fresh, |network| network.to_device(device))
+        { self.start.clone() }.map_or_else(initial, |network| network.to_device(device))
     }
 
     fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
-        let visits = self.batches.draw(step);
-        let Example { mut batch, truth } = Example::new(
+        let items = self.batches.draw(step);
+        let DenoisingExamples { mut batch, motions } = DenoisingExamples::new(
             self.dataset,
             self.tokens,
             self.laban.as_ref(),
             &self.schedule,
-            &visits,
+            &items,
             &self.device,
         );
-        let truth = self.distilled(truth, &batch, &visits);
+        let motions = self.add_guidance(motions, &batch, &items);
         let denoising = &self.config.denoising;
         let count = denoising.sentences_per_batch;
         batch.sentences = { self.sentences }.filter(|_| count > 0).map(|sentences| {
@@ -245,9 +255,9 @@ impl TrainingTask for DenoisingTask<'_> {
         } = network.gradients(batch, |output| {
             let losses = &self.config.denoising.losses;
             let prediction = self.config.model.prediction;
-            let parts = losses.of(output, &truth, prediction, &self.normalization);
-            loss = Some(parts.prediction.inner());
-            parts.total
+            let values = losses.evaluate(output, &motions, prediction, &self.normalization);
+            loss = Some(values.prediction.inner());
+            values.total
         });
         StepGradients {
             loss: loss.expect("gradients ask for the loss"),
@@ -256,15 +266,16 @@ impl TrainingTask for DenoisingTask<'_> {
                 None => total_loss,
             },
             gradients,
-            motions: visits.len(),
-            frames: visits.iter().map(|visit| visit.frames.len()).sum(),
+            motions: items.len(),
+            frames: items.iter().map(|item| item.frames.len()).sum(),
         }
     }
 
     fn validate(&self, network: &MotionDiffuse) -> Option<f64> {
         let validation = self.validation.as_ref()?;
         Some(match self.config.model.prediction {
-            // Where nearly all is noise, a small error of the noise is a clean motion thousands of times off, and would decide alone.
+            // At timesteps that are nearly all noise, a small error of the predicted noise is an error of the clean motion
+            // thousands of times as large, and would dominate the mean.
             Prediction::Epsilon => validation.prediction_loss(network),
             Prediction::Sample | Prediction::V => validation.loss(network),
         })
@@ -274,14 +285,14 @@ impl TrainingTask for DenoisingTask<'_> {
         let path = folder.join("model.safetensors");
         network.save(path, Precision::F32, self.metadata.clone())?;
         let mut config = self.config.model.clone();
-        let usual = usual_sampling(&config);
-        config.sampling.get_or_insert(usual);
+        let defaults = sampling_defaults(&config);
+        config.sampling.get_or_insert(defaults);
         let config = serde_json::to_vec_pretty(&config).expect("sizes are JSON");
-        write(&folder.join("config.json"), &config)?;
-        write(
+        write_file(&folder.join("config.json"), &config)?;
+        write_file(
             &folder.join("words.txt"),
             self.tokens.words().to_lines().as_bytes(),
         )?;
-        model_folder::write_common(folder, self.dataset, self.tokens)
+        write_statistics_and_tokenizer(folder, self.dataset, self.tokens)
     }
 }

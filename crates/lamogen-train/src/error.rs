@@ -1,4 +1,4 @@
-//! What can go wrong in training.
+//! The error type of training.
 
 use std::path::{Path, PathBuf};
 
@@ -7,10 +7,10 @@ use lamogen_data::Split;
 use lamogen_model::CheckpointError;
 use lamogen_motion::npy::NpyError;
 
-/// What went wrong.
+/// An error of training.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// Nothing to train or measure on.
+    /// The split has no motion of a length that the network accepts.
     #[error(
         "the data set has no motion of {shortest} to {longest} frames in its {split} split; the network is made for these lengths"
     )]
@@ -20,7 +20,7 @@ pub enum TrainError {
         shortest: usize,
         longest: usize,
     },
-    /// The captions were made for another network.
+    /// The captions were encoded for another network.
     #[error(
         "expected captions of {expected} tokens below {vocabulary}, as the network reads them, found {found} tokens of a vocabulary of {found_vocabulary}"
     )]
@@ -31,21 +31,21 @@ pub enum TrainError {
         found: usize,
         found_vocabulary: usize,
     },
-    /// The network to begin with is another.
+    /// The model to begin with has other sizes than the config.
     #[error("expected a model with {expected} to begin with, as the config says, found {found}")]
     #[allow(missing_docs)]
     Sizes { expected: String, found: String },
-    /// A measurement went wrong.
+    /// The loss on the validation split is not finite.
     #[error(
         "the loss on the validation split after step {step} is {loss}: expected a finite number"
     )]
     #[allow(missing_docs)]
     Validation { step: u64, loss: f64 },
-    /// Somebody else works in the folder.
+    /// Another process trains in the folder.
     #[error("{path}: another process trains here")]
     #[allow(missing_docs)]
     Busy { path: PathBuf },
-    /// A step went wrong.
+    /// The loss or the gradient of a step is not finite.
     #[error(
         "step {step}: expected finite numbers, found the loss {loss} and a gradient of length {gradient_norm}; \
          a smaller learning rate or gradient_norm may help"
@@ -63,7 +63,7 @@ pub enum TrainError {
         path: PathBuf,
         reason: std::io::Error,
     },
-    /// A checkpoint of the run is damaged, or of another network.
+    /// A checkpoint of the run is damaged, or belongs to another network.
     #[error("{path}: not a checkpoint of this run: {problem}")]
     #[allow(missing_docs)]
     Checkpoint { path: PathBuf, problem: String },
@@ -86,6 +86,7 @@ pub enum TrainError {
 }
 
 impl TrainError {
+    /// Creates the error of a file that cannot be read or written.
     pub(crate) fn io(path: &Path, reason: std::io::Error) -> Self {
         TrainError::Io {
             path: path.to_owned(),
@@ -93,6 +94,7 @@ impl TrainError {
         }
     }
 
+    /// Creates the error of a checkpoint's weights that burn cannot read or write.
     pub(crate) fn record(path: &Path, reason: RecordError) -> Self {
         TrainError::Checkpoint {
             path: path.to_owned(),

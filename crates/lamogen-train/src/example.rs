@@ -1,4 +1,4 @@
-//! A batch as tensors.
+//! A denoiser's training examples as tensors.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_data::Dataset;
@@ -6,64 +6,64 @@ use lamogen_guide::{Schedule, noise};
 use lamogen_model::{FrameMask, TrainingBatch};
 use rayon::prelude::*;
 
-use crate::batches::Visit;
-use crate::laban::TrainingLaban;
-use crate::losses::Truth;
+use crate::batches::BatchItem;
+use crate::laban::LabanLabels;
+use crate::losses::NoisyMotions;
 use crate::tokens::CaptionTokens;
 
-/// A batch of motions with noise, and what is known of them.
-pub(crate) struct Example {
+/// A batch of noisy motions: the network's input, and the clean motions and noise from which targets follow.
+pub(crate) struct DenoisingExamples {
     pub(crate) batch: TrainingBatch,
-    pub(crate) truth: Truth,
+    pub(crate) motions: NoisyMotions,
 }
 
-impl Example {
-    /// The batch that some visits make.
+impl DenoisingExamples {
+    /// Loads the motions of some batch items and adds their noise.
     pub(crate) fn new(
         dataset: &Dataset,
         tokens: &CaptionTokens,
-        laban: Option<&TrainingLaban>,
+        laban: Option<&LabanLabels>,
         schedule: &Schedule,
-        visits: &[Visit],
+        items: &[BatchItem],
         device: &Device,
     ) -> Self {
         let features = dataset.mean().len();
-        let lengths: Vec<usize> = visits.iter().map(|visit| visit.frames.len()).collect();
+        let lengths: Vec<usize> = items.iter().map(|item| item.frames.len()).collect();
         let frames = lengths.iter().copied().max().expect("at least one motion");
-        let shape = [visits.len(), frames, features];
+        let shape = [items.len(), frames, features];
         let size = frames * features;
-        let (mut clean, mut noises) = (vec![0.0f32; visits.len() * size], Vec::new());
+        let (mut clean, mut noises) = (vec![0.0f32; items.len() * size], Vec::new());
         noises.resize(clean.len(), 0.0f32);
-        // Both on all threads: a batch has a million numbers and more.
+        // Both in parallel: a batch has a million numbers and more.
         clean
             .par_chunks_mut(size)
             .zip(noises.par_chunks_mut(size))
-            .zip(visits)
-            .for_each(|((clean, noises), visit)| {
-                let entry = &dataset.entries()[visit.motion];
+            .zip(items)
+            .for_each(|((clean, noises), item)| {
+                let entry = &dataset.entries()[item.motion];
                 let mut rows = Vec::new();
-                dataset.normalized(entry, visit.frames.clone(), &mut rows);
+                dataset.normalized(entry, item.frames.clone(), &mut rows);
                 clean[..rows.len()].copy_from_slice(&rows);
-                let drawn = noise(visit.noise, visit.frames.len(), features);
+                let drawn = noise(item.noise, item.frames.len(), features);
                 noises[..drawn.len()].copy_from_slice(&drawn);
             });
-        let alphas: Vec<f32> = visits
+        let alphas: Vec<f32> = items
             .iter()
-            .map(|visit| schedule.alphas_cumprod()[visit.timestep] as f32)
+            .map(|item| schedule.alphas_cumprod()[item.timestep] as f32)
             .collect();
-        // Every caption once, however many visits have it.
+        // Each caption has one row, however many items have it.
         let mut rows: Vec<&[i32]> = Vec::new();
-        let mut row = |ids| match rows.iter().position(|row| *row == ids) {
+        let mut row_of = |ids| match rows.iter().position(|row| *row == ids) {
             Some(place) => place,
             None => {
                 rows.push(ids);
                 rows.len() - 1
             }
         };
-        let captions = visits.iter();
-        let captions = captions.map(|visit| {
-            row(match visit.caption {
-                Some(caption) => tokens.phrased(visit.entry, caption, visit.phrasing),
+        let captions = items.iter();
+        let captions = captions.map(|item| {
+            row_of(match item.caption {
+                Some(caption) => tokens.phrasing(item.entry, caption, item.phrasing),
                 None => tokens.empty(),
             })
         });
@@ -73,24 +73,28 @@ impl Example {
         let tensor = |numbers: Vec<f32>, shape: [usize; 3]| {
             Tensor::<3>::from_data(TensorData::new(numbers, shape), device)
         };
-        let truth = Truth::new(
+        let motions = NoisyMotions::new(
             tensor(clean, shape),
             tensor(noises, shape),
-            tensor(alphas, [visits.len(), 1, 1]),
+            tensor(alphas, [items.len(), 1, 1]),
             FrameMask::new(&lengths, frames, device),
         );
         let ids = TensorData::new(ids, shape_of_ids);
-        Example {
+        DenoisingExamples {
             batch: TrainingBatch {
                 tokens: Tensor::<2, Int>::from_data(ids, device),
                 captions,
-                x_t: truth.noisy.clone(),
-                timesteps: visits.iter().map(|visit| visit.timestep).collect(),
-                mask: truth.mask.clone(),
-                laban: laban.map(|laban| visits.iter().map(|visit| laban.told(visit)).collect()),
+                x_t: motions.noisy.clone(),
+                timesteps: items.iter().map(|item| item.timestep).collect(),
+                mask: motions.mask.clone(),
+                laban: laban.map(|laban| {
+                    { items.iter() }
+                        .map(|item| laban.condition_values(item))
+                        .collect()
+                }),
                 sentences: None,
             },
-            truth,
+            motions,
         }
     }
 }

@@ -1,63 +1,65 @@
-//! Gradients of a whole network.
+//! Gradient clipping over a whole network.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 
-/// Cuts a gradient to a length over all weights together. Also returns how long it was.
-pub(crate) fn cut<M: Module>(
+/// Scales the gradients of all weights down so that their common norm is at most `max_norm`. Also returns the norm before that.
+pub(crate) fn clip<M: Module>(
     gradients: GradientsParams,
     network: &M,
-    longest: f64,
+    max_norm: f64,
 ) -> (Tensor<1>, GradientsParams) {
-    let mut squares = Squares {
+    let mut squares = SquaredNorm {
         gradients: &gradients,
         sum: None,
     };
     network.visit(&mut squares);
     let norm = squares.sum.expect("a network has weights").sqrt();
-    let mut scaled = Scaled {
+    let mut scaler = GradientScaler {
         gradients,
-        // At most 1: shorter gradients stay as they are.
+        // At most 1, so that gradients with a smaller norm keep their values.
         factor: (norm.clone() + 1e-6)
             .recip()
-            .mul_scalar(longest)
+            .mul_scalar(max_norm)
             .clamp_max(1.0),
-        out: GradientsParams::new(),
+        scaled: GradientsParams::new(),
     };
-    network.visit(&mut scaled);
-    (norm, scaled.out)
+    network.visit(&mut scaler);
+    (norm, scaler.scaled)
 }
 
-struct Squares<'a> {
+/// Sums the squares of the gradients of all weights.
+struct SquaredNorm<'a> {
     gradients: &'a GradientsParams,
     sum: Option<Tensor<1>>,
 }
 
-impl ModuleVisitor for Squares<'_> {
+impl ModuleVisitor for SquaredNorm<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.get::<D>(param.id) {
-            // In two parts: a sum of millions of numbers at once runs in another order each time.
+            // Summed in two stages: a single sum of millions of numbers adds them in a different order each time.
             let sum = gradient.square().sum_dim(0).sum();
             self.sum = Some(match self.sum.take() {
-                Some(others) => others + sum,
+                Some(previous) => previous + sum,
                 None => sum,
             });
         }
     }
 }
 
-struct Scaled {
+/// Multiplies the gradients of all weights by a factor.
+struct GradientScaler {
     gradients: GradientsParams,
     factor: Tensor<1>,
-    out: GradientsParams,
+    scaled: GradientsParams,
 }
 
-impl ModuleVisitor for Scaled {
+impl ModuleVisitor for GradientScaler {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.remove::<D>(param.id) {
             let factor = self.factor.clone().reshape([1; D]);
-            self.out.register(param.id, gradient * factor);
+            self.scaled.register(param.id, gradient * factor);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a run is, so that a folder is not gone on with by another.
+//! The identity of a run, so that a folder is only used by the run that began it.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -12,53 +12,56 @@ use serde_json::{Value, json};
 
 use crate::tokens::CaptionTokens;
 
-/// What is trained, by which config, on what: the same for the same run, and different if the config differs, or names, lengths, splits,
-/// contents, captions as ids or statistics of the data. The motions themselves are not compared.
+/// Returns the identity of a run: what is trained, its config, and a checksum of its data.
+///
+/// Two runs have different identities if their configs differ, or the names, lengths, splits, contents, caption ids or statistics
+/// of their data. The motions themselves are not compared.
 pub fn identity(
     what: &str,
     config: &impl Serialize,
     dataset: &Dataset,
     tokens: &CaptionTokens,
 ) -> Value {
-    let mut sum = Checksum::new(0);
-    for (place, entry) in dataset.entries().iter().enumerate() {
-        add_text(&mut sum, &entry.name);
-        add_text(&mut sum, entry.split.name());
-        sum.add(&[u8::from(entry.mirror)]);
-        sum.add(&(entry.frames as u64).to_le_bytes());
+    let mut checksum = Checksum::new(0);
+    for (index, entry) in dataset.entries().iter().enumerate() {
+        add_text(&mut checksum, &entry.name);
+        add_text(&mut checksum, entry.split.name());
+        checksum.add(&[u8::from(entry.mirror)]);
+        checksum.add(&(entry.frames as u64).to_le_bytes());
         for word in [&entry.content, &entry.style] {
-            add_text(&mut sum, word.as_deref().unwrap_or_default());
+            add_text(&mut checksum, word.as_deref().unwrap_or_default());
         }
         for caption in 0..entry.captions.len() {
-            for ids in tokens.phrasings(place, caption) {
+            for ids in tokens.phrasings(index, caption) {
                 for id in ids {
-                    sum.add(&id.to_le_bytes());
+                    checksum.add(&id.to_le_bytes());
                 }
             }
         }
     }
     for number in dataset.mean().iter().chain(dataset.std()) {
-        sum.add(&number.to_le_bytes());
+        checksum.add(&number.to_le_bytes());
     }
     json!({
         "what": what,
         "config": config,
         "entries": dataset.entries().len(),
         "frames": dataset.entries().iter().map(|entry| entry.frames).sum::<usize>(),
-        "checksum": format!("{:016x}", sum.value()),
+        "checksum": format!("{:016x}", checksum.value()),
     })
 }
 
-/// A number that stands for all weights of a network, for the identity of a run that begins with them.
+/// Returns a checksum of all weights of a network, for the identity of a run that begins with them.
 pub fn fingerprint(network: &impl Module) -> String {
-    let mut weights = Weights(Checksum::new(0));
-    network.visit(&mut weights);
-    format!("{:016x}", weights.0.value())
+    let mut visitor = WeightChecksum(Checksum::new(0));
+    network.visit(&mut visitor);
+    format!("{:016x}", visitor.0.value())
 }
 
-struct Weights(Checksum);
+/// Adds the weights of a network to a checksum.
+struct WeightChecksum(Checksum);
 
-impl ModuleVisitor for Weights {
+impl ModuleVisitor for WeightChecksum {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let values = param.val().try_into_vec_as::<f32>();
         for value in values.expect("floats convert to f32") {
@@ -67,64 +70,60 @@ impl ModuleVisitor for Weights {
     }
 }
 
-/// Why work does not go on in a folder.
-pub(crate) enum ClaimError {
-    /// Its note cannot be read or written.
+/// The error of a folder whose identity file does not allow work in it.
+pub(crate) enum IdentityError {
+    /// The file cannot be read or written.
     Io(io::Error),
-    /// Its note is not JSON.
+    /// The file is not JSON.
     Format(serde_json::Error),
-    /// It holds other work: where the notes differ and what was found there, each as `place = value`.
-    Other { expected: String, found: String },
+    /// The folder holds other work: the first value that differs, as expected and as found, each in the form `path = value`.
+    Mismatch { expected: String, found: String },
 }
 
-/// Notes in a file what the work in its folder is, or compares it with what was noted.
-pub(crate) fn claim(path: &Path, identity: &Value) -> Result<(), ClaimError> {
+/// Writes the identity of the work in a folder to a new file, or compares it with the identity in an existing file.
+pub(crate) fn write_or_check_identity(path: &Path, identity: &Value) -> Result<(), IdentityError> {
     let bytes = match std::fs::read(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let text = serde_json::to_string_pretty(identity).expect("values are JSON");
             return write_atomically(path, |file| file.write_all(text.as_bytes()))
-                .map_err(ClaimError::Io);
+                .map_err(IdentityError::Io);
         }
-        bytes => bytes.map_err(ClaimError::Io)?,
+        bytes => bytes.map_err(IdentityError::Io)?,
     };
-    let noted: Value = serde_json::from_slice(&bytes).map_err(ClaimError::Format)?;
-    // Both through the same reader, which may lose the last bit of a number.
+    let stored: Value = serde_json::from_slice(&bytes).map_err(IdentityError::Format)?;
+    // Both are parsed by the same reader, which may lose the last bit of a number.
     let text = identity.to_string();
     let identity: Value = serde_json::from_str(&text).expect("just written");
-    // What is made tells more than how.
-    let what = first_difference("what", &identity["what"], &noted["what"]);
-    match what.or_else(|| first_difference("", &identity, &noted)) {
+    // A difference in what is trained is reported before all others, since it explains them.
+    let what = first_difference("what", &identity["what"], &stored["what"]);
+    match what.or_else(|| first_difference("", &identity, &stored)) {
         None => Ok(()),
-        Some((place, expected, found)) => Err(ClaimError::Other {
-            expected: format!("{place} = {expected}"),
-            found: format!("{place} = {found}"),
+        Some((path, expected, found)) => Err(IdentityError::Mismatch {
+            expected: format!("{path} = {expected}"),
+            found: format!("{path} = {found}"),
         }),
     }
 }
 
-/// Where two values differ, and how.
-pub(crate) fn first_difference(
-    place: &str,
-    a: &Value,
-    b: &Value,
-) -> Option<(String, Value, Value)> {
+/// Returns the path of the first difference of two JSON values, such as `optimization.seed`, and both values there.
+pub(crate) fn first_difference(path: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
     if let (Value::Object(a), Value::Object(b)) = (a, b) {
         let keys = a.keys().chain(b.keys());
         return keys.into_iter().find_map(|key| {
-            let place = match place {
+            let path = match path {
                 "" => key.clone(),
-                place => format!("{place}.{key}"),
+                path => format!("{path}.{key}"),
             };
             let missing = &Value::Null;
             let (a, b) = (a.get(key).unwrap_or(missing), b.get(key).unwrap_or(missing));
-            first_difference(&place, a, b)
+            first_difference(&path, a, b)
         });
     }
-    (a != b).then(|| (place.to_owned(), a.clone(), b.clone()))
+    (a != b).then(|| (path.to_owned(), a.clone(), b.clone()))
 }
 
-/// Adds a text so that it does not run into the next.
-fn add_text(sum: &mut Checksum, text: &str) {
-    sum.add(&(text.len() as u64).to_le_bytes());
-    sum.add(text.as_bytes());
+/// Adds a text to a checksum, preceded by its length, so that texts in a row stay distinct.
+fn add_text(checksum: &mut Checksum, text: &str) {
+    checksum.add(&(text.len() as u64).to_le_bytes());
+    checksum.add(text.as_bytes());
 }

@@ -1,4 +1,4 @@
-//! Laban features of the motions that a network is trained on, as labels that cost nothing.
+//! Laban features of the training motions, measured as labels that nobody has to annotate.
 
 use std::collections::BTreeMap;
 
@@ -8,21 +8,21 @@ use lamogen_laban::{COMPONENTS, LabanFeatures, LabanOptions, LabanSeries};
 use lamogen_model::{LABAN_FEATURES, LabanCondition};
 use lamogen_motion::{POSE_FEATURES, joints};
 
-use crate::batches::Visit;
+use crate::batches::BatchItem;
 
-/// The features of every frame of every motion that is trained on, by its entry.
+/// The Laban features of every frame of the training motions, by the index of the motion's entry.
 #[derive(Clone, Debug)]
-pub(crate) struct TrainingLaban(BTreeMap<usize, LabanSeries>);
+pub(crate) struct LabanLabels(BTreeMap<usize, LabanSeries>);
 
-impl TrainingLaban {
-    /// Measures motions with the default options.
+impl LabanLabels {
+    /// Measures the motions of some entries with the default options.
     pub(crate) fn measure(
         dataset: &Dataset,
         entries: impl Iterator<Item = usize>,
         device: &Device,
     ) -> Self {
         let normalization = dataset.normalization(device);
-        let measured = |entry: usize| {
+        let measure = |entry: usize| {
             let frames = dataset.entries()[entry].frames;
             let mut rows = Vec::new();
             dataset.normalized(&dataset.entries()[entry], 0..frames, &mut rows);
@@ -31,21 +31,22 @@ impl TrainingLaban {
             let features = LabanFeatures::new(&LabanOptions::default(), frames, &[frames], device);
             LabanSeries::from_tensor(features.measure(joints).reshape([frames, COMPONENTS]))
         };
-        TrainingLaban(entries.map(|entry| (entry, measured(entry))).collect())
+        LabanLabels(entries.map(|entry| (entry, measure(entry))).collect())
     }
 
-    /// What a network has to know of them to be told any.
+    /// Computes the statistics of the features, which a network with this condition needs.
     pub(crate) fn condition(&self) -> LabanCondition {
         let series = self.0.values();
         LabanCondition::of(series.map(|series| series.known_means(0..series.frames().len())))
     }
 
-    /// What is told of a visit.
-    pub(crate) fn told(&self, visit: &Visit) -> [Option<f32>; LABAN_FEATURES] {
-        if visit.laban == [false; LABAN_FEATURES] {
+    /// Returns the Laban features that the network sees of a batch item: the means over its frames, `None` where the item leaves
+    /// a feature out.
+    pub(crate) fn condition_values(&self, item: &BatchItem) -> [Option<f32>; LABAN_FEATURES] {
+        if item.laban == [false; LABAN_FEATURES] {
             return [None; LABAN_FEATURES];
         }
-        let means = self.0[&visit.motion].known_means(visit.frames.clone());
-        std::array::from_fn(|feature| visit.laban[feature].then_some(means[feature]))
+        let means = self.0[&item.motion].known_means(item.frames.clone());
+        std::array::from_fn(|feature| item.laban[feature].then_some(means[feature]))
     }
 }

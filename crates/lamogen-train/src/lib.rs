@@ -1,12 +1,13 @@
-//! Training on motion capture with captions: text-to-motion denoisers, and the networks that judge them.
+//! Training of text-to-motion denoisers, and of the networks that evaluate them, on motion capture with captions.
 //!
 //! ```text
 //! Dataset, CaptionTokens, TrainingConfig ───────────▶ DenoisingTask ─┐
-//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ MatchingTask ──┤
-//!                                                  TrainingTask::compute_gradients ◀─┴─▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
+//! Dataset, CaptionTokens, EvaluatorTrainingConfig ──▶ MatchingTask ──┴─▶ TrainingTask
+//!
+//! TrainingTask ──compute_gradients──▶ Trainer: gradients, AdamW, average ──run──▶ folder of the run
 //! ```
 //!
-//! [`run`] trains in a folder and goes on where it was stopped; [`Trainer`] makes single steps.
+//! [`run`] trains in a folder and resumes a run that was stopped; [`Trainer`] makes single steps.
 
 mod adam;
 mod average;

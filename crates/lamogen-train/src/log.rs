@@ -1,4 +1,4 @@
-//! The losses of a run, line by line.
+//! The file of a run's losses, one JSON line for each step or validation.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
@@ -13,19 +13,19 @@ use crate::trainer::StepReport;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum LogLine {
-    /// A measurement on the validation split.
+    /// A validation loss.
     Validation {
-        /// After how many steps.
+        /// The number of steps before the measurement.
         step: u64,
-        /// Of the averaged weights.
+        /// The loss of the averaged weights on the validation split.
         validation_loss: f64,
     },
-    /// A step.
+    /// The report of a step.
     Step(StepReport),
 }
 
 impl LogLine {
-    /// The step that it is of.
+    /// Returns the step to which the line belongs.
     pub fn step(&self) -> u64 {
         match self {
             LogLine::Validation { step, .. } => *step,
@@ -33,7 +33,7 @@ impl LogLine {
         }
     }
 
-    /// Reads a file up to the first line that is none, such as one that was cut off while it was written.
+    /// Reads a file up to the first invalid line, such as one that was cut off while it was written.
     ///
     /// # Errors
     ///
@@ -48,7 +48,7 @@ impl LogLine {
     }
 }
 
-/// Lines up to the first that is no line of losses, and where each ends in the file.
+/// Returns the lines before the first invalid one, each with the position of its end in the file.
 fn parse(file: File, path: &Path) -> Result<Vec<(LogLine, u64)>, TrainError> {
     let io = |reason| TrainError::io(path, reason);
     let mut reader = BufReader::new(file);
@@ -65,15 +65,15 @@ fn parse(file: File, path: &Path) -> Result<Vec<(LogLine, u64)>, TrainError> {
     Ok(lines)
 }
 
-/// The file that grows with a run.
-pub(crate) struct Log {
+/// The open `losses.jsonl` of a run, to which lines are appended.
+pub(crate) struct LossLog {
     path: PathBuf,
     file: File,
 }
 
-impl Log {
-    /// Opens the file of a run that has come to some step; what stands in it of later steps is removed, as these will be made again.
-    pub(crate) fn open(run: &Path, step: u64) -> Result<Log, TrainError> {
+impl LossLog {
+    /// Opens the file of a run that has made `step` steps. Removes the lines of later steps, since these steps are made again.
+    pub(crate) fn open(run: &Path, step: u64) -> Result<LossLog, TrainError> {
         let path = run.join("losses.jsonl");
         let io = |reason| TrainError::io(&path, reason);
         let file = OpenOptions::new()
@@ -84,8 +84,8 @@ impl Log {
             .open(&path)
             .map_err(io)?;
         let lines = parse(file.try_clone().map_err(io)?, &path)?;
-        let keep = lines.iter().rfind(|(line, _)| line.step() <= step);
-        let (last, end) = keep.map_or((0, 0), |(line, end)| (line.step(), *end));
+        let last_kept = lines.iter().rfind(|(line, _)| line.step() <= step);
+        let (last, end) = last_kept.map_or((0, 0), |(line, end)| (line.step(), *end));
         if last < step {
             return Err(TrainError::Checkpoint {
                 problem: format!("expected the losses of {step} steps, found those of {last}"),
@@ -95,15 +95,16 @@ impl Log {
         let mut file = file;
         file.set_len(end).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
-        Ok(Log { path, file })
+        Ok(LossLog { path, file })
     }
 
-    /// Returns once all lines are on the disk.
+    /// Writes all lines through to the disk.
     pub(crate) fn sync(&self) -> Result<(), TrainError> {
         let synced = self.file.sync_data();
         synced.map_err(|reason| TrainError::io(&self.path, reason))
     }
 
+    /// Appends a line.
     pub(crate) fn write(&mut self, line: &LogLine) -> Result<(), TrainError> {
         let mut text = serde_json::to_string(line).expect("numbers are JSON");
         text.push('\n');

@@ -1,4 +1,4 @@
-//! Training the evaluator of motions.
+//! Training of the evaluator of motions.
 
 mod config;
 mod error;
@@ -26,36 +26,37 @@ use crate::error::TrainError;
 use crate::optimization::OptimizerConfig;
 use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
-use example::Example;
-use pairs::{Draw, Pairs, lengths};
+use example::MatchingExamples;
+use pairs::{PairBatch, PairSampler, readable_lengths};
 
-/// The text-motion evaluator of Guo et al. 2022, learning from a data set's training split which texts and motions belong
-/// together.
+/// The training of the text-motion evaluator of Guo et al. 2022, which learns from the training split of a data set which texts and
+/// motions belong together.
 ///
 /// ```text
-/// seed, step ──Pairs──▶ motions, a caption each ──Example──▶ tensors ──EvaluatorNetwork──▶ points ──contrastive loss──▶ gradients
+/// seed, step ──PairSampler──▶ motions, a caption each ──MatchingExamples──▶ tensors ──EvaluatorNetwork──▶ embeddings
+/// embeddings ──contrastive loss──▶ gradients
 /// ```
 ///
-/// It differs from the public trainer in three things: pairs that mean the same do not meet in a batch, a text is held
-/// against all others of its batch ([`Negatives`]), and the movement encoder learns with the rest.
+/// It differs from the public trainer in three ways: a batch has no two pairs with the same meaning, a text is contrasted with all
+/// other motions of its batch ([`Negatives`]), and the movement encoder is trained together with the other parts.
 pub struct MatchingTask<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     config: &'a EvaluatorTrainingConfig,
-    pairs: Pairs,
-    /// With the network before the first step.
+    pairs: PairSampler,
+    /// The evaluator with the network before the first step.
     evaluator: Evaluator,
     device: Device,
     metadata: HashMap<String, String>,
 }
 
 impl<'a> MatchingTask<'a> {
-    /// A task on a device.
+    /// Creates a task that computes on a device.
     ///
     /// # Errors
     ///
-    /// If the tokenizer does not fit the network, or the training split has no two motions that the network can read and that mean
-    /// different things.
+    /// If the tokenizer does not fit the network, or the training split has no two motions with different meanings that the network
+    /// can read.
     ///
     /// # Panics
     ///
@@ -78,9 +79,9 @@ impl<'a> MatchingTask<'a> {
         if expected != found {
             return Err(MatchingError::Context { expected, found });
         }
-        let lengths = lengths(&config.evaluator);
+        let lengths = readable_lengths(&config.evaluator);
         Ok(MatchingTask {
-            pairs: Pairs::new(dataset, config).ok_or_else(|| MatchingError::NoPairs {
+            pairs: PairSampler::new(dataset, config).ok_or_else(|| MatchingError::NoPairs {
                 motions: dataset.split(Split::Train).count(),
                 shortest: *lengths.start(),
                 longest: *lengths.end(),
@@ -94,17 +95,17 @@ impl<'a> MatchingTask<'a> {
         })
     }
 
-    /// Sets what travels with the weights in their file, such as `license` and `attribution`.
+    /// Sets the metadata in the file of the weights, such as `license` and `attribution`.
     pub fn with_metadata(self, metadata: HashMap<String, String>) -> Self {
         MatchingTask { metadata, ..self }
     }
 
-    /// How many motions are trained on, mirrored ones included.
+    /// Returns the number of training motions, mirrored ones included.
     pub fn motions(&self) -> usize {
         self.pairs.motions()
     }
 
-    /// A network with the tokenizer and the statistics of this task.
+    /// Returns an evaluator of a network, with the tokenizer and the statistics of this task.
     pub fn evaluator(&self, network: &EvaluatorNetwork) -> Evaluator {
         self.evaluator.with(network.clone())
     }
@@ -126,23 +127,26 @@ impl TrainingTask for MatchingTask<'_> {
     }
 
     fn compute_gradients(&self, network: &EvaluatorNetwork, step: u64) -> StepGradients {
-        let Draw { pairs, mut stream } = self.pairs.draw(step);
-        let Example {
+        let PairBatch {
+            pairs,
+            mut generator,
+        } = self.pairs.draw(step);
+        let MatchingExamples {
             texts,
             features,
             lengths,
-        } = Example::new(self.dataset, self.tokens, &pairs, &self.device);
+        } = MatchingExamples::new(self.dataset, self.tokens, &pairs, &self.device);
         let config = &self.config.matching;
         let dropout = Dropout {
             probability: config.dropout,
-            stream: &mut stream,
+            stream: &mut generator,
         };
         let motions = network.embed_motion(features, &lengths, Some(dropout));
         let texts = network.embed_text(&texts);
         let loss = match config.others {
             Negatives::All => contrastive_loss_of_all(texts, motions, config.margin),
             Negatives::One => {
-                let shift = random_shift(lengths.len(), &mut stream);
+                let shift = random_shift(lengths.len(), &mut generator);
                 contrastive_loss(texts, motions, shift, config.margin)
             }
         };
@@ -157,13 +161,13 @@ impl TrainingTask for MatchingTask<'_> {
         }
     }
 
-    /// 1 less the R-precision (mean of top 1, 2 and 3) of the validation split, over many draws of captions and batches that are
-    /// the same at every measurement. Batches hold 32 pairs, or as many as the split has of captions that differ.
+    /// Computes 1 minus the R-precision (mean of top 1, 2 and 3) of the validation split, over many draws of captions and batches,
+    /// which are the same at every validation. Batches have 32 pairs, or fewer if the split has not as many different captions.
     fn validate(&self, network: &EvaluatorNetwork) -> Option<f64> {
         let motions = captioned(self.dataset, Split::Validation, &self.config.evaluator);
-        // A network that does not give numbers finds nothing.
+        // A network whose outputs are not finite has the R-precision 0.
         match CaptionedMotions::embed(&self.evaluator(network), motions) {
-            Ok(motions) => Some(1.0 - precision(&motions)?),
+            Ok(motions) => Some(1.0 - mean_r_precision(&motions)?),
             Err(EvaluatorError::Metric(_)) => Some(1.0),
             Err(error) => unreachable!("captions and lengths were checked before: {error}"),
         }
@@ -183,31 +187,32 @@ impl TrainingTask for MatchingTask<'_> {
     }
 }
 
-/// R-precision over draws that depend on nothing but the captions: the mean of top 1, 2 and 3. `None` if there are no two
-/// captions that differ.
-fn precision(motions: &CaptionedMotions) -> Option<f64> {
+/// Computes the R-precision as the mean of top 1, 2 and 3, over draws that depend on the captions alone. Returns `None` if no two
+/// captions differ.
+fn mean_r_precision(motions: &CaptionedMotions) -> Option<f64> {
     const DRAWS: u64 = 100;
-    let of = |size: usize| {
+    let precision_of_size = |size: usize| {
         let precisions = (0..DRAWS).map(|seed| {
-            let found = motions.matching(size, seed)?.r_precision;
-            Ok(found.iter().sum::<f64>() / 3.0)
+            let precision = motions.matching(size, seed)?.r_precision;
+            Ok(precision.iter().sum::<f64>() / 3.0)
         });
         let sum: Result<f64, lamogen_eval::MetricError> = precisions.sum();
         Some(sum.ok()? / DRAWS as f64)
     };
     (2..=RetrievalBatches::SIZE.min(motions.len()))
         .rev()
-        .find_map(of)
+        .find_map(precision_of_size)
 }
 
-/// The motions of a split that an evaluator can read, with their captions, for [`CaptionedMotions::embed`]. Mirrored ones are
-/// left out.
+/// Returns the motions of a split that an evaluator can read, with their captions, for [`CaptionedMotions::embed`].
+///
+/// Mirrored motions are left out.
 pub fn captioned<'a>(
     dataset: &'a Dataset,
     split: Split,
     config: &EvaluatorConfig,
 ) -> impl Iterator<Item = (Vec<String>, Vec<f32>)> + 'a {
-    let lengths = lengths(config);
+    let lengths = readable_lengths(config);
     let motions = dataset.split(split).filter(move |entry| !entry.mirror);
     motions
         .filter(move |entry| lengths.contains(&entry.frames))

@@ -1,4 +1,4 @@
-//! What a finished model needs beside its weights.
+//! The files of a finished model besides its weights.
 
 use std::io::Write;
 use std::path::Path;
@@ -9,8 +9,8 @@ use lamogen_motion::{npy, write_atomically};
 use crate::error::TrainError;
 use crate::tokens::CaptionTokens;
 
-/// Writes the statistics and the tokenizer that a model was trained with.
-pub(crate) fn write_common(
+/// Writes the statistics of the features and the tokenizer that a model was trained with.
+pub(crate) fn write_statistics_and_tokenizer(
     folder: &Path,
     dataset: &Dataset,
     tokens: &CaptionTokens,
@@ -20,13 +20,13 @@ pub(crate) fn write_common(
         npy::write(path, numbers, &[numbers.len()])?;
     }
     match tokens.file() {
-        Some(file) => write(&folder.join("tokenizer.json"), file),
+        Some(file) => write_file(&folder.join("tokenizer.json"), file),
         None => Ok(()),
     }
 }
 
-/// Writes a file whole or not at all.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), TrainError> {
+/// Writes a file atomically: whole or not at all.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), TrainError> {
     write_atomically(path, |file| file.write_all(bytes))
         .map_err(|reason| TrainError::io(path, reason))
 }

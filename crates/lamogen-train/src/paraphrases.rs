@@ -1,8 +1,8 @@
-//! Other words for captions.
+//! Paraphrases of captions.
 //!
-//! A network that is trained on a few thousand captions knows the words of these alone. What people call the same things is put in
-//! their place: other subjects, synonyms of verbs in the same form, other phrases; and a sentence about somebody becomes a request
-//! ("a person walks" → "walk").
+//! A network that is trained on a few thousand captions knows only the words of these captions. Paraphrases replace them by what
+//! people also say: other subjects, synonyms of verbs in the same form, other phrases. They also turn a sentence about somebody
+//! into a request ("a person walks" → "walk").
 
 use std::collections::HashMap;
 
@@ -11,73 +11,78 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde::Deserialize;
 
-/// The table of `configs/paraphrases.json`.
+/// The rules of `configs/paraphrases.json`, by which captions are paraphrased.
 #[derive(Clone, Debug)]
 pub struct Paraphrases {
     subjects: Vec<Vec<String>>,
-    /// The forms of known verbs, by the third person.
+    /// The three forms of the known verbs, by their third person.
     forms: HashMap<String, [String; 3]>,
-    /// What may stand in place of words, by the first of them; longer phrases first.
-    rules: HashMap<String, Vec<Rule>>,
+    /// The rules by the first word of the phrase that they replace; longer phrases come first.
+    rules: HashMap<String, Vec<SubstitutionRule>>,
 }
 
+/// A phrase and the phrases that may replace it, as words.
 #[derive(Clone, Debug)]
-struct Rule {
-    words: Vec<String>,
-    others: Vec<Vec<String>>,
+struct SubstitutionRule {
+    phrase: Vec<String>,
+    alternatives: Vec<Vec<String>>,
 }
 
+/// The contents of `configs/paraphrases.json`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Table {
+struct ParaphraseTable {
     subjects: Vec<String>,
-    /// Of each verb base form, third person and participle, then of its synonyms.
+    /// The base form, third person and participle of each verb, followed by those of its synonyms.
     verbs: Vec<Vec<String>>,
-    /// Phrases, and what may stand in their place.
+    /// Groups of phrases, each with the phrases that may replace them.
     phrases: Vec<[Vec<String>; 2]>,
 }
 
 impl Paraphrases {
-    /// The table that comes with the library, for English captions of movement.
+    /// Returns the rules that come with the library, for English captions of movement.
     pub fn english() -> Self {
         let table = include_bytes!("../configs/paraphrases.json");
-        let table: Table = serde_json::from_slice(table).expect("checked by a test");
+        let table: ParaphraseTable = serde_json::from_slice(table).expect("checked by a test");
         let mut subjects: Vec<Vec<String>> =
             { table.subjects.iter() }.map(|text| words(text)).collect();
         subjects.sort_by_key(|subject| std::cmp::Reverse(subject.len()));
-        let mut rules: HashMap<String, Vec<Rule>> = HashMap::new();
-        let mut add = |words: Vec<String>, others: Vec<Vec<String>>| {
+        let mut rules: HashMap<String, Vec<SubstitutionRule>> = HashMap::new();
+        let mut add = |phrase: Vec<String>, alternatives: Vec<Vec<String>>| {
             rules
-                .entry(words[0].clone())
+                .entry(phrase[0].clone())
                 .or_default()
-                .push(Rule { words, others });
+                .push(SubstitutionRule {
+                    phrase,
+                    alternatives,
+                });
         };
         let mut forms = HashMap::new();
         for verb in &table.verbs {
             let all: Vec<[String; 3]> = { verb.iter() }
                 .map(|forms| words(forms).try_into().expect("three forms a verb"))
                 .collect();
-            for forms_of in &all {
-                forms.insert(forms_of[1].clone(), forms_of.clone());
+            for verb_forms in &all {
+                forms.insert(verb_forms[1].clone(), verb_forms.clone());
             }
             for form in 0..3 {
-                let others = all[1..]
+                let synonyms = all[1..]
                     .iter()
                     .map(|forms| vec![forms[form].clone()])
                     .collect();
-                add(vec![all[0][form].clone()], others);
+                add(vec![all[0][form].clone()], synonyms);
             }
         }
-        for [of, others] in &table.phrases {
-            for phrase in of {
-                let others = { others.iter() }
-                    .filter(|other| *other != phrase)
-                    .map(|other| words(other));
-                add(words(phrase), others.collect());
+        for [phrases, alternatives] in &table.phrases {
+            for phrase in phrases {
+                let alternatives = { alternatives.iter() }
+                    .filter(|alternative| *alternative != phrase)
+                    .map(|alternative| words(alternative));
+                add(words(phrase), alternatives.collect());
             }
         }
         for rules in rules.values_mut() {
-            rules.sort_by_key(|rule| std::cmp::Reverse(rule.words.len()));
+            rules.sort_by_key(|rule| std::cmp::Reverse(rule.phrase.len()));
         }
         Paraphrases {
             subjects,
@@ -86,84 +91,88 @@ impl Paraphrases {
         }
     }
 
-    /// A caption in other words. The same seed gives the same ones.
+    /// Paraphrases a caption. The same seed gives the same paraphrase.
     pub fn rephrase(&self, caption: &str, seed: u64) -> String {
-        /// How often the subject is another one, or there is none.
-        const SUBJECT: f64 = 0.6;
-        /// How often a phrase that has others is one of them.
-        const PHRASE: f64 = 0.4;
+        /// The probability that the subject is replaced or left out.
+        const SUBJECT_PROBABILITY: f64 = 0.6;
+        /// The probability that a phrase with alternatives is replaced by one of them.
+        const PHRASE_PROBABILITY: f64 = 0.4;
         let mut generator = ChaCha12Rng::seed_from_u64(seed);
         let mut rest = &words(caption)[..];
-        let mut said: Vec<String> = Vec::new();
+        let mut output: Vec<String> = Vec::new();
         let subject = { self.subjects.iter() }.find(|subject| rest.starts_with(subject));
         let mut verb = None;
         if let Some(subject) = subject {
             rest = &rest[subject.len()..];
             let forms = rest.first().and_then(|word| self.forms.get(word));
-            if !generator.random_bool(SUBJECT) {
-                said.extend(subject.iter().cloned());
+            if !generator.random_bool(SUBJECT_PROBABILITY) {
+                output.extend(subject.iter().cloned());
             } else if let (Some([base, _, participle]), 0..4) =
                 (forms, generator.random_range(0..10u32))
             {
-                // A request, or what a title would say.
+                // A request ("walk"), or the form of a title ("walking").
                 verb = Some(if generator.random_bool(0.6) {
                     base
                 } else {
                     participle
                 });
             } else {
-                said.extend(pick(&self.subjects, &mut generator).iter().cloned());
+                output.extend(choose(&self.subjects, &mut generator).iter().cloned());
             }
         }
         if let Some(verb) = verb {
             let word = std::slice::from_ref(verb);
-            self.say(word, &mut said, PHRASE, &mut generator);
+            self.write_phrase(word, &mut output, PHRASE_PROBABILITY, &mut generator);
             rest = &rest[1..];
         }
         while !rest.is_empty() {
-            rest = &rest[self.say(rest, &mut said, PHRASE, &mut generator)..];
+            let length = self.write_phrase(rest, &mut output, PHRASE_PROBABILITY, &mut generator);
+            rest = &rest[length..];
         }
-        join(&said)
+        join(&output)
     }
 
-    /// Says the first words in the same or other words, and returns how many of them.
-    fn say(
+    /// Writes the phrase at the beginning of `rest`, with the given probability as one of its alternatives, and returns how many
+    /// words of `rest` it has.
+    fn write_phrase(
         &self,
         rest: &[String],
-        said: &mut Vec<String>,
-        share: f64,
+        output: &mut Vec<String>,
+        probability: f64,
         generator: &mut impl Rng,
     ) -> usize {
         let rules = { self.rules.get(&rest[0]) }.into_iter().flatten();
-        let mut fitting = rules
-            .filter(|rule| rest.starts_with(&rule.words))
+        let mut matches = rules
+            .filter(|rule| rest.starts_with(&rule.phrase))
             .peekable();
-        let Some(longest) = fitting.peek().map(|rule| rule.words.len()) else {
-            said.push(rest[0].clone());
+        let Some(longest) = matches.peek().map(|rule| rule.phrase.len()) else {
+            output.push(rest[0].clone());
             return 1;
         };
-        if !generator.random_bool(share) {
-            said.extend(rest[..longest].iter().cloned());
+        if !generator.random_bool(probability) {
+            output.extend(rest[..longest].iter().cloned());
             return longest;
         }
-        let others: Vec<&Vec<String>> = { fitting.take_while(|rule| rule.words.len() == longest) }
-            .flat_map(|rule| &rule.others)
+        let longest_matches = matches.take_while(|rule| rule.phrase.len() == longest);
+        let alternatives: Vec<&Vec<String>> = longest_matches
+            .flat_map(|rule| &rule.alternatives)
             .collect();
-        said.extend(pick(&others, generator).iter().cloned());
+        output.extend(choose(&alternatives, generator).iter().cloned());
         longest
     }
 }
 
-fn pick<'a, T>(all: &'a [T], generator: &mut impl Rng) -> &'a T {
+/// Chooses an item at random.
+fn choose<'a, T>(all: &'a [T], generator: &mut impl Rng) -> &'a T {
     &all[generator.random_range(0..all.len() as u64) as usize]
 }
 
-/// Undoes [`words`], up to spaces.
+/// Joins words to a text: the inverse of [`words`], except for spaces.
 fn join(words: &[String]) -> String {
     let mut text = String::new();
     for word in words {
-        let apart = word.starts_with(char::is_alphanumeric) || word == "(";
-        if apart && !text.is_empty() && !text.ends_with('(') {
+        let needs_space = word.starts_with(char::is_alphanumeric) || word == "(";
+        if needs_space && !text.is_empty() && !text.ends_with('(') {
             text.push(' ');
         }
         text.push_str(word);
@@ -177,7 +186,7 @@ mod tests {
 
     use super::*;
 
-    fn all(caption: &str) -> HashSet<String> {
+    fn paraphrases(caption: &str) -> HashSet<String> {
         let table = Paraphrases::english();
         (0..400).map(|seed| table.rephrase(caption, seed)).collect()
     }
@@ -187,7 +196,7 @@ mod tests {
         let table = Paraphrases::english();
         let caption = "a person walks forward quickly";
         assert_eq!(table.rephrase(caption, 3), table.rephrase(caption, 3));
-        let all = all(caption);
+        let all = paraphrases(caption);
         assert!(all.len() > 50, "{}", all.len());
         assert!(all.contains(caption));
         let has = |part: &str| all.iter().any(|text| text.contains(part));
@@ -198,7 +207,7 @@ mod tests {
 
     #[test]
     fn sides_and_numbers_stay() {
-        for text in all("a man squats three times, then steps sideways to the left") {
+        for text in paraphrases("a man squats three times, then steps sideways to the left") {
             assert!(text.contains("left") && !text.contains("right"), "{text}");
             assert!(
                 ["three", "3", "thrice"]
@@ -211,7 +220,7 @@ mod tests {
 
     #[test]
     fn the_longest_phrase_counts() {
-        for text in all("the figure makes a quarter turn to the right") {
+        for text in paraphrases("the figure makes a quarter turn to the right") {
             assert!(
                 ["quarter", "90", "ninety", "right-angle"]
                     .iter()
@@ -224,7 +233,7 @@ mod tests {
     #[test]
     fn what_has_no_other_words_stays_and_punctuation_too() {
         let text = "zorbing (twice), quietly; it's well-made.";
-        let others = all(text);
+        let others = paraphrases(text);
         assert!(others.contains(text), "{others:?}");
         assert!(
             others.iter().all(|other| other.starts_with("zorbing (")

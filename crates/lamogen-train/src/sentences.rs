@@ -1,4 +1,4 @@
-//! Sentences that a text encoder learns from a larger one.
+//! Sentences from which a text encoder learns the similarities of a larger sentence encoder.
 
 use std::path::{Path, PathBuf};
 
@@ -9,9 +9,9 @@ use lamogen_motion::npy::{self, NpyError};
 use rand::RngExt;
 use rayon::prelude::*;
 
-use crate::sampling::stream;
+use crate::sampling::step_generator;
 
-/// Sentences, with their embeddings by a sentence encoder.
+/// Sentences and their embeddings from a sentence encoder.
 ///
 /// ```text
 /// sentences.txt ──Tokenizer──▶ ids ─┐
@@ -20,46 +20,47 @@ use crate::sampling::stream;
 #[derive(Clone, Debug)]
 pub struct Sentences {
     ids: Vec<Vec<i32>>,
-    /// `[sentence][dimension]`, rows of length 1.
+    /// The embeddings `[sentence][dimension]`, in rows of length 1.
     embeddings: Vec<f32>,
     width: usize,
-    /// Of each sentence the nearest others.
+    /// The nearest other sentences of each sentence.
     neighbours: Vec<Vec<u32>>,
 }
 
-/// What is wrong with a file of sentences or of their embeddings.
+/// The error of files of sentences and embeddings that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SentencesError {
     /// The array of embeddings cannot be read.
     #[error(transparent)]
     Npy(#[from] NpyError),
-    /// What the files hold does not fit, or the sentences cannot be read.
+    /// The contents of the files do not fit together, or the sentences cannot be read.
     #[error("{path}: {problem}")]
     #[allow(missing_docs)]
     Content { path: PathBuf, problem: String },
 }
 
-/// How many nearest sentences are known of each.
+/// The number of nearest sentences that are kept for each sentence.
 const NEIGHBOURS: usize = 16;
 
 impl Sentences {
-    /// Reads embeddings, `[sentences, width]` in an `.npy`, and the sentences from the `.txt` beside it, one a line.
+    /// Reads embeddings `[sentences, width]` from an `.npy` file, and the sentences from the `.txt` file of the same name, one in
+    /// each line.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read, there are fewer than two sentences, or not as many as rows of embeddings.
+    /// If a file cannot be read, there are fewer than two sentences, or the numbers of sentences and of embeddings differ.
     pub fn read(path: &Path, tokenizer: &Tokenizer) -> Result<Self, SentencesError> {
-        let failed = |path: &Path, problem: String| SentencesError::Content {
+        let content_error = |path: &Path, problem: String| SentencesError::Content {
             path: path.to_owned(),
             problem,
         };
         let array = npy::read(path)?;
         let text_path = path.with_extension("txt");
         let text = std::fs::read_to_string(&text_path)
-            .map_err(|error| failed(&text_path, error.to_string()))?;
+            .map_err(|error| content_error(&text_path, error.to_string()))?;
         let lines: Vec<&str> = text.lines().collect();
         let &[rows, width] = &array.shape[..] else {
-            return Err(failed(
+            return Err(content_error(
                 path,
                 format!(
                     "expected [sentences, width], found the shape {:?}",
@@ -73,20 +74,20 @@ impl Sentences {
                 lines.len(),
                 text_path.display()
             );
-            return Err(failed(path, problem));
+            return Err(content_error(path, problem));
         }
         let mut ids = Vec::with_capacity(rows);
         for (place, line) in lines.iter().enumerate() {
-            let tokens = tokenizer
-                .encode(line)
-                .map_err(|error| failed(&text_path, format!("line {}: {error}", place + 1)))?;
+            let tokens = tokenizer.encode(line).map_err(|error| {
+                content_error(&text_path, format!("line {}: {error}", place + 1))
+            })?;
             ids.push(tokens.ids.iter().map(|&id| id as i32).collect());
         }
         let mut embeddings = array.values;
         for (place, row) in embeddings.chunks_mut(width).enumerate() {
             let length = row.iter().map(|value| value * value).sum::<f32>().sqrt();
             if !(length.is_finite() && length > 0.0) {
-                return Err(failed(
+                return Err(content_error(
                     path,
                     format!("row {place}: expected finite numbers that are not all 0"),
                 ));
@@ -101,24 +102,25 @@ impl Sentences {
         })
     }
 
-    /// How many there are.
+    /// Returns the number of sentences.
     pub fn count(&self) -> usize {
         self.ids.len()
     }
 
-    /// A number that stands for all of them, for the identity of a run that learns from them.
+    /// Returns a checksum of all sentences and embeddings, for the identity of a run that learns from them.
     pub fn checksum(&self) -> String {
-        let mut sum = Checksum::new(0);
+        let mut checksum = Checksum::new(0);
         for id in self.ids.iter().flatten() {
-            sum.add(&id.to_le_bytes());
+            checksum.add(&id.to_le_bytes());
         }
         for number in &self.embeddings {
-            sum.add(&number.to_le_bytes());
+            checksum.add(&number.to_le_bytes());
         }
-        format!("{:016x}", sum.value())
+        format!("{:016x}", checksum.value())
     }
 
-    /// The sentences of a step: some from anywhere, and of each two that are near it, since others have little to do with each other.
+    /// Draws the sentences of a step: random sentences, each with two of its nearest ones, because most pairs of random sentences
+    /// have little in common.
     pub(crate) fn draw(
         &self,
         seed: u64,
@@ -127,15 +129,16 @@ impl Sentences {
         weight: f64,
         device: &Device,
     ) -> SentenceSimilarity {
-        const NEAR: usize = 2;
-        let mut generator = stream(seed, step);
-        let mut places = Vec::with_capacity(count + NEAR);
+        const NEIGHBOURS_DRAWN: usize = 2;
+        let mut generator = step_generator(seed, step);
+        let mut places = Vec::with_capacity(count + NEIGHBOURS_DRAWN);
         while places.len() < count {
             let anchor = generator.random_range(0..self.count() as u64) as usize;
             places.push(anchor);
-            for _ in 0..NEAR {
-                let near = &self.neighbours[anchor];
-                places.push(near[generator.random_range(0..near.len() as u64) as usize] as usize);
+            for _ in 0..NEIGHBOURS_DRAWN {
+                let nearest = &self.neighbours[anchor];
+                let choice = generator.random_range(0..nearest.len() as u64) as usize;
+                places.push(nearest[choice] as usize);
             }
         }
         places.truncate(count);
@@ -153,12 +156,14 @@ impl Sentences {
         }
     }
 
+    /// Computes the cosine of the embeddings of two sentences.
     fn cosine(&self, one: usize, other: usize) -> f32 {
         let row = |place: usize| &self.embeddings[place * self.width..(place + 1) * self.width];
         dot(row(one), row(other))
     }
 }
 
+/// Computes the dot product of two rows.
 fn dot(one: &[f32], other: &[f32]) -> f32 {
     const LANES: usize = 8;
     let mut sums = [0.0f32; LANES];
@@ -177,7 +182,7 @@ fn dot(one: &[f32], other: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + rest
 }
 
-/// The nearest rows of each row, of length 1.
+/// Finds the nearest other rows of each row. All rows have length 1.
 fn neighbours(embeddings: &[f32], width: usize) -> Vec<Vec<u32>> {
     let rows: Vec<&[f32]> = embeddings.chunks(width).collect();
     let nearest = |(place, row): (usize, &&[f32])| {
@@ -192,7 +197,7 @@ fn neighbours(embeddings: &[f32], width: usize) -> Vec<Vec<u32>> {
         others.select_nth_unstable_by(count - 1, order);
         others.truncate(count);
         others.sort_by(order);
-        // Into a list of its own: collected in place, each would keep the room of all sentences.
+        // A new vector: one collected in place would keep the capacity for all sentences.
         let mut nearest = Vec::with_capacity(count);
         nearest.extend(others.into_iter().map(|(_, other)| other));
         nearest

@@ -1,4 +1,4 @@
-//! What can be trained.
+//! The trait of everything that can be trained.
 
 use std::path::Path;
 
@@ -9,26 +9,27 @@ use burn::tensor::{Device, Tensor};
 use crate::error::TrainError;
 use crate::optimization::OptimizerConfig;
 
-/// Something to compute_gradients: which network, from what, and how well it does.
+/// A training task: a network with its data, its loss and its validation.
 ///
-/// What a step sees must depend on the step's number alone: a run that goes on where it was stopped relies on it.
+/// The data of a step must depend on the number of the step alone, so that a run that was stopped can be resumed exactly.
 pub trait TrainingTask {
-    /// What learns.
+    /// The network that is trained.
     type Network: Module;
 
-    /// How its weights move.
+    /// Returns the config of the optimiser.
     fn optimization(&self) -> &OptimizerConfig;
 
-    /// The network before the first step.
+    /// Returns the network before the first step.
     fn start(&self, device: &Device) -> Self::Network;
 
-    /// One step's loss and gradients. The network is followed by autodiff.
+    /// Computes the loss and the gradients of one step. Autodiff tracks the network's weights.
     fn compute_gradients(&self, network: &Self::Network, step: u64) -> StepGradients;
 
-    /// How well a network does on what it has not seen: smaller is better. `None` if there is nothing to measure on.
+    /// Computes the validation loss of a network on motions that it was not trained on: smaller is better. Returns `None` if there
+    /// are no such motions.
     fn validate(&self, network: &Self::Network) -> Option<f64>;
 
-    /// Writes a network to the folder of the finished model, which is there.
+    /// Writes a network to the folder of the finished model, which exists.
     ///
     /// # Errors
     ///
@@ -36,16 +37,16 @@ pub trait TrainingTask {
     fn save(&self, network: &Self::Network, folder: &Path) -> Result<(), TrainError>;
 }
 
-/// What a step finds.
+/// The loss and the gradients of one training step.
 pub struct StepGradients {
-    /// The loss that is reported, one number, not tracked.
+    /// The loss that is reported: one number, which autodiff does not track.
     pub loss: Tensor<1>,
-    /// The loss that the gradients are of: with other losses, weighted.
+    /// The loss whose gradients these are: the reported loss and the weighted other losses.
     pub total_loss: Tensor<1>,
-    /// Of all weights.
+    /// The gradients of all weights.
     pub gradients: GradientsParams,
-    /// How many motions were seen.
+    /// The number of motions in the batch.
     pub motions: usize,
-    /// How many frames of them, without padding.
+    /// The number of their frames, without padding.
     pub frames: usize,
 }

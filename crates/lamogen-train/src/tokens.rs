@@ -1,4 +1,4 @@
-//! Captions as token ids.
+//! Captions encoded as token ids.
 
 use std::sync::OnceLock;
 
@@ -7,25 +7,26 @@ use lamogen_model::{KnownWords, Tokenizer, TokenizerError};
 
 use crate::paraphrases::Paraphrases;
 
-/// Token ids of every caption of every entry of a data set.
+/// The token ids of every caption of a data set.
 #[derive(Clone, Debug)]
 pub struct CaptionTokens {
-    /// `[entry][caption][phrasing][token]`; the first phrasing is the caption as it is.
+    /// The ids `[entry][caption][phrasing][token]`; the first phrasing is the caption itself.
     ids: Vec<Vec<Vec<Vec<i32>>>>,
-    /// Of a sentence without words.
+    /// The ids of an empty sentence.
     empty: Vec<i32>,
-    /// Of the captions for training, in all phrasings.
+    /// The words of the captions of the training split, in all phrasings.
     words: KnownWords,
-    /// How many captions are longer than the context.
+    /// The number of captions that are longer than the context.
     cut: usize,
     tokenizer: Tokenizer,
-    /// The `tokenizer.json`; none for CLIP's own.
+    /// The bytes of `tokenizer.json`; `None` for CLIP's tokenizer.
     file: Option<Vec<u8>>,
 }
 
 impl CaptionTokens {
-    /// The ids that a tokenizer gives, of each caption and of so many other phrasings of it. Captions that are longer than the network's context are cut, as prompts are. `file` is the
-    /// tokenizer's own, for the folder of the finished model; none for CLIP's.
+    /// Encodes each caption and, in the training split, up to `phrasings` paraphrases of it. Captions that are longer than the
+    /// network's context are cut, as prompts are. `file` is the tokenizer's file, which is written to the folder of the finished
+    /// model; `None` for CLIP's tokenizer.
     ///
     /// # Errors
     ///
@@ -45,8 +46,8 @@ impl CaptionTokens {
         let mut ids = Vec::with_capacity(dataset.entries().len());
         for entry in dataset.entries() {
             let captions = entry.captions.iter().map(|caption| {
-                let (first, lost) = encode(&caption.text)?;
-                cut += usize::from(lost > 0);
+                let (original, tokens_cut) = encode(&caption.text)?;
+                cut += usize::from(tokens_cut > 0);
                 let others = match entry.split {
                     Split::Train => {
                         let others = other_phrasings(&caption.text, phrasings);
@@ -57,7 +58,7 @@ impl CaptionTokens {
                     _ => Vec::new(),
                 };
                 let others = others.iter().map(|text| Ok(encode(text)?.0));
-                std::iter::once(Ok(first)).chain(others).collect()
+                std::iter::once(Ok(original)).chain(others).collect()
             });
             ids.push(captions.collect::<Result<Vec<Vec<Vec<i32>>>, TokenizerError>>()?);
         }
@@ -73,59 +74,59 @@ impl CaptionTokens {
         })
     }
 
-    /// The ids of a caption as it is.
-    pub(crate) fn of(&self, entry: usize, caption: usize) -> &[i32] {
+    /// Returns the ids of a caption in its original words.
+    pub(crate) fn original(&self, entry: usize, caption: usize) -> &[i32] {
         &self.ids[entry][caption][0]
     }
 
-    /// The ids of all phrasings of a caption.
+    /// Returns the ids of all phrasings of a caption.
     pub(crate) fn phrasings(&self, entry: usize, caption: usize) -> &[Vec<i32>] {
         &self.ids[entry][caption]
     }
 
-    /// The ids of a caption in one of its phrasings, whichever number is given.
-    pub(crate) fn phrased(&self, entry: usize, caption: usize, phrasing: u64) -> &[i32] {
+    /// Returns the ids of one phrasing of a caption. `phrasing` is any number; its remainder by the number of phrasings counts.
+    pub(crate) fn phrasing(&self, entry: usize, caption: usize, phrasing: u64) -> &[i32] {
         let phrasings = &self.ids[entry][caption];
         &phrasings[(phrasing % phrasings.len() as u64) as usize]
     }
 
-    /// The ids of a sentence without words: of a motion of which nothing is said.
+    /// Returns the ids of an empty sentence, which stands for a motion without text.
     pub(crate) fn empty(&self) -> &[i32] {
         &self.empty
     }
 
-    /// The words of the captions for training, in all phrasings.
+    /// Returns the words of the training split's captions, in all phrasings.
     pub fn words(&self) -> &KnownWords {
         &self.words
     }
 
-    /// The tokenizer.
+    /// Returns the tokenizer.
     pub fn tokenizer(&self) -> &Tokenizer {
         &self.tokenizer
     }
 
-    /// The tokenizer's file, if it has one.
+    /// Returns the tokenizer's file, if it has one.
     pub fn file(&self) -> Option<&[u8]> {
         self.file.as_deref()
     }
 
-    /// How many captions are cut.
+    /// Returns the number of captions that were cut.
     pub fn cut(&self) -> usize {
         self.cut
     }
 }
 
-/// A caption in other words, each phrasing once; at most so many.
+/// Returns different paraphrases of a caption, at most `count`.
 pub fn other_phrasings(caption: &str, count: usize) -> Vec<String> {
     if count == 0 {
         return Vec::new();
     }
     let table = english();
     let mut phrasings: Vec<String> = Vec::with_capacity(count);
-    let mut sum = Checksum::new(0);
-    sum.add(caption.as_bytes());
+    let mut checksum = Checksum::new(0);
+    checksum.add(caption.as_bytes());
     for draw in 0..2 * count as u64 {
-        let phrasing = table.rephrase(caption, sum.value().wrapping_add(draw));
+        let phrasing = table.rephrase(caption, checksum.value().wrapping_add(draw));
         if phrasings.len() < count && phrasing != caption && !phrasings.contains(&phrasing) {
             phrasings.push(phrasing);
         }
@@ -133,6 +134,7 @@ pub fn other_phrasings(caption: &str, count: usize) -> Vec<String> {
     phrasings
 }
 
+/// Returns the table of English paraphrases, which is parsed once.
 fn english() -> &'static Paraphrases {
     static TABLE: OnceLock<Paraphrases> = OnceLock::new();
     TABLE.get_or_init(Paraphrases::english)

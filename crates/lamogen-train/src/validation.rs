@@ -1,27 +1,30 @@
-//! How well a network knows motion that it has not seen.
+//! The validation loss of a denoiser on motions that it was not trained on.
 
 use burn::tensor::{Device, Tensor};
 use lamogen_data::{Dataset, Split};
 use lamogen_guide::{Schedule, TRAINING_STEPS};
 use lamogen_model::{Denoiser, LABAN_FEATURES, MotionDiffuse};
 
-use crate::batches::Visit;
-use crate::example::Example;
-use crate::losses::Truth;
+use crate::batches::BatchItem;
+use crate::example::DenoisingExamples;
+use crate::losses::NoisyMotions;
 use crate::tokens::CaptionTokens;
 
-/// The same noisy motions every time: every motion of a split that is no mirror image, under its first caption, at the timesteps
-/// 50, 150, …, 950, with noise that depends on the motion's place in the split and the timestep.
+/// The noisy motions on which denoisers are validated, which are the same at every validation.
+///
+/// They are all motions of a split except mirror images, each with its first caption, at the timesteps 50, 150, …, 950, with noise
+/// that depends on the motion's position in the split and on the timestep.
 pub struct Validation<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     device: Device,
-    /// Motions of about the same length together; those of a batch share a timestep.
-    batches: Vec<Vec<Visit>>,
+    /// Batches of motions of about the same length, which share a timestep.
+    batches: Vec<Vec<BatchItem>>,
 }
 
 impl<'a> Validation<'a> {
-    /// The motions of a split that are as long as the network asks for; of longer ones the first frames. `None` if there are none.
+    /// Collects the motions of a split that have at least the network's shortest length; of motions that are longer than the
+    /// network's longest, the first frames are used. Returns `None` if there are none.
     pub fn new(
         dataset: &'a Dataset,
         tokens: &'a CaptionTokens,
@@ -29,8 +32,8 @@ impl<'a> Validation<'a> {
         lengths: std::ops::RangeInclusive<usize>,
         device: &Device,
     ) -> Option<Self> {
-        /// Frames of a batch.
-        const FRAMES: usize = 6400;
+        /// The frames of a batch, padding included.
+        const FRAMES_PER_BATCH: usize = 6400;
         let mut entries: Vec<(usize, usize)> = dataset
             .indices(split)
             .filter(|&entry| !dataset.entries()[entry].mirror)
@@ -40,9 +43,9 @@ impl<'a> Validation<'a> {
         entries.sort_by_key(|&(place, entry)| (dataset.entries()[entry].frames, place));
         let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
         let longest = frames(entries.last()?.1);
-        let at_once = (FRAMES / longest).max(1);
+        let motions_per_batch = (FRAMES_PER_BATCH / longest).max(1);
         let batches = (50..TRAINING_STEPS).step_by(100).flat_map(|timestep| {
-            let visit = move |&(place, entry): &(usize, usize)| Visit {
+            let item = move |&(place, entry): &(usize, usize)| BatchItem {
                 entry,
                 motion: entry,
                 frames: 0..frames(entry),
@@ -52,8 +55,8 @@ impl<'a> Validation<'a> {
                 timestep,
                 noise: (TRAINING_STEPS * place + timestep) as u64,
             };
-            let batches = entries.chunks(at_once);
-            batches.map(move |batch| batch.iter().map(visit).collect::<Vec<_>>())
+            let batches = entries.chunks(motions_per_batch);
+            batches.map(move |batch| batch.iter().map(item).collect::<Vec<_>>())
         });
         Some(Validation {
             batches: batches.collect(),
@@ -63,37 +66,42 @@ impl<'a> Validation<'a> {
         })
     }
 
-    /// The mean squared error of the clean motion, normalised, over frames and features; averaged over motions and timesteps.
+    /// Computes the mean squared error of the normalised clean motion over frames and features, averaged over motions and timesteps.
     ///
-    /// Whatever the network predicts, the error is that of the clean motion its output speaks of, so that networks can be
-    /// compared.
+    /// If the network predicts noise or `v`, the error is that of the clean motion that follows from the prediction, so that
+    /// networks with different predictions can be compared.
     pub fn loss(&self, network: &MotionDiffuse) -> f64 {
-        self.mean(network, |output, truth| {
-            truth.clean_of(output, network.prediction()) - truth.clean.clone()
+        self.mean_squared_error(network, |output, motions| {
+            motions.predicted_clean(output, network.prediction()) - motions.clean.clone()
         })
     }
 
-    /// The same of what the network predicts, in its own terms.
+    /// Computes the mean squared error of the network's prediction itself (clean motion, noise or `v`), averaged in the same way.
     pub fn prediction_loss(&self, network: &MotionDiffuse) -> f64 {
-        self.mean(network, |output, truth| {
-            output - truth.target(network.prediction())
+        self.mean_squared_error(network, |output, motions| {
+            output - motions.target(network.prediction())
         })
     }
 
-    fn mean(&self, network: &MotionDiffuse, error: impl Fn(Tensor<3>, &Truth) -> Tensor<3>) -> f64 {
+    /// Computes the mean of the squares of an error, which `error` computes from the network's output.
+    fn mean_squared_error(
+        &self,
+        network: &MotionDiffuse,
+        error: impl Fn(Tensor<3>, &NoisyMotions) -> Tensor<3>,
+    ) -> f64 {
         let schedule = Schedule::linear();
         let mut errors = Vec::new();
-        for visits in &self.batches {
-            let Example { batch, truth } = Example::new(
+        for items in &self.batches {
+            let DenoisingExamples { batch, motions } = DenoisingExamples::new(
                 self.dataset,
                 self.tokens,
                 None,
                 &schedule,
-                visits,
+                items,
                 &self.device,
             );
-            let mut squares = error(network.predict(batch), &truth).square();
-            if let Some(keep) = truth.mask.keep() {
+            let mut squares = error(network.predict(batch), &motions).square();
+            if let Some(keep) = motions.mask.keep() {
                 squares = squares * keep;
             }
             let [_, _, features] = squares.dims();
@@ -102,7 +110,7 @@ impl<'a> Validation<'a> {
                 .sum_dim(1)
                 .try_into_vec_as()
                 .expect("floats convert to f32");
-            let lengths = truth.mask.lengths().iter();
+            let lengths = motions.mask.lengths().iter();
             let means = sums.iter().zip(lengths);
             errors.extend(means.map(|(sum, frames)| f64::from(*sum) / (frames * features) as f64));
         }

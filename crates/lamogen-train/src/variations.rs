@@ -2,11 +2,12 @@
 //!
 //! ```text
 //! motion of an entry ──Rig::fit──▶ rigid baseline ─┐
-//! factors drawn ──Goals────────────────────────────┴─Rig::guide──▶ rigid motion ──encode──▶ rows of a variation
+//! drawn factors ──Goals────────────────────────────┴─Rig::guide──▶ rigid motion ──encode──▶ pose features of a variation
 //! ```
 //!
-//! Captions nearly tell which motion is meant, and so how strong or sudden it is: a network that is told the Laban features beside them
-//! has no need to listen. Of a variation the caption says the same and the features say otherwise.
+//! A caption almost identifies its motion, and so also tells how strong or sudden the motion is. A network that sees both the
+//! caption and the Laban features can therefore ignore the features. A variation has the same caption but other features, so that
+//! the network has to follow them.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -22,19 +23,19 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::identity::{ClaimError, claim};
-use crate::sampling::stream;
+use crate::identity::{IdentityError, write_or_check_identity};
+use crate::sampling::step_generator;
 
-/// What variations are made.
+/// The options by which variations are made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VariationOptions {
-    /// How many of every motion.
+    /// The number of variations of each motion.
     pub count: usize,
-    /// The smallest and the largest factor on a component; in between they are drawn evenly by their logarithm.
+    /// The smallest and the largest factor on a component. The logarithms of the factors are drawn uniformly between them.
     pub factors: [f32; 2],
-    /// By what they are drawn.
+    /// The seed by which factors are drawn.
     pub seed: u64,
-    /// How often the terms of a fit are evaluated.
+    /// The number of evaluations of the terms of a fit.
     pub evaluations: usize,
 }
 
@@ -49,31 +50,31 @@ impl Default for VariationOptions {
     }
 }
 
-/// Why variations cannot be made.
+/// The error of variations that cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum VariationError {
-    /// Options that make no sense.
+    /// The options make no sense.
     #[error("variations: {0}")]
     Options(String),
-    /// The body's motion cannot be guided.
+    /// The motion of the rigid body cannot be guided.
     #[error("{name}: {reason}")]
     #[allow(missing_docs)]
     Guide { name: String, reason: GuideError },
-    /// A motion cannot be taken.
+    /// A motion of the data set cannot be used.
     #[error("{name}: {reason}")]
     #[allow(missing_docs)]
     Motion { name: String, reason: MotionError },
-    /// A file of the work's folder cannot be read or written.
+    /// A file of the work folder cannot be read or written.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io {
         path: PathBuf,
         reason: std::io::Error,
     },
-    /// An array of the work's folder is damaged.
+    /// An array in the work folder is damaged.
     #[error(transparent)]
     Npy(#[from] NpyError),
-    /// The work's folder is of other options or another data set.
+    /// The work folder belongs to other options or another data set.
     #[error(
         "{path}: expected work on {expected}, found work on {found}; take another folder or remove it"
     )]
@@ -85,10 +86,13 @@ pub enum VariationError {
     },
 }
 
-/// Makes variations of every motion for training, and returns them all; none if the observer stopped the work, which the same call then goes on
-/// with. `work` is a folder that keeps what is finished, `device` computes; the observer is told how many motions are, of how many.
+/// Makes variations of every motion of the training split and returns them all.
 ///
-/// Of six in ten variations one component changes, of three in ten two, of the others all. What does not change keeps its features.
+/// Returns `None` if the observer stopped the work; the same call then resumes it. `work` is the folder that keeps finished
+/// variations, and `device` computes. The observer receives the number of finished motions and the number of all motions.
+///
+/// Six in ten variations change one component, three in ten change two, and the others change all. A component that is not
+/// changed keeps its features.
 ///
 /// # Errors
 ///
@@ -108,17 +112,17 @@ pub fn vary(
             !entry.mirror && entry.variation_of.is_none()
         })
         .collect();
-    claim_folder(dataset, options, &entries, work)?;
+    check_work_folder(dataset, options, &entries, work)?;
     let done = std::sync::atomic::AtomicUsize::new(0);
     let stopped = std::sync::atomic::AtomicBool::new(false);
     let order = std::sync::atomic::Ordering::Relaxed;
-    let made = { entries.par_iter() }.map(|&entry| {
+    let variations = { entries.par_iter() }.map(|&entry| {
         let path = work.join(format!("{entry:06}.npy"));
         let finished = match path.exists() {
             true => Some(read(&path, options, dataset.entries()[entry].frames)?),
             false if stopped.load(order) => None,
             false => {
-                let rows = vary_one(dataset, entry, options, device)?;
+                let rows = vary_entry(dataset, entry, options, device)?;
                 write(&path, &rows)?;
                 Some(rows)
             }
@@ -130,7 +134,7 @@ pub fn vary(
             }
         }
         Ok(finished.map(|motions| {
-            let factors = draw(options, entry);
+            let factors = draw_factors(options, entry);
             let variations = motions.into_iter().zip(factors);
             let variation =
                 |(rows, factors): (Vec<_>, [f32; Component::ALL.len()])| MotionVariation {
@@ -141,12 +145,14 @@ pub fn vary(
             variations.map(variation).collect::<Vec<_>>()
         }))
     });
-    let made: Vec<Option<Vec<MotionVariation>>> = made.collect::<Result<_, VariationError>>()?;
-    let made: Option<Vec<Vec<MotionVariation>>> = made.into_iter().collect();
-    Ok(made.map(|made| made.into_iter().flatten().collect()))
+    let variations: Vec<Option<Vec<MotionVariation>>> =
+        variations.collect::<Result<_, VariationError>>()?;
+    let variations: Option<Vec<Vec<MotionVariation>>> = variations.into_iter().collect();
+    Ok(variations.map(|variations| variations.into_iter().flatten().collect()))
 }
 
 impl VariationOptions {
+    /// Checks that all options make sense.
     fn check(&self) -> Result<(), VariationError> {
         let [least, most] = self.factors;
         let problem = |text: String| Err(VariationError::Options(text));
@@ -169,28 +175,30 @@ impl VariationOptions {
     }
 }
 
-/// The factors of every variation of an entry.
-fn draw(options: &VariationOptions, entry: usize) -> Vec<[f32; Component::ALL.len()]> {
-    const ONE: f64 = 0.6;
-    const TWO: f64 = 0.75;
-    let mut generator = stream(options.seed, entry as u64);
+/// Draws the factors on Weight, Time, Flow and Shape of every variation of an entry.
+fn draw_factors(options: &VariationOptions, entry: usize) -> Vec<[f32; Component::ALL.len()]> {
+    /// The probability that one component changes.
+    const ONE_PROBABILITY: f64 = 0.6;
+    /// The probability that two components change if more than one does.
+    const TWO_PROBABILITY: f64 = 0.75;
+    let mut generator = step_generator(options.seed, entry as u64);
     let [least, most] = options.factors.map(|factor| f64::from(factor).ln());
     let factor = |generator: &mut dyn Rng| {
-        let way: f64 = generator.random();
-        (least + way * (most - least)).exp() as f32
+        let fraction: f64 = generator.random();
+        (least + fraction * (most - least)).exp() as f32
     };
     let variation = |_| {
         let all = Component::ALL.len();
-        let changed = match generator.random_bool(ONE) {
+        let changed = match generator.random_bool(ONE_PROBABILITY) {
             true => 1,
-            false if generator.random_bool(TWO) => 2,
+            false if generator.random_bool(TWO_PROBABILITY) => 2,
             false => all,
         };
         let mut factors = [1.0; Component::ALL.len()];
         let first = generator.random_range(0..all as u64) as usize;
         let step = generator.random_range(1..all as u64) as usize;
         for place in 0..changed {
-            // Two different ones, or all.
+            // The step leads to two different components, or through all.
             let step = if changed == all { 1 } else { step };
             factors[(first + place * step) % all] = factor(&mut generator);
         }
@@ -199,34 +207,38 @@ fn draw(options: &VariationOptions, entry: usize) -> Vec<[f32; Component::ALL.le
     (0..options.count).map(variation).collect()
 }
 
-type Rows = Vec<[f32; POSE_FEATURES]>;
+/// The pose features of each frame of a variation.
+type PoseRows = Vec<[f32; POSE_FEATURES]>;
 
-fn vary_one(
+/// Makes the variations of an entry.
+fn vary_entry(
     dataset: &Dataset,
-    place: usize,
+    index: usize,
     options: &VariationOptions,
     device: &Device,
-) -> Result<Vec<Rows>, VariationError> {
-    let entry = &dataset.entries()[place];
-    let broken = |reason| VariationError::Motion {
+) -> Result<Vec<PoseRows>, VariationError> {
+    let entry = &dataset.entries()[index];
+    let motion_error = |reason| VariationError::Motion {
         name: entry.name.clone(),
         reason,
     };
-    let motion = dataset.motion(entry).map_err(broken)?;
+    let motion = dataset.motion(entry).map_err(motion_error)?;
     let mut guidance = Guidance::precise();
     guidance.fit.goal_evaluations = options.evaluations;
     let rig = Rig::new(&guidance, device);
-    let watch = &mut |_| ControlFlow::Continue(());
-    let (fitted, _) = rig.fit(std::slice::from_ref(&motion), watch);
+    let observer = &mut |_| ControlFlow::Continue(());
+    let (fitted, _) = rig.fit(std::slice::from_ref(&motion), observer);
     let baseline = fitted.into_iter().map(Motion::from_rotations);
-    let baseline = baseline.collect::<Result<Vec<_>, _>>().map_err(broken)?;
+    let baseline = baseline
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(motion_error)?;
     let mut variations = Vec::with_capacity(options.count);
-    for factors in draw(options, place) {
+    for factors in draw_factors(options, index) {
         let scale = Scale::new(factors);
         let scale =
             scale.map_err(|error: ScaleError| VariationError::Options(error.to_string()))?;
         let guided = rig
-            .guide(&baseline, &baseline, &[Goals::from(scale)], watch)
+            .guide(&baseline, &baseline, &[Goals::from(scale)], observer)
             .map_err(|reason| VariationError::Guide {
                 name: entry.name.clone(),
                 reason,
@@ -236,8 +248,8 @@ fn vary_one(
     Ok(variations)
 }
 
-/// Notes in the folder whose work it holds, or compares it with what is noted.
-fn claim_folder(
+/// Writes the identity of the work to a new work folder, or compares it with the one that the folder holds.
+fn check_work_folder(
     dataset: &Dataset,
     options: &VariationOptions,
     entries: &[usize],
@@ -252,11 +264,11 @@ fn claim_folder(
     let frames: usize = { entries.iter() }
         .map(|&entry| dataset.entries()[entry].frames)
         .sum();
-    let own = json!({ "options": options, "motions": entries.len(), "frames": frames });
-    claim(&path, &own).map_err(|error| match error {
-        ClaimError::Io(reason) => io(&path, reason),
-        ClaimError::Format(reason) => io(&path, reason.into()),
-        ClaimError::Other { expected, found } => VariationError::OtherWork {
+    let identity = json!({ "options": options, "motions": entries.len(), "frames": frames });
+    write_or_check_identity(&path, &identity).map_err(|error| match error {
+        IdentityError::Io(reason) => io(&path, reason),
+        IdentityError::Format(reason) => io(&path, reason.into()),
+        IdentityError::Mismatch { expected, found } => VariationError::OtherWork {
             path: work.to_owned(),
             expected,
             found,
@@ -264,7 +276,8 @@ fn claim_folder(
     })
 }
 
-fn write(path: &Path, variations: &[Rows]) -> Result<(), VariationError> {
+/// Writes the variations of a motion, `[variations, frames, features]`.
+fn write(path: &Path, variations: &[PoseRows]) -> Result<(), VariationError> {
     let frames = variations[0].len();
     let values: Vec<f32> = { variations.iter() }
         .flat_map(|rows| rows.as_flattened().iter().copied())
@@ -276,11 +289,12 @@ fn write(path: &Path, variations: &[Rows]) -> Result<(), VariationError> {
     )?)
 }
 
+/// Reads the variations of a motion of so many frames.
 fn read(
     path: &Path,
     options: &VariationOptions,
     frames: usize,
-) -> Result<Vec<Rows>, VariationError> {
+) -> Result<Vec<PoseRows>, VariationError> {
     let array = npy::read(path)?;
     let expected = [options.count, frames, POSE_FEATURES];
     if array.shape != expected {

@@ -1,6 +1,6 @@
-//! Training small denoisers on motions made here.
+//! Training of small denoisers on synthetic motions.
 
-mod sittings;
+mod runs;
 
 use std::fs;
 use std::path::Path;
@@ -14,13 +14,13 @@ use lamogen_train::{
     DenoisingTask, LogLine, LossWeights, RunLength, RunOutcome, RunPlan, StepReport, TrainError,
     Trainer, TrainingConfig, TrainingTask, identity, run,
 };
+use runs::{StopAfter, tokens};
 use serde_json::json;
-use sittings::{StopAfter, tokens};
 
-/// What the motions swing with, and how that is called.
+/// The kinds of motions: a name, and the pace of the swing in radians per frame.
 const KINDS: [(&str, f32); 3] = [("slow", 0.1), ("quick", 0.4), ("very quick", 0.9)];
 
-/// HumanML3D's folder with motions of three kinds, for training and for validation.
+/// Writes motions of three kinds in HumanML3D's form, for training and for validation, and opens the data set.
 fn dataset(folder: &Path) -> Dataset {
     let _ = fs::create_dir_all(folder.join("new_joint_vecs"));
     let _ = fs::create_dir_all(folder.join("texts"));
@@ -67,12 +67,13 @@ fn config(prediction: &str) -> TrainingConfig {
     TrainingConfig::from_json(config.to_string().as_bytes(), "test").unwrap()
 }
 
-fn sitting(
+/// Starts or resumes a run of 12 steps, and stops it after `stop` of them.
+fn train(
     config: &TrainingConfig,
     data: &Path,
     out: &Path,
     stop: Option<u64>,
-    every: Duration,
+    checkpoint_every: Duration,
 ) -> Result<RunOutcome, TrainError> {
     let dataset = dataset(data);
     let tokens = tokens(&dataset, 12);
@@ -81,7 +82,7 @@ fn sitting(
     let plan = RunPlan {
         length: RunLength::Steps(12),
         validate_every: 5,
-        checkpoint_every: every,
+        checkpoint_every,
     };
     let identity = identity("denoiser", config, &dataset, &tokens);
     run(&task, out, &identity, &plan, &device, &mut StopAfter(stop))
@@ -89,7 +90,7 @@ fn sitting(
 
 const NEVER: Duration = Duration::from_secs(3600);
 
-/// The files that a run ends with.
+/// Reads the files that a finished run leaves.
 fn results(out: &Path) -> Vec<(String, Vec<u8>)> {
     let names = [
         "losses.jsonl",
@@ -104,14 +105,15 @@ fn results(out: &Path) -> Vec<(String, Vec<u8>)> {
     names.map(read).into_iter().collect()
 }
 
-fn same(a: &Path, b: &Path, how: &str) {
+/// Asserts that two runs left the same files.
+fn assert_same_results(a: &Path, b: &Path, case: &str) {
     for ((name, a), (_, b)) in results(a).into_iter().zip(results(b)) {
-        assert!(a == b, "{how}: {name} differs");
+        assert!(a == b, "{case}: {name} differs");
     }
 }
 
 #[test]
-fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
+fn a_resumed_run_ends_like_one_that_was_not_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut config = config("sample");
@@ -122,48 +124,48 @@ fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
     };
     let data = folder.join("data");
     let whole = folder.join("whole");
-    let ended = sitting(&config, &data, &whole, None, NEVER).unwrap();
-    assert!(ended.finished && ended.progress.step == 12 && ended.best <= ended.last);
+    let outcome = train(&config, &data, &whole, None, NEVER).unwrap();
+    assert!(outcome.finished && outcome.progress.step == 12 && outcome.best <= outcome.last);
 
-    // Stopped at every third step, with a checkpoint.
+    // The run is stopped after every third step, with a checkpoint.
     let stopped = folder.join("stopped");
     for step in [3, 6, 9] {
-        let ended = sitting(&config, &data, &stopped, Some(3), NEVER).unwrap();
-        assert!(!ended.finished && ended.progress.step == step);
+        let outcome = train(&config, &data, &stopped, Some(3), NEVER).unwrap();
+        assert!(!outcome.finished && outcome.progress.step == step);
     }
-    let ended = sitting(&config, &data, &stopped, None, NEVER).unwrap();
-    assert!(ended.finished && ended.progress.resumed_at == 9);
-    same(&whole, &stopped, "stopped thrice");
+    let outcome = train(&config, &data, &stopped, None, NEVER).unwrap();
+    assert!(outcome.finished && outcome.progress.resumed_at == 9);
+    assert_same_results(&whole, &stopped, "stopped three times");
 
-    // A machine that was lost: the last checkpoint is older than the log and the models, and one was being written.
+    // A lost machine: the last checkpoint is older than the log and the models, and another one is unfinished.
     let lost = folder.join("lost");
-    sitting(&config, &data, &lost, Some(7), NEVER).unwrap();
+    train(&config, &data, &lost, Some(7), NEVER).unwrap();
     let newest = lost.join("checkpoints/step-00000007");
     let kept = folder.join("kept");
     fs::rename(&newest, &kept).unwrap();
-    let ended = sitting(&config, &data, &lost, Some(10), NEVER).unwrap();
-    assert_eq!(ended.progress.resumed_at, 0, "no checkpoint is left");
+    let outcome = train(&config, &data, &lost, Some(10), NEVER).unwrap();
+    assert_eq!(outcome.progress.resumed_at, 0, "no checkpoint is left");
     fs::remove_dir_all(lost.join("checkpoints")).unwrap();
     fs::create_dir_all(lost.join("checkpoints/.step-00000010")).unwrap();
     fs::rename(&kept, &newest).unwrap();
-    let ended = sitting(&config, &data, &lost, None, NEVER).unwrap();
-    assert_eq!((ended.progress.resumed_at, ended.finished), (7, true));
-    same(&whole, &lost, "lost");
+    let outcome = train(&config, &data, &lost, None, NEVER).unwrap();
+    assert_eq!((outcome.progress.resumed_at, outcome.finished), (7, true));
+    assert_same_results(&whole, &lost, "lost");
 
     let unfinished = lost.join("checkpoints/.step-00000010");
-    assert!(!unfinished.exists(), "what was half written is removed");
+    assert!(!unfinished.exists(), "unfinished checkpoints are removed");
 
-    // Nothing is left to do.
-    let ended = sitting(&config, &data, &whole, None, NEVER).unwrap();
-    assert!(ended.finished && ended.progress.resumed_at == 12);
-    same(&whole, &stopped, "asked again");
+    // A finished run has nothing left to do.
+    let outcome = train(&config, &data, &whole, None, NEVER).unwrap();
+    assert!(outcome.finished && outcome.progress.resumed_at == 12);
+    assert_same_results(&whole, &stopped, "called again");
 }
 
 #[test]
 fn two_checkpoints_are_kept() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
-    sitting(&config("sample"), &data, &out, None, Duration::ZERO).unwrap();
+    train(&config("sample"), &data, &out, None, Duration::ZERO).unwrap();
     let mut names: Vec<_> = fs::read_dir(out.join("checkpoints"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -173,15 +175,15 @@ fn two_checkpoints_are_kept() {
 }
 
 #[test]
-fn a_folder_with_another_run_is_refused_and_stays() {
+fn a_folder_with_another_run_is_refused_and_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
     let first = config("sample");
-    sitting(&first, &data, &out, Some(2), NEVER).unwrap();
+    train(&first, &data, &out, Some(2), NEVER).unwrap();
     let before = fs::read(out.join("losses.jsonl")).unwrap();
     let mut other = first.clone();
     other.optimization.learning_rate = 1e-3;
-    let error = sitting(&other, &data, &out, None, NEVER).unwrap_err();
+    let error = train(&other, &data, &out, None, NEVER).unwrap_err();
     let message = error.to_string();
     for part in ["optimization.learning_rate", "0.001", "0.004", "run.json"] {
         assert!(message.contains(part), "{part} is not in {message}");
@@ -193,11 +195,11 @@ fn a_folder_with_another_run_is_refused_and_stays() {
 fn a_damaged_checkpoint_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
-    sitting(&config("sample"), &data, &out, Some(2), NEVER).unwrap();
+    train(&config("sample"), &data, &out, Some(2), NEVER).unwrap();
     let path = out.join("checkpoints/step-00000002/moment_2.bpk");
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    let error = train(&config("sample"), &data, &out, None, NEVER).unwrap_err();
     assert!(matches!(error, TrainError::Checkpoint { .. }), "{error}");
     assert!(error.to_string().contains("moment_2.bpk"), "{error}");
 }
@@ -219,7 +221,7 @@ fn every_kind_of_prediction_learns_the_clean_motion() {
         let after = task.validate(trainer.average()).unwrap();
         let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
         let (first, last) = (mean(&losses[..10]), mean(&losses[110..]));
-        // Noise has more dimensions than the network has channels.
+        // Noise is harder to predict: it has more dimensions than the network has channels.
         let share = if prediction == "epsilon" { 0.95 } else { 0.8 };
         assert!(last < share * first, "{prediction}: {first} to {last}");
         assert!(after < share * before, "{prediction}: {before} to {after}");
@@ -227,7 +229,7 @@ fn every_kind_of_prediction_learns_the_clean_motion() {
 }
 
 #[test]
-fn losses_of_motion_fall_too() {
+fn the_losses_of_the_clean_motion_fall_too() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset, 12);
@@ -274,7 +276,7 @@ fn losses_of_motion_fall_too() {
             .collect();
         let last = reports[49..].iter().map(other).sum::<f64>() / 10.0;
         match name {
-            // A network that starts with the mean pose has feet that do not slide.
+            // The network starts with the mean pose, whose feet do not slide, so that this loss does not fall.
             "foot_contact" => assert!(last.is_finite() && last > 0.0, "{name}: {last}"),
             _ => assert!(last < other(&first), "{name}: {} to {last}", other(&first)),
         }
@@ -282,11 +284,11 @@ fn losses_of_motion_fall_too() {
 }
 
 #[test]
-fn what_a_run_leaves_is_a_model() {
+fn a_run_leaves_a_model_that_can_be_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
     let config = config("v_prediction");
-    sitting(&config, &data, &out, None, NEVER).unwrap();
+    train(&config, &data, &out, None, NEVER).unwrap();
     let checkpoint = Checkpoint::open(out.join("model/model.safetensors")).unwrap();
     let saved = fs::read(out.join("model/config.json")).unwrap();
     let sizes = lamogen_model::ModelConfig::from_json(&saved, "config.json").unwrap();
@@ -307,7 +309,7 @@ fn what_a_run_leaves_is_a_model() {
 }
 
 #[test]
-fn motions_that_no_network_of_the_config_fits_are_an_error() {
+fn motions_that_are_too_short_for_the_network_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset, 12);
@@ -324,16 +326,16 @@ fn motions_that_no_network_of_the_config_fits_are_an_error() {
 }
 
 #[test]
-fn a_folder_is_one_processs_own() {
+fn two_processes_cannot_train_in_one_folder() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
     fs::create_dir_all(&out).unwrap();
     let lock = fs::File::create(out.join(".lock")).unwrap();
     lock.lock().unwrap();
-    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    let error = train(&config("sample"), &data, &out, None, NEVER).unwrap_err();
     assert!(matches!(error, TrainError::Busy { .. }), "{error}");
     drop(lock);
-    sitting(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
+    train(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
 }
 
 #[test]
@@ -341,8 +343,8 @@ fn lines_of_losses_after_the_checkpoint_may_be_damaged_but_none_before() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));
     let whole = folder.path().join("whole");
-    sitting(&config("sample"), &data, &whole, None, NEVER).unwrap();
-    sitting(&config("sample"), &data, &out, Some(4), NEVER).unwrap();
+    train(&config("sample"), &data, &whole, None, NEVER).unwrap();
+    train(&config("sample"), &data, &out, Some(4), NEVER).unwrap();
     let path = out.join("losses.jsonl");
     let good = fs::read(&path).unwrap();
     fs::write(
@@ -350,18 +352,18 @@ fn lines_of_losses_after_the_checkpoint_may_be_damaged_but_none_before() {
         [&good[..], b"{\"step\":5,\"lo\0\0\0\n\xff\n"].concat(),
     )
     .unwrap();
-    sitting(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
+    train(&config("sample"), &data, &out, Some(1), NEVER).unwrap();
     fs::write(&path, &good[..good.len() / 2]).unwrap();
-    let error = sitting(&config("sample"), &data, &out, None, NEVER).unwrap_err();
+    let error = train(&config("sample"), &data, &out, None, NEVER).unwrap_err();
     assert!(error.to_string().contains("losses.jsonl"), "{error}");
     let restored = fs::read(whole.join("losses.jsonl")).unwrap();
     fs::write(&path, restored).unwrap();
-    sitting(&config("sample"), &data, &out, None, NEVER).unwrap();
-    same(&whole, &out, "mended");
+    train(&config("sample"), &data, &out, None, NEVER).unwrap();
+    assert_same_results(&whole, &out, "repaired");
 }
 
 #[test]
-fn longer_motions_are_seen_in_parts() {
+fn longer_motions_are_used_in_parts() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset, 12);
@@ -375,7 +377,7 @@ fn longer_motions_are_seen_in_parts() {
     assert!(task.validate(trainer.average()).unwrap().is_finite());
 }
 
-/// A config with every condition: captions in other words and left out, Laban features, sentences.
+/// A config with every condition: paraphrased captions, captions that are left out, Laban features, sentences.
 fn with_conditions() -> TrainingConfig {
     let mut config = config("sample");
     config.denoising = lamogen_train::DenoisingConfig {
@@ -400,7 +402,7 @@ fn sentences(folder: &Path, tokens: &lamogen_train::CaptionTokens) -> lamogen_tr
 }
 
 #[test]
-fn conditions_are_learned_and_a_run_with_them_goes_on_where_it_was_stopped() {
+fn conditions_are_learned_and_a_run_with_them_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let data = dataset(&folder.join("data"));
@@ -417,16 +419,16 @@ fn conditions_are_learned_and_a_run_with_them_goes_on_where_it_was_stopped() {
         checkpoint_every: NEVER,
     };
     let identity = identity("denoiser", &config, &data, &tokens);
-    let go = |out: &str, stop| {
+    let train = |out: &str, stop| {
         let out = folder.join(out);
         run(&task, &out, &identity, &plan, &device, &mut StopAfter(stop)).unwrap()
     };
-    go("whole", None);
-    go("parts", Some(7));
-    go("parts", None);
+    train("whole", None);
+    train("parts", Some(7));
+    train("parts", None);
     let [whole, parts] = ["whole", "parts"].map(|name| folder.join(name));
-    same(&whole, &parts, "with conditions");
-    // The loss has a part of the sentences, and the folder what its user needs.
+    assert_same_results(&whole, &parts, "with conditions");
+    // The total loss includes that of the sentences, and the folder has all files of a model.
     let losses = LogLine::read(whole.join("losses.jsonl")).unwrap();
     let steps = losses.iter().filter_map(|line| match line {
         LogLine::Step(report) => Some(report),
@@ -443,7 +445,7 @@ fn conditions_are_learned_and_a_run_with_them_goes_on_where_it_was_stopped() {
 }
 
 #[test]
-fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
+fn the_target_of_guidance_distillation_depends_on_the_text() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path());
     let tokens = tokens(&data, 12);
@@ -455,15 +457,15 @@ fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
         let task = task.with_start(first.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };
-    // A fresh network says the same to every sentence, so that nothing is added.
+    // A network with initial weights predicts the same for every sentence, so that guidance has no effect.
     let plain = loss_at(&config);
     config.denoising.text_scale = 3.0;
     assert!((loss_at(&config) - plain).abs() < 1e-6 * plain);
-    // One that tells sentences apart gets another target.
-    let told = MotionDiffuse::new(&config.model, &device);
+    // A network that distinguishes sentences changes the target.
+    let text_dependent = MotionDiffuse::new(&config.model, &device);
     let loss_at = |config: &TrainingConfig| {
         let task = DenoisingTask::new(&data, &tokens, config, &device).unwrap();
-        let task = task.with_start(told.clone()).unwrap();
+        let task = task.with_start(text_dependent.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };
     let scaled = loss_at(&config);
@@ -472,7 +474,7 @@ fn a_network_learns_what_classifier_free_guidance_makes_of_another() {
 }
 
 #[test]
-fn files_of_sentences_that_do_not_fit_are_refused() {
+fn files_of_sentences_that_do_not_fit_together_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path());
     let tokens = tokens(&data, 12);
@@ -496,7 +498,7 @@ fn files_of_sentences_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn the_recipes_that_come_with_the_library_make_sense() {
+fn the_recipes_of_the_library_are_valid() {
     for name in ["compact", "compact-finish", "open", "open-finish"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.json"));
         let config = TrainingConfig::from_file(path).unwrap();

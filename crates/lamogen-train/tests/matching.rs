@@ -1,14 +1,14 @@
-//! Training small evaluators on motions made here.
+//! Training of small evaluators on synthetic motions.
 
 mod common;
-mod sittings;
+mod runs;
 
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 use burn::tensor::Device;
-use common::{Clip, packed};
+use common::{Clip, pack_clips};
 use lamogen_data::{Dataset, Split};
 use lamogen_eval::{CaptionedMotions, Evaluator, real_motions};
 use lamogen_motion::POSE_FEATURES;
@@ -16,8 +16,8 @@ use lamogen_train::{
     EvaluatorTrainingConfig, MatchingError, MatchingTask, Negatives, RunLength, RunOutcome,
     RunPlan, StepReport, TrainError, Trainer, TrainingTask, captioned, identity, run,
 };
+use runs::{StopAfter, tokens};
 use serde_json::json;
-use sittings::{StopAfter, tokens};
 
 const PACES: [(&str, f32); 4] = [
     ("slowly", 0.1),
@@ -27,7 +27,7 @@ const PACES: [(&str, f32); 4] = [
 ];
 const REACHES: [(&str, f32); 2] = [("a little", 0.05), ("widely", 0.2)];
 
-/// Motions of eight kinds, four for training and two for validation of each.
+/// A data set of eight kinds of motions, each with four motions for training and two for validation.
 fn dataset(folder: &Path) -> Dataset {
     let mut clips = Vec::new();
     for number in 0..6 {
@@ -48,7 +48,7 @@ fn dataset(folder: &Path) -> Dataset {
             }
         }
     }
-    packed(folder, &clips)
+    pack_clips(folder, &clips)
 }
 
 fn config() -> EvaluatorTrainingConfig {
@@ -65,11 +65,11 @@ fn config() -> EvaluatorTrainingConfig {
 }
 
 #[test]
-fn motions_find_their_texts_and_a_judge_is_left() {
+fn motions_find_their_texts_and_the_evaluator_can_be_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(&folder.path().join("data"));
     let tokens = tokens(&dataset, 40);
-    // One other motion a text teaches less than seven.
+    // One negative per text needs more steps than seven.
     for (others, steps) in [(Negatives::All, 100), (Negatives::One, 300)] {
         let mut config = config();
         config.matching.others = others;
@@ -85,7 +85,7 @@ fn motions_find_their_texts_and_a_judge_is_left() {
         };
         let (first, last) = (mean(&reports[..5]), mean(&reports[reports.len() - 10..]));
         assert!(last < 0.5 * first, "{others:?}: {first} to {last}");
-        // Eight kinds to choose from: by chance 1, 2 and 3 of 8.
+        // With eight kinds, chance gives the R-precisions 1/8, 2/8 and 3/8.
         let after = task.validate(trainer.average()).unwrap();
         assert!(
             before > 0.6 && after < 0.3,
@@ -108,11 +108,11 @@ fn motions_find_their_texts_and_a_judge_is_left() {
 }
 
 #[test]
-fn a_seed_means_one_network() {
+fn a_seed_determines_the_network() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let tokens = tokens(&dataset, 40);
-    let train = |seed: u64| {
+    let trained_weights = |seed: u64| {
         let mut config = config();
         config.optimization.seed = seed;
         let task = MatchingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
@@ -124,12 +124,19 @@ fn a_seed_means_one_network() {
         task.save(trainer.average(), out.path()).unwrap();
         fs::read(out.path().join("model.safetensors")).unwrap()
     };
-    let first = train(1);
-    assert!(first == train(1), "the same seed gives other weights");
-    assert!(first != train(2), "another seed gives the same weights");
+    let first = trained_weights(1);
+    assert!(
+        first == trained_weights(1),
+        "the same seed gives other weights"
+    );
+    assert!(
+        first != trained_weights(2),
+        "another seed gives the same weights"
+    );
 }
 
-fn sitting(data: &Path, out: &Path, stop: Option<u64>) -> Result<RunOutcome, TrainError> {
+/// Starts or resumes a run of 10 steps, and stops it after `stop` of them.
+fn train(data: &Path, out: &Path, stop: Option<u64>) -> Result<RunOutcome, TrainError> {
     let (dataset, config) = (dataset(data), config());
     let tokens = tokens(&dataset, 40);
     let task = MatchingTask::new(&dataset, &tokens, &config, &Device::flex()).unwrap();
@@ -144,18 +151,15 @@ fn sitting(data: &Path, out: &Path, stop: Option<u64>) -> Result<RunOutcome, Tra
 }
 
 #[test]
-fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
+fn a_resumed_run_ends_like_one_that_was_not_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let [data, whole, stopped] = ["data", "whole", "stopped"].map(|name| folder.path().join(name));
-    assert!(sitting(&data, &whole, None).unwrap().finished);
+    assert!(train(&data, &whole, None).unwrap().finished);
     for step in [3, 6] {
-        let ended = sitting(&data, &stopped, Some(3)).unwrap();
-        assert!(!ended.finished && ended.progress.step == step);
+        let outcome = train(&data, &stopped, Some(3)).unwrap();
+        assert!(!outcome.finished && outcome.progress.step == step);
     }
-    assert_eq!(
-        sitting(&data, &stopped, None).unwrap().progress.resumed_at,
-        6
-    );
+    assert_eq!(train(&data, &stopped, None).unwrap().progress.resumed_at, 6);
     for name in [
         "losses.jsonl",
         "model/model.safetensors",
@@ -171,7 +175,7 @@ fn a_run_that_is_stopped_and_goes_on_ends_as_one_that_is_not() {
 }
 
 #[test]
-fn what_cannot_be_learned_from_is_an_error() {
+fn unusable_data_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let config = config();
     let problem = |dataset: &Dataset, context_length: usize| {
@@ -190,7 +194,7 @@ fn what_cannot_be_learned_from_is_an_error() {
     );
     assert!(sizes, "{error}");
 
-    // Three motions of which any two are said to be the same.
+    // Three motions of which any two have a caption in common.
     let clip = |captions: &[&str], frames: usize| Clip {
         split: "train",
         content: None,
@@ -205,7 +209,7 @@ fn what_cannot_be_learned_from_is_an_error() {
         clip(&["Someone goes.", "a dog runs"], 44),
         clip(&["a dog runs", "a man walks"], 64),
     ];
-    let same = packed(&folder.path().join("same"), &clips);
+    let same = pack_clips(&folder.path().join("same"), &clips);
     let error = problem(&same, 40).to_string();
     for part in ["at least 2", "4 to 63 frames", "none among 3"] {
         assert!(error.contains(part), "{part} is not in: {error}");

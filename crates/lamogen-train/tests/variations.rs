@@ -1,4 +1,4 @@
-//! Variations of motions: made, kept, gone on with.
+//! Making variations of motions, and resuming the work after a stop.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -10,7 +10,7 @@ use lamogen_laban::{LabanOptions, LabanSeries};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, RestPose, Rotations};
 use lamogen_train::{VariationError, VariationOptions, vary};
 
-/// Somebody who stands and swings the arms.
+/// A motion of somebody who stands and swings the arms.
 fn swinging(frames: usize, pace: f32) -> Motion {
     let pose = |frame: usize| {
         let mut local = [[0.0, 0.0, 0.0, 1.0]; JOINTS];
@@ -55,7 +55,7 @@ fn means(rows: &[[f32; 263]]) -> [f32; 4] {
 }
 
 #[test]
-fn variations_have_other_features_and_work_goes_on_after_a_stop() {
+fn variations_have_other_features_and_stopped_work_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path());
     let options = VariationOptions {
@@ -72,8 +72,8 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
         &all,
     )
     .unwrap();
-    let whole = whole.expect("nobody stopped it");
-    // Of the two originals for training; their mirror images share them.
+    let whole = whole.expect("the work was not stopped");
+    // Only the two original motions of the training split have variations; mirror images have none of their own.
     assert_eq!(whole.len(), 2 * 4);
     let (mut far, mut followed) = (0, 0);
     for variation in &whole {
@@ -83,18 +83,18 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
         data.features(entry, 0..entry.frames, &mut rows);
         let before = means(rows.as_chunks().0);
         let after = means(&variation.rows);
-        let asked: Vec<f32> = { variation.note.rsplit('[').next().unwrap() }
+        let factors: Vec<f32> = { variation.note.rsplit('[').next().unwrap() }
             .trim_end_matches(']')
             .split(", ")
             .map(|number| number.parse().unwrap())
             .collect();
-        assert_eq!(asked.len(), 4, "{}", variation.note);
-        for ((asked, before), after) in asked.iter().zip(before).zip(after) {
+        assert_eq!(factors.len(), 4, "{}", variation.note);
+        for ((factor, before), after) in factors.iter().zip(before).zip(after) {
             let found = after / before;
-            // What one component is to become may be at odds with another; mostly the way is right where it is far.
-            if asked.ln().abs() > 0.4 {
+            // Goals of two components may conflict; mostly, the change has the right direction if the factor is far from 1.
+            if factor.ln().abs() > 0.4 {
                 far += 1;
-                followed += usize::from(asked.ln() * found.ln() > 0.0);
+                followed += usize::from(factor.ln() * found.ln() > 0.0);
             }
         }
     }
@@ -103,10 +103,10 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
         "{followed} of {far} factors far from 1 were followed"
     );
 
-    // Stopped after the first motion, and begun again: nothing is made twice, and the end is the same.
-    let made = AtomicUsize::new(0);
+    // The work is stopped after the first motion and resumed: the result is the same.
+    let finished = AtomicUsize::new(0);
     let first = |_, _| {
-        made.fetch_add(1, Ordering::Relaxed);
+        finished.fetch_add(1, Ordering::Relaxed);
         ControlFlow::Break(())
     };
     let pool = rayon::ThreadPoolBuilder::new()
@@ -117,11 +117,11 @@ fn variations_have_other_features_and_work_goes_on_after_a_stop() {
         .install(|| vary(&data, &options, &work, &Device::flex(), &first))
         .unwrap();
     assert!(stopped.is_none());
-    assert_eq!(made.load(Ordering::Relaxed), 1);
-    let on = vary(&data, &options, &work, &Device::flex(), &all)
+    assert_eq!(finished.load(Ordering::Relaxed), 1);
+    let resumed = vary(&data, &options, &work, &Device::flex(), &all)
         .unwrap()
         .unwrap();
-    assert_eq!(on, whole);
+    assert_eq!(resumed, whole);
 
     let other = VariationOptions { seed: 1, ..options };
     let refused = vary(&data, &other, &work, &Device::flex(), &all).unwrap_err();

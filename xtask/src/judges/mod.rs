@@ -1,6 +1,6 @@
-//! Outside programs judge what lamogen writes.
+//! Checks of the files that lamogen writes by other programs, the judges.
 
-mod exhibits;
+mod files;
 mod motions;
 
 use std::error::Error;
@@ -10,19 +10,19 @@ use std::process::{Command, ExitCode, Stdio};
 use lamogen_motion::write_atomically;
 use serde_json::json;
 
-use exhibits::Exhibits;
+use files::JudgedFiles;
 
-/// Where files and pictures are.
+/// The folder of the files and pictures.
 const FOLDER: &str = "target/judges";
-/// The scripts that the judges run, and what these need of npm, beside this crate's sources.
+/// The scripts of the judges and their npm package file, in the folder `judges` of this crate.
 const SCRIPTS: [&str; 4] = ["package.json", "validate.mjs", "page.mjs", "blender.py"];
-/// Commands that fail where something is missing, and the Debian package that brings it.
-const NEEDED: [(&[&str], &str); 5] = [
+/// The required programs: a command that fails if the program is missing, and the Debian package that contains it.
+const REQUIRED_PROGRAMS: [(&[&str], &str); 5] = [
     (&["node", "--version"], "nodejs"),
     (&["npm", "--version"], "npm"),
     (&["chromium", "--version"], "chromium"),
     (&["blender", "--version"], "blender"),
-    // Its glTF importer's, which Debian only suggests.
+    // Blender's glTF importer needs numpy, which the Debian package of Blender only suggests.
     (
         &[
             "blender",
@@ -36,23 +36,23 @@ const NEEDED: [(&[&str], &str); 5] = [
     ),
 ];
 
-/// How far joints may be from where they should be, in metres.
+/// The largest accepted distance in metres between a joint and the expected joint.
 const TOLERANCE: f32 = 0.002;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Asked about the exhibits; the folder is that of the scripts.
-type Judge = fn(&Path, &Exhibits) -> Result<()>;
+/// A check of the files by another program. The path is the folder of the scripts.
+type Judge = fn(&Path, &JudgedFiles) -> Result<()>;
 const JUDGES: [(&str, Judge); 3] = [
-    ("glTF validator", validator),
-    ("Blender", blender),
-    ("the page in a browser", browser),
+    ("glTF validator", check_with_validator),
+    ("Blender", check_with_blender),
+    ("the page in a browser", check_in_browser),
 ];
 
-/// Writes motions in all formats, then asks every judge; fails if a judge is not installed, cannot be asked, or
-/// finds fault.
+/// Writes motions in all formats and lets every judge check them. Fails if a judge is not installed, cannot be run, or finds an
+/// error.
 pub fn run() -> ExitCode {
-    let missing: Vec<&str> = NEEDED
+    let missing: Vec<&str> = REQUIRED_PROGRAMS
         .into_iter()
         .filter(|(command, _)| !succeeds(command))
         .map(|(_, package)| package)
@@ -65,29 +65,29 @@ pub fn run() -> ExitCode {
         return ExitCode::FAILURE;
     }
     let folder = Path::new(FOLDER);
-    let (exhibits, scripts) = match Exhibits::write(folder)
-        .and_then(|exhibits| Ok((exhibits, install(&folder.join("scripts"))?)))
+    let (files, scripts) = match JudgedFiles::write(folder)
+        .and_then(|files| Ok((files, install_scripts(&folder.join("scripts"))?)))
     {
-        Ok(ready) => ready,
+        Ok(written) => written,
         Err(error) => {
             eprintln!("error: {error}");
             return ExitCode::FAILURE;
         }
     };
-    let mut verdict = ExitCode::SUCCESS;
+    let mut exit_code = ExitCode::SUCCESS;
     for (name, judge) in JUDGES {
         println!("\n== {name}");
-        if let Err(error) = judge(&scripts, &exhibits) {
+        if let Err(error) = judge(&scripts, &files) {
             eprintln!("error: {name}: {error}");
-            verdict = ExitCode::FAILURE;
+            exit_code = ExitCode::FAILURE;
         }
     }
     println!("\nfiles and pictures are in {FOLDER}");
-    verdict
+    exit_code
 }
 
-/// Copies the scripts to where npm may install what they need.
-fn install(folder: &Path) -> Result<PathBuf> {
+/// Copies the scripts to a folder, and installs their npm packages there. Returns the folder.
+fn install_scripts(folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder)?;
     for name in SCRIPTS {
         let from = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -99,32 +99,32 @@ fn install(folder: &Path) -> Result<PathBuf> {
     let mut npm = Command::new("npm");
     npm.args(["install", "--no-audit", "--no-fund"])
         .current_dir(folder);
-    passes(npm.stdout(Stdio::null()))?;
+    run_command(npm.stdout(Stdio::null()))?;
     Ok(folder.to_owned())
 }
 
-/// Khronos' glTF validator: no error, no warning.
-fn validator(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
+/// Checks that Khronos' glTF validator finds no error and no warning.
+fn check_with_validator(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     let mut node = Command::new("node");
     node.arg(scripts.join("validate.mjs"));
-    for take in &exhibits.takes {
-        node.arg(&take.glb).arg(&take.bare_glb);
+    for motion in &files.motions {
+        node.arg(&motion.glb).arg(&motion.bare_glb);
     }
-    passes(&mut node)
+    run_command(&mut node)
 }
 
-/// Blender's importers: every joint where it should be at every frame, and pictures. Then what Blender exports,
-/// read by lamogen.
-fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
+/// Checks that Blender imports every joint at its expected position in every frame, and lets Blender draw pictures. Then lamogen
+/// reads the files that Blender exports, and their joints are checked as well.
+fn check_with_blender(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     let mut work = Vec::new();
-    for take in &exhibits.takes {
-        // Blender writes pictures to a folder of its own unless told the whole path.
-        let picture = std::path::absolute(take.glb.with_extension("png"))?;
-        let (joints, again) = (&take.joints, &take.again_glb);
+    for motion in &files.motions {
+        // Without an absolute path, Blender writes pictures to another folder.
+        let picture = std::path::absolute(motion.glb.with_extension("png"))?;
+        let (joints, again) = (&motion.joints, &motion.reexported_glb);
         work.extend([
-            json!({ "file": take.glb, "joints": joints, "again": again, "picture": picture }),
-            json!({ "file": take.bare_glb, "joints": joints, "again": null, "picture": null }),
-            json!({ "file": take.bvh, "joints": joints, "again": null, "picture": null }),
+            json!({ "file": motion.glb, "joints": joints, "again": again, "picture": picture }),
+            json!({ "file": motion.bare_glb, "joints": joints, "again": null, "picture": null }),
+            json!({ "file": motion.bvh, "joints": joints, "again": null, "picture": null }),
         ]);
     }
     let list = Path::new(FOLDER).join("blender.json");
@@ -135,7 +135,7 @@ fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
         .arg("--")
         .arg(&list)
         .output()?;
-    // Blender talks a lot; what it says beside the verdicts is kept for when they are bad.
+    // Blender prints much besides the verdicts; the whole output is kept in a log file for the case of an error.
     let log = Path::new(FOLDER).join("blender.log");
     std::fs::write(&log, [&output.stdout[..], &output.stderr[..]].concat())?;
     let text = String::from_utf8_lossy(&output.stdout);
@@ -147,31 +147,32 @@ fn blender(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
     if !output.status.success() || verdicts.len() != work.len() {
         return Err(format!("{}; more in {}", output.status, log.display()).into());
     }
-    for take in &exhibits.takes {
-        let gap = take.gap_again()?;
-        let name = take.again_glb.display();
+    for motion in &files.motions {
+        let error = motion.reexport_error()?;
+        let name = motion.reexported_glb.display();
         println!(
             "{name}, exported by Blender and read again: {:.4} mm at most",
-            1000.0 * gap
+            1000.0 * error
         );
-        if gap > TOLERANCE {
+        if error > TOLERANCE {
             return Err(format!("{name}: expected at most {TOLERANCE} m").into());
         }
     }
     Ok(())
 }
 
-/// The page, used in Chromium as people use it.
-fn browser(scripts: &Path, exhibits: &Exhibits) -> Result<()> {
-    passes(
+/// Checks the page by using it in Chromium as people use it.
+fn check_in_browser(scripts: &Path, files: &JudgedFiles) -> Result<()> {
+    run_command(
         Command::new("node")
             .arg(scripts.join("page.mjs"))
-            .arg(&exhibits.page)
+            .arg(&files.page)
             .arg(Path::new(FOLDER).join("page")),
     )
 }
 
-fn passes(command: &mut Command) -> Result<()> {
+/// Runs a command; its failure is an error.
+fn run_command(command: &mut Command) -> Result<()> {
     let program = command.get_program().to_string_lossy().into_owned();
     let status = command
         .status()
@@ -182,6 +183,7 @@ fn passes(command: &mut Command) -> Result<()> {
     }
 }
 
+/// Returns whether a command succeeds, without showing its output.
 fn succeeds(command: &[&str]) -> bool {
     let mut program = Command::new(command[0]);
     program

@@ -1,4 +1,4 @@
-//! Motions made of formulas, for judging files: they go through all headings and upside down.
+//! Motions from formulas for checking files. They pass through all headings and turn upside down.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,14 +7,14 @@ use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
 use Joint::*;
 
-/// A pose: where the pelvis is, and how every joint is turned.
+/// A pose: the position of the pelvis, and the rotation of every joint relative to its parent.
 struct Pose {
     root: DVec3,
-    turn: [DQuat; JOINTS],
+    rotations: [DQuat; JOINTS],
 }
 
-/// Name and motion.
-pub fn all() -> Vec<(&'static str, Motion)> {
+/// Returns all motions with their names.
+pub fn named_motions() -> Vec<(&'static str, Motion)> {
     vec![
         ("walk", motion(60, walk)),
         ("turning", motion(100, turning)),
@@ -22,7 +22,7 @@ pub fn all() -> Vec<(&'static str, Motion)> {
     ]
 }
 
-/// Three steps a second and a half, forwards.
+/// Returns a pose of walking forwards, three steps in each second and a half.
 fn walk(time: f64) -> Pose {
     let phase = time * TAU;
     let mut pose = standing();
@@ -54,7 +54,7 @@ fn walk(time: f64) -> Pose {
     pose
 }
 
-/// Round twice on the spot, once each way, bowing.
+/// Returns a pose of turning on the spot, twice around in each direction, while bowing.
 fn turning(time: f64) -> Pose {
     let mut pose = standing();
     pose.bend(Pelvis, DVec3::Y, 2.0 * TAU * (time * TAU / 5.0).sin());
@@ -68,28 +68,28 @@ fn turning(time: f64) -> Pose {
     pose
 }
 
-/// Sideways over the hands, arms and legs spread.
+/// Returns a pose of a cartwheel: sideways over the hands, with arms and legs spread.
 fn cartwheel(time: f64) -> Pose {
     let part = (time / 3.0).clamp(0.0, 1.0);
     let mut pose = standing();
     let angle = -TAU * part;
-    pose.turn[Pelvis.index()] = DQuat::from_rotation_z(angle);
+    pose.rotations[Pelvis.index()] = DQuat::from_rotation_z(angle);
     pose.root = DVec3::new(2.2 * part, 0.93 + 0.1 * (1.0 - angle.cos()) / 2.0, 0.0);
     for (side, hip, shoulder) in [
         (1.0, LeftHip, LeftShoulder),
         (-1.0, RightHip, RightShoulder),
     ] {
-        pose.turn[shoulder.index()] = DQuat::from_rotation_z(side * 0.9);
+        pose.rotations[shoulder.index()] = DQuat::from_rotation_z(side * 0.9);
         pose.bend(hip, DVec3::Z, side * 0.6 * (part * TAU / 2.0).sin());
     }
     pose
 }
 
-/// Arms hanging.
+/// Returns a standing pose with hanging arms.
 fn standing() -> Pose {
     let mut pose = Pose {
         root: DVec3::Y * 0.93,
-        turn: [DQuat::IDENTITY; JOINTS],
+        rotations: [DQuat::IDENTITY; JOINTS],
     };
     pose.bend(LeftShoulder, DVec3::Z, 0.1 - FRAC_PI_2);
     pose.bend(RightShoulder, DVec3::Z, FRAC_PI_2 - 0.1);
@@ -97,29 +97,33 @@ fn standing() -> Pose {
 }
 
 impl Pose {
-    /// Turns a joint's limb about an axis of its parent, after what it did before.
+    /// Rotates a joint about an axis of its parent, after its previous rotation.
     fn bend(&mut self, joint: Joint, axis: DVec3, angle: f64) {
-        let turn = &mut self.turn[joint.index()];
-        *turn = DQuat::from_axis_angle(axis, angle) * *turn;
+        let rotation = &mut self.rotations[joint.index()];
+        *rotation = DQuat::from_axis_angle(axis, angle) * *rotation;
     }
 }
 
+/// Computes a motion from a function of the time in seconds.
 fn motion(frames: usize, pose: fn(f64) -> Pose) -> Motion {
     let frames = (0..frames).map(|frame| {
-        let Pose { root, turn } = pose(frame as f64 / f64::from(FRAMES_PER_SECOND));
-        let mut placed = [(root, turn[Pelvis.index()]); JOINTS];
+        let Pose { root, rotations } = pose(frame as f64 / f64::from(FRAMES_PER_SECOND));
+        let mut transforms = [(root, rotations[Pelvis.index()]); JOINTS];
         for joint in Joint::ALL {
             if let Some(parent) = joint.parent() {
-                let (place, frame) = placed[parent.index()];
-                placed[joint.index()] = (place + frame * bone(joint), frame * turn[joint.index()]);
+                let (position, rotation) = transforms[parent.index()];
+                transforms[joint.index()] = (
+                    position + rotation * bone(joint),
+                    rotation * rotations[joint.index()],
+                );
             }
         }
-        placed.map(|(place, _)| place.as_vec3().to_array())
+        transforms.map(|(position, _)| position.as_vec3().to_array())
     });
     Motion::from_joints(frames.collect()).expect("formulas give finite positions")
 }
 
-/// The T-pose of a body of 1.7 m, in metres from the joint above.
+/// Returns the position of a joint relative to its parent in metres, in the T-pose of a body of 1.7 m.
 fn bone(joint: Joint) -> DVec3 {
     let [x, y, z] = match joint {
         Pelvis => [0.0; 3],
@@ -147,7 +151,7 @@ mod tests {
 
     #[test]
     fn the_motions_go_through_all_headings_and_upside_down() {
-        let motions = all();
+        let motions = named_motions();
         let [_, (_, turning), (_, cartwheel)] = &motions[..] else {
             panic!("three motions")
         };
@@ -157,13 +161,13 @@ mod tests {
             (left - right).z.atan2((left - right).x)
         };
         for quarter in 0..8 {
-            let sought = f64::from(quarter) * TAU / 8.0 - TAU / 2.0;
-            let is_near = |frame: usize| (heading(frame) - sought).abs() < 0.4;
-            assert!((0..turning.frames()).any(is_near), "{sought}");
+            let expected = f64::from(quarter) * TAU / 8.0 - TAU / 2.0;
+            let is_near = |frame: usize| (heading(frame) - expected).abs() < 0.4;
+            assert!((0..turning.frames()).any(is_near), "{expected}");
         }
-        let is_down = |frame: usize| {
+        let is_upside_down = |frame: usize| {
             cartwheel.position(frame, Head)[1] < cartwheel.position(frame, Pelvis)[1] - 0.5
         };
-        assert!((0..cartwheel.frames()).any(is_down));
+        assert!((0..cartwheel.frames()).any(is_upside_down));
     }
 }

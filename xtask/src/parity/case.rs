@@ -1,4 +1,4 @@
-//! The file of a golden case.
+//! The file of a golden case, with inputs and expected values.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use safetensors::tensor::{Dtype, TensorView};
 
 use super::ParityError;
 
-/// The file of inputs and expected values.
+/// A file of inputs and expected values.
 pub(super) struct Case<'a> {
     path: PathBuf,
     tensors: SafeTensors<'a>,
@@ -19,7 +19,7 @@ pub(super) struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// `path` stands in error messages.
+    /// Parses the bytes of a file. Error messages show `path`.
     pub(super) fn new(
         path: PathBuf,
         bytes: &'a [u8],
@@ -38,14 +38,15 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Names of the expected values, sorted.
-    pub(super) fn expected(&self) -> Vec<&str> {
+    /// Returns the sorted names of the expected values.
+    pub(super) fn expected_names(&self) -> Vec<&str> {
         let mut names = self.tensors.names();
         names.retain(|name| name.starts_with("out."));
         names.sort_unstable();
         names
     }
 
+    /// Creates an error with the path of this file.
     fn problem(&self, problem: String) -> ParityError {
         ParityError::Case {
             path: self.path.clone(),
@@ -53,7 +54,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// A tensor that is there and whose numbers can be read.
+    /// Returns a tensor of a supported number type; a missing tensor is an error.
     pub(super) fn view(&self, name: &str) -> Result<TensorView<'_>, ParityError> {
         let view = self
             .tensors
@@ -67,7 +68,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Checks that the inputs are of one batch, and of one that the network can do.
+    /// Checks that the inputs have the same batch size, and sizes that the network accepts.
     pub(super) fn check(&self, config: &ModelConfig) -> Result<(), ParityError> {
         let [batch, frames, features] = self.dims("in.z")?;
         let [motions, tokens] = self.dims("in.tokens")?;
@@ -121,6 +122,7 @@ impl<'a> Case<'a> {
         problem.map_or(Ok(()), |problem| Err(self.problem(problem)))
     }
 
+    /// Returns the shape of a tensor with `D` axes.
     fn dims<const D: usize>(&self, name: &str) -> Result<[usize; D], ParityError> {
         let view = self.view(name)?;
         let shape = view.shape();
@@ -129,6 +131,7 @@ impl<'a> Case<'a> {
             .map_err(|_| self.problem(format!("expected {D} axes of {name}, found {shape:?}")))
     }
 
+    /// Loads a tensor in 32 bits to the device.
     pub(super) fn tensor<const D: usize>(&self, name: &str) -> Result<Tensor<D>, ParityError> {
         self.dims::<D>(name)?;
         let view = self.view(name)?;
@@ -137,10 +140,12 @@ impl<'a> Case<'a> {
         Ok(Tensor::from_data(data, &self.device))
     }
 
+    /// Returns the numbers of a tensor as integers.
     pub(super) fn integers(&self, name: &str) -> Result<Vec<usize>, ParityError> {
         Ok(numbers(&self.view(name)?).map(|x| x as usize).collect())
     }
 
+    /// Loads the token ids of the prompts, `[batch, tokens]`.
     pub(super) fn tokens(&self) -> Result<Tensor<2, Int>, ParityError> {
         let view = self.view("in.tokens")?;
         let ids: Vec<i32> = numbers(&view).map(|x| x as i32).collect();
@@ -148,17 +153,19 @@ impl<'a> Case<'a> {
         Ok(Tensor::from_data(data, &self.device))
     }
 
-    /// Lengths of the motions. The reference takes a length beyond the batch's frames for all of them.
+    /// Returns the lengths of the motions in frames. Like the reference, takes a length beyond the frames of the batch as all frames.
     pub(super) fn lengths(&self) -> Result<Vec<usize>, ParityError> {
         let [_, frames, _] = self.dims("in.z")?;
         let lengths = self.integers("in.lengths")?.into_iter();
         Ok(lengths.map(|length| length.min(frames)).collect())
     }
 
+    /// Returns the number of DDIM steps.
     pub(super) fn steps(&self) -> Result<usize, ParityError> {
         Ok(self.integers("out.timesteps")?.len())
     }
 
+    /// Returns the factors on Weight, Time, Flow and Shape.
     pub(super) fn scale(&self) -> Result<Scale, ParityError> {
         let factors: Vec<f32> = numbers(&self.view("in.scale")?).map(|x| x as f32).collect();
         let factors = factors.try_into().map_err(|found| {
@@ -168,7 +175,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// The numbers of a stored tensor, whichever of the case's types they are.
+/// Returns the numbers of a stored tensor of any supported type.
 pub(super) fn numbers<'v>(view: &TensorView<'v>) -> Box<dyn Iterator<Item = f64> + 'v> {
     let data = view.data();
     match view.dtype() {

@@ -1,8 +1,8 @@
-//! lamogen against golden cases of a PyTorch reference.
+//! Comparison of lamogen with golden cases of a PyTorch reference.
 //!
 //! A case is a folder with `config.json`, `latest.tar`, `mean.npy`, `std.npy` and
-//! `case.safetensors`; the last holds inputs (`in.*`) and what the reference computes from them
-//! (`out.*`). docs/parity.md says what each of them is.
+//! `case.safetensors`. The last file holds inputs (`in.*`) and the values that the reference computes from them
+//! (`out.*`). docs/parity.md describes each of them.
 
 mod case;
 mod network;
@@ -23,54 +23,54 @@ use case::{Case, numbers};
 use network::Network;
 pub use short::{Distance, Short, short};
 
-/// Outputs of the network, of the joints and of the Laban features.
-const SINGLE: f64 = 1e-5;
-/// Gradients, and what ten or more steps add up to.
-const SEVERAL: f64 = 1e-4;
-/// Everything behind Adam.
-const GUIDED: f64 = 2e-3;
-/// Numbers of 64 bits.
-const EXACT: f64 = 1e-12;
+/// The tolerance of single operations: outputs of the network, joints and Laban features.
+const SINGLE_TOLERANCE: f64 = 1e-5;
+/// The tolerance of gradients, and of results of ten or more steps.
+const ACCUMULATED_TOLERANCE: f64 = 1e-4;
+/// The tolerance of everything that is computed after a step of Adam.
+const GUIDED_TOLERANCE: f64 = 2e-3;
+/// The tolerance of numbers that are computed in 64 bits.
+const EXACT_TOLERANCE: f64 = 1e-12;
 
-/// One expected value beside what lamogen computes.
+/// The comparison of one expected value with the value that lamogen computes.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Its name in the case, such as `out.eps`.
+    /// The name of the value in the case, such as `out.eps`.
     pub name: String,
-    /// Error and tolerance; `None` where lamogen does not compute it yet.
+    /// The error and the tolerance; `None` if lamogen does not compute the value yet.
     pub result: Option<Comparison>,
 }
 
-/// How far a value is from the expected one.
+/// The difference of a value from the expected one.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison {
-    /// The largest absolute error over the largest absolute value; infinite where shapes differ or
-    /// a number is not finite.
+    /// The largest absolute error divided by the largest absolute value. It is infinite if the shapes differ or a number is not
+    /// finite.
     pub error: f64,
-    /// The largest error that passes.
+    /// The largest accepted error.
     pub tolerance: f64,
-    /// How far rounding alone moves the value, measured where the error is above the tolerance and
-    /// the value is behind a pass.
+    /// The error that rounding alone can cause. It is only measured if the error is above the tolerance and the value is a result of
+    /// a pass.
     pub rounding: Option<f64>,
 }
 
 impl Comparison {
-    /// Whether the error is within the tolerance.
+    /// Returns whether the error is within the tolerance.
     pub fn is_within_tolerance(&self) -> bool {
         self.error <= self.tolerance
     }
 
-    /// Whether the error is beyond the tolerance, but within what rounding alone does.
+    /// Returns whether the error is within the error that rounding alone can cause, even if it is above the tolerance.
     ///
-    /// Some cases magnify rounding beyond any tolerance (random weights that predict noise: the
-    /// first predicted motion is 60 times too large and spins). There two correct programs differ
-    /// by more than the tolerance, and so does the reference from itself on another CPU.
+    /// Some cases magnify rounding beyond any tolerance, such as random weights that predict noise: the first predicted motion is 60
+    /// times too large and spins. In such a case, two correct programs differ by more than the tolerance, and so does the reference
+    /// on two different CPUs.
     pub fn is_within_rounding(&self) -> bool {
         self.rounding.is_some_and(|rounding| self.error <= rounding)
     }
 }
 
-/// Why a case cannot be run.
+/// The error of a case that cannot be run.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ParityError {
@@ -93,18 +93,22 @@ pub enum ParityError {
     Scale(#[from] ScaleError),
 }
 
-/// Runs a case and compares every `out.*`, in the order of their names. `watch` sees every step.
+/// Runs a case and compares every `out.*`, in the order of the names. `observer` sees every step.
 ///
 /// # Errors
 ///
-/// If a file of the case is missing or damaged, or an input is not there.
-pub fn run(folder: &Path, device: &Device, watch: Watch<'_>) -> Result<Vec<Row>, ParityError> {
+/// If a file of the case is missing or damaged, or an input is missing.
+pub fn run(
+    folder: &Path,
+    device: &Device,
+    observer: StepObserver<'_>,
+) -> Result<Vec<Row>, ParityError> {
     let bytes = read(&folder.join("case.safetensors"))?;
     let case = Case::new(folder.join("case.safetensors"), &bytes, device)?;
     let network = Network::load(folder, &case)?;
-    let actual = network.compute(&case, watch)?;
+    let actual = network.compute(&case, observer)?;
     let mut rows = compare(&case, &actual)?;
-    network.measure_rounding(&case, &actual, &mut rows, watch)?;
+    network.measure_rounding(&case, &actual, &mut rows, observer)?;
 
     let path = folder.join("options.safetensors");
     if path.exists() {
@@ -115,6 +119,7 @@ pub fn run(folder: &Path, device: &Device, watch: Watch<'_>) -> Result<Vec<Row>,
     Ok(rows)
 }
 
+/// Reads a file.
 fn read(path: &Path) -> Result<Vec<u8>, ParityError> {
     std::fs::read(path).map_err(|reason| ParityError::Io {
         path: path.to_owned(),
@@ -122,38 +127,40 @@ fn read(path: &Path) -> Result<Vec<u8>, ParityError> {
     })
 }
 
-/// A row for every value that a file expects.
-fn compare(expected: &Case, actual: &Values) -> Result<Vec<Row>, ParityError> {
+/// Compares every value that a file expects with the computed one.
+fn compare(expected: &Case, computed: &ComputedValues) -> Result<Vec<Row>, ParityError> {
     let row = |name: &str| {
-        let result = match actual.get(name) {
+        let result = match computed.get(name) {
             None => None,
-            Some(actual) => Some(actual.compare(&expected.view(name)?)),
+            Some(value) => Some(value.compare(&expected.view(name)?)),
         };
         Ok(Row {
             name: name.to_owned(),
             result,
         })
     };
-    expected.expected().into_iter().map(row).collect()
+    expected.expected_names().into_iter().map(row).collect()
 }
 
-type Values = BTreeMap<&'static str, Actual>;
+/// The computed values by their names in the case.
+type ComputedValues = BTreeMap<&'static str, ComputedValue>;
 
-/// Sees every step of every pass; a full-size case takes minutes.
-type Watch<'a> = &'a mut dyn FnMut(&Step<'_>);
+/// An observer of every step of every pass, to show progress: a full-size case takes minutes.
+type StepObserver<'a> = &'a mut dyn FnMut(&Step<'_>);
 
-/// A computed value and how close it must be.
-struct Actual {
+/// A computed value and its tolerance.
+struct ComputedValue {
     values: Vec<f64>,
     shape: Vec<usize>,
     tolerance: f64,
-    /// Frames of each motion, where the values are motions: what is past them has no meaning.
+    /// The length of each motion in frames, if the value is motions. Frames beyond it are padding and not compared.
     lengths: Option<Vec<usize>>,
 }
 
-impl Actual {
+impl ComputedValue {
+    /// Creates a value that is compared as a whole.
     fn new(values: Vec<f64>, shape: Vec<usize>, tolerance: f64) -> Self {
-        Actual {
+        ComputedValue {
             values,
             shape,
             tolerance,
@@ -161,21 +168,23 @@ impl Actual {
         }
     }
 
-    /// Motions `[batch, frames, features]`, of which only the frames within their lengths count.
+    /// Reads motions `[batch, frames, features]`, of which only the frames within their lengths are compared.
     fn of_motions(tensor: Tensor<3>, lengths: &[usize], tolerance: f64) -> Self {
-        Actual {
+        ComputedValue {
             lengths: Some(lengths.to_vec()),
-            ..Actual::of(tensor, tolerance)
+            ..ComputedValue::of(tensor, tolerance)
         }
     }
 
+    /// Reads a tensor that is compared as a whole.
     fn of<const D: usize>(tensor: Tensor<D>, tolerance: f64) -> Self {
         let shape = tensor.dims().to_vec();
         let data = tensor.into_data().convert::<f32>();
         let values = data.iter::<f64>().collect();
-        Actual::new(values, shape, tolerance)
+        ComputedValue::new(values, shape, tolerance)
     }
 
+    /// Compares the value with the expected one.
     fn compare(&self, expected: &TensorView<'_>) -> Comparison {
         Comparison {
             error: match self.shape == expected.shape() {
@@ -187,22 +196,22 @@ impl Actual {
         }
     }
 
-    /// Whether the value at a place has a meaning.
-    fn counts(&self, place: usize) -> bool {
+    /// Returns whether the number at an index is compared: it is not if it belongs to padding.
+    fn is_compared(&self, index: usize) -> bool {
         match (&self.lengths, &*self.shape) {
             (Some(lengths), &[_, frames, features]) => {
-                place / features % frames < lengths[place / features / frames]
+                index / features % frames < lengths[index / features / frames]
             }
             _ => true,
         }
     }
 
-    /// The largest absolute error over the largest absolute value expected.
+    /// Computes the largest absolute error divided by the largest absolute expected value.
     fn distance(&self, expected: impl Iterator<Item = f64>) -> f64 {
         let pairs = self.values.iter().zip(expected).enumerate();
-        let pairs = pairs.filter(|(place, _)| self.counts(*place));
+        let pairs = pairs.filter(|(index, _)| self.is_compared(*index));
         let (error, largest) = pairs.fold((0.0f64, 0.0f64), |(error, largest), (_, (a, b))| {
-            // NaN must not slip through a maximum.
+            // A maximum would ignore NaN.
             let difference = match (a - b).abs() {
                 difference if difference.is_finite() => difference,
                 _ => f64::INFINITY,

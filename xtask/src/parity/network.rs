@@ -1,4 +1,4 @@
-//! What lamogen computes from the inputs of a case.
+//! The values that lamogen computes from the inputs of a case.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -13,10 +13,13 @@ use lamogen_model::{
 use lamogen_motion::{Normalization, joints};
 
 use super::case::Case;
-use super::{Actual, EXACT, GUIDED, ParityError, Row, SEVERAL, SINGLE, Values, Watch};
+use super::{
+    ACCUMULATED_TOLERANCE, ComputedValue, ComputedValues, EXACT_TOLERANCE, GUIDED_TOLERANCE,
+    ParityError, Row, SINGLE_TOLERANCE, StepObserver,
+};
 
-/// Values that add up what the network says at every step of a pass.
-const BEHIND_PASSES: [&str; 7] = [
+/// The values that accumulate the outputs of the network over the steps of a pass.
+const PASS_RESULTS: [&str; 7] = [
     "out.classifier",
     "out.e_grad",
     "out.guided",
@@ -26,16 +29,17 @@ const BEHIND_PASSES: [&str; 7] = [
     "out.trace_loss",
 ];
 
-/// Runs that measure what rounding does.
+/// The number of runs that measure the effect of rounding.
 const ROUNDING_RUNS: u64 = 8;
 
-/// What a case is computed with.
+/// The network of a case, and the statistics of its features.
 pub(super) struct Network {
     pub(super) model: MotionDiffuse,
     pub(super) normalization: Normalization,
 }
 
 impl Network {
+    /// Loads the network and the statistics from the folder of a case.
     pub(super) fn load(folder: &Path, case: &Case) -> Result<Self, ParityError> {
         let config = ModelConfig::from_file(folder.join("config.json"))?;
         case.check(&config)?;
@@ -51,38 +55,43 @@ impl Network {
         })
     }
 
-    /// Everything that lamogen computes from the inputs of a case.
-    pub(super) fn compute(&self, case: &Case, watch: Watch<'_>) -> Result<Values, ParityError> {
+    /// Computes all values from the inputs of a case.
+    pub(super) fn compute(
+        &self,
+        case: &Case,
+        observer: StepObserver<'_>,
+    ) -> Result<ComputedValues, ParityError> {
         let prompt = self.model.encode(case.tokens()?);
-        let mut values = Values::new();
+        let mut values = ComputedValues::new();
         schedule(case, &mut values)?;
         self.evaluate(case, &prompt, &mut values)?;
         laban(case, &mut values)?;
         let (noise, baseline) = (case.tensor("in.z")?, case.tensor("out.baseline")?);
-        values.append(&mut self.passes(case, prompt, noise, baseline, watch)?);
+        values.append(&mut self.passes(case, prompt, noise, baseline, observer)?);
         Ok(values)
     }
 
-    /// Repeats the passes from start noise and baselines that are off by their own rounding, and embeddings that are
-    /// off by as much as lamogen's and the reference's are from each other, at random; and notes how
-    /// far that moves the values that are off.
+    /// Measures how far rounding alone moves the values that are beyond their tolerance, and stores it in their rows.
+    ///
+    /// The passes are repeated with random changes of their inputs. The start noise and the baselines change by their rounding, the
+    /// embeddings by as much as those of lamogen and of the reference differ.
     pub(super) fn measure_rounding(
         &self,
         case: &Case,
-        actual: &Values,
+        computed: &ComputedValues,
         rows: &mut [Row],
-        watch: Watch<'_>,
+        observer: StepObserver<'_>,
     ) -> Result<(), ParityError> {
         let error_of = |name: &str| rows.iter().find(|row| row.name == name)?.result;
-        let encoder = error_of("out.e").map_or(0.0, |result| result.error);
-        let size = encoder.clamp(f64::from(f32::EPSILON), SINGLE);
+        let embedding_error = error_of("out.e").map_or(0.0, |result| result.error);
+        let size = embedding_error.clamp(f64::from(f32::EPSILON), SINGLE_TOLERANCE);
         let is_off = |row: &Row| {
             row.result
                 .is_some_and(|result| !result.is_within_tolerance())
         };
         let mut off: Vec<&mut Row> = rows
             .iter_mut()
-            .filter(|row| is_off(row) && BEHIND_PASSES.contains(&row.name.as_str()))
+            .filter(|row| is_off(row) && PASS_RESULTS.contains(&row.name.as_str()))
             .collect();
         if off.is_empty() {
             return Ok(());
@@ -91,14 +100,14 @@ impl Network {
         let [batch, width] = prompt.embedding.dims();
         let largest: f32 = prompt.embedding.clone().abs().max().into_scalar();
         for seed in 0..ROUNDING_RUNS {
-            // Three standard deviations are as much as the largest difference seen.
-            let directions: Vec<f32> = noise(seed, batch, width)
+            // Three standard deviations correspond to the largest difference.
+            let changes: Vec<f32> = noise(seed, batch, width)
                 .into_iter()
                 .map(|x| x / 3.0 * largest * size as f32)
                 .collect();
-            let directions = TensorData::new(directions, [batch, width]);
-            let moved = Prompt {
-                embedding: prompt.embedding.clone() + Tensor::from_data(directions, &case.device),
+            let changes = TensorData::new(changes, [batch, width]);
+            let changed_prompt = Prompt {
+                embedding: prompt.embedding.clone() + Tensor::from_data(changes, &case.device),
                 context: prompt.context.clone(),
             };
             let rounded = |name: &str, seed: u64| -> Result<Tensor<3>, ParityError> {
@@ -111,17 +120,17 @@ impl Network {
             };
             let start = rounded("in.z", ROUNDING_RUNS + seed)?;
             let baseline = rounded("out.baseline", 2 * ROUNDING_RUNS + seed)?;
-            let values = self.passes(case, moved, start, baseline, watch)?;
+            let values = self.passes(case, changed_prompt, start, baseline, observer)?;
             for row in &mut off {
                 let name = row.name.as_str();
-                let (Some(result), Some(actual), Some(moved)) =
-                    (&mut row.result, actual.get(name), values.get(name))
+                let (Some(result), Some(original), Some(changed)) =
+                    (&mut row.result, computed.get(name), values.get(name))
                 else {
                     continue;
                 };
-                // Both programs round, so they may be twice as far apart.
-                let distance = 2.0 * moved.distance(actual.values.iter().copied());
-                // A run that leaves the numbers says nothing about rounding.
+                // Both programs round, so that their results may differ by twice as much.
+                let distance = 2.0 * changed.distance(original.values.iter().copied());
+                // A run with results that are not finite says nothing about rounding.
                 if distance.is_finite() {
                     result.rounding = Some(result.rounding.unwrap_or(0.0).max(distance));
                 }
@@ -130,7 +139,7 @@ impl Network {
         Ok(())
     }
 
-    /// What the passes of a case start from.
+    /// Creates the batch from which the passes of a case start.
     pub(super) fn batch(&self, case: &Case) -> Result<Batch<CrossAttentionContext>, ParityError> {
         Ok(Batch {
             prompt: self.model.encode(case.tokens()?),
@@ -139,17 +148,17 @@ impl Network {
         })
     }
 
-    /// Text encoder, one evaluation, and joints.
+    /// Computes the outputs of the text encoder, one evaluation of the network, and joints.
     pub(super) fn evaluate(
         &self,
         case: &Case,
         prompt: &Prompt<CrossAttentionContext>,
-        actual: &mut Values,
+        values: &mut ComputedValues,
     ) -> Result<(), ParityError> {
         let (x_t, lengths) = (case.tensor::<3>("in.x_t")?, case.lengths()?);
         let (e, text) = self.model.encode_text(case.tokens()?);
-        actual.insert("out.e", Actual::of(e, SINGLE));
-        actual.insert("out.text", Actual::of(text, SINGLE));
+        values.insert("out.e", ComputedValue::of(e, SINGLE_TOLERANCE));
+        values.insert("out.text", ComputedValue::of(text, SINGLE_TOLERANCE));
 
         let timesteps: Vec<usize> = case.integers("in.t")?;
         let input = DenoiserInput {
@@ -160,23 +169,26 @@ impl Network {
             mask: FrameMask::new(&lengths, x_t.dims()[1], &case.device),
         };
         let eps = self.model.denoise(input, &prompt.context);
-        actual.insert("out.eps", Actual::of_motions(eps, &lengths, SINGLE));
+        values.insert(
+            "out.eps",
+            ComputedValue::of_motions(eps, &lengths, SINGLE_TOLERANCE),
+        );
 
         let positions = joints(self.normalization.denormalize(x_t));
-        actual.insert("out.joints", Actual::of(positions, SINGLE));
+        values.insert("out.joints", ComputedValue::of(positions, SINGLE_TOLERANCE));
         Ok(())
     }
 
-    /// Baseline and guided passes; these begin with the `reference` baseline.
+    /// Runs the baseline pass and the guided passes. The guided passes begin with the `reference` baseline.
     fn passes(
         &self,
         case: &Case,
         prompt: Prompt<CrossAttentionContext>,
         noise: Tensor<3>,
         reference: Tensor<3>,
-        watch: Watch<'_>,
-    ) -> Result<Values, ParityError> {
-        let mut actual = Values::new();
+        observer: StepObserver<'_>,
+    ) -> Result<ComputedValues, ParityError> {
+        let mut values = ComputedValues::new();
         let batch = Batch {
             prompt,
             noise,
@@ -185,22 +197,23 @@ impl Network {
         let size = batch.lengths.len();
         let scales = vec![case.scale()?.into(); size];
         let sampler = Sampler::new(&self.model, &self.normalization, case.steps()?)?;
-        let mut watched = |step: &Step<'_>| {
-            watch(step);
+        let mut observe = |step: &Step<'_>| {
+            observer(step);
             ControlFlow::Continue(())
         };
-        let baseline = sampler.baseline(&batch, &mut watched)?;
-        let motions = |motions, tolerance| Actual::of_motions(motions, &batch.lengths, tolerance);
-        actual.insert("out.baseline", motions(baseline, SEVERAL));
+        let baseline = sampler.baseline(&batch, &mut observe)?;
+        let motions =
+            |motions, tolerance| ComputedValue::of_motions(motions, &batch.lengths, tolerance);
+        values.insert("out.baseline", motions(baseline, ACCUMULATED_TOLERANCE));
 
-        // The reference's baseline is the guided pass's input, so that an error shows where it arises.
+        // The guided passes start from the baseline of the reference, so that an error of the baseline pass does not affect them.
         let baseline = reference;
 
         let (mut gradient, mut embeddings) = (None, Vec::new());
         let mut record = |step: &Step<'_>| {
             gradient = gradient.take().or(step.gradient.cloned());
             embeddings.push(step.embedding.clone());
-            watched(step)
+            observe(step)
         };
         let guided = sampler.guided(
             &batch,
@@ -209,16 +222,22 @@ impl Network {
             &Guidance::paper(),
             &mut record,
         )?;
-        actual.insert("out.guided", motions(guided.motion, GUIDED));
-        actual.insert(
+        values.insert("out.guided", motions(guided.motion, GUIDED_TOLERANCE));
+        values.insert(
             "out.trace_e",
-            Actual::of(Tensor::stack::<3>(embeddings, 0), GUIDED),
+            ComputedValue::of(Tensor::stack::<3>(embeddings, 0), GUIDED_TOLERANCE),
         );
         let shape = vec![guided.loss.len(), size];
         let loss = guided.loss.into_iter().flatten().map(f64::from).collect();
-        actual.insert("out.trace_loss", Actual::new(loss, shape, GUIDED));
+        values.insert(
+            "out.trace_loss",
+            ComputedValue::new(loss, shape, GUIDED_TOLERANCE),
+        );
         if let Some(gradient) = gradient {
-            actual.insert("out.e_grad", Actual::of(gradient, SEVERAL));
+            values.insert(
+                "out.e_grad",
+                ComputedValue::of(gradient, ACCUMULATED_TOLERANCE),
+            );
         }
 
         for (name, guidance) in [
@@ -227,27 +246,34 @@ impl Network {
             ("out.classifier", Guidance::classifier()),
         ] {
             let baseline = baseline.clone();
-            let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut watched)?;
-            actual.insert(name, motions(guided.motion, GUIDED));
+            let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut observe)?;
+            values.insert(name, motions(guided.motion, GUIDED_TOLERANCE));
         }
-        Ok(actual)
+        Ok(values)
     }
 }
 
-fn schedule(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
+/// Computes the timesteps and the noise schedule.
+fn schedule(case: &Case, values: &mut ComputedValues) -> Result<(), ParityError> {
     let schedule = Schedule::linear();
     let timesteps = schedule.ddim(case.steps()?)?;
     let timesteps: Vec<f64> = timesteps.iter().map(|s| s.timestep as f64).collect();
     let shape = vec![timesteps.len()];
-    actual.insert("out.timesteps", Actual::new(timesteps, shape, EXACT));
-    let abar = schedule.alphas_cumprod().to_vec();
-    let shape = vec![abar.len()];
-    actual.insert("out.abar", Actual::new(abar, shape, EXACT));
+    values.insert(
+        "out.timesteps",
+        ComputedValue::new(timesteps, shape, EXACT_TOLERANCE),
+    );
+    let alphas_cumprod = schedule.alphas_cumprod().to_vec();
+    let shape = vec![alphas_cumprod.len()];
+    values.insert(
+        "out.abar",
+        ComputedValue::new(alphas_cumprod, shape, EXACT_TOLERANCE),
+    );
     Ok(())
 }
 
-/// Laban features of given joints, and the gradient of the loss.
-pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError> {
+/// Computes the Laban features of the joints of a case, and the gradient of the loss.
+pub(super) fn laban(case: &Case, values: &mut ComputedValues) -> Result<(), ParityError> {
     let joints = case.tensor::<4>("in.joints")?;
     let [batch, frames, _, _] = joints.dims();
     let lengths = vec![frames; batch];
@@ -259,11 +285,14 @@ pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError>
         LabanFeatures::new(&options, frames, &lengths, &case.device)
     };
     let raw = extractor(Smoothing::None).measure(joints.clone());
-    actual.insert("out.laban_raw", Actual::of(raw, SINGLE));
+    values.insert("out.laban_raw", ComputedValue::of(raw, SINGLE_TOLERANCE));
 
     let features = extractor(Smoothing::default());
     let baseline = features.measure(joints.clone());
-    actual.insert("out.laban", Actual::of(baseline.clone(), SINGLE));
+    values.insert(
+        "out.laban",
+        ComputedValue::of(baseline.clone(), SINGLE_TOLERANCE),
+    );
 
     let goals = vec![Goals::from(case.scale()?).whole().clone(); batch];
     let target = Target::new(baseline, &lengths, &goals, LossDivisor::Frame, [1.0; 4]);
@@ -272,6 +301,9 @@ pub(super) fn laban(case: &Case, actual: &mut Values) -> Result<(), ParityError>
     let gradient = leaf
         .grad_remove(&mut loss.backward())
         .expect("the loss depends on the joints");
-    actual.insert("out.laban_grad", Actual::of(gradient, SEVERAL));
+    values.insert(
+        "out.laban_grad",
+        ComputedValue::of(gradient, ACCUMULATED_TOLERANCE),
+    );
     Ok(())
 }

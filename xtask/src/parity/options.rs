@@ -1,17 +1,17 @@
-//! Guidance options that the main file of a case does not hold.
+//! Guidance options that the main file of a case does not cover.
 //!
-//! A case may have a second file, `options.safetensors`: the guided pass of the same inputs with the
-//! loss divided by the mean, learning rate 0.05, and one option changed; 20 iterations of raw frame update; and 5 of
-//! start noise.
+//! A case may have a second file, `options.safetensors`. It has the guided pass of the same inputs with the loss divided by
+//! the mean, the learning rate 0.05 and one option changed; the raw frame update with 20 iterations; and the start noise with 5
+//! iterations.
 
 use lamogen_guide::{Guidance, GuidanceVariable, Sampler, UpdateTiming};
 use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
 
 use super::case::Case;
 use super::network::Network;
-use super::{Actual, GUIDED, ParityError, Values};
+use super::{ComputedValue, ComputedValues, GUIDED_TOLERANCE, ParityError};
 
-/// Each option by the name of its expected value.
+/// Returns the options with the names of their expected values.
 fn options() -> [(&'static str, Guidance); 6] {
     let fast = Guidance::fast;
     [
@@ -64,8 +64,8 @@ fn options() -> [(&'static str, Guidance); 6] {
 }
 
 impl Network {
-    /// The guided pass with each option.
-    pub(super) fn options(&self, case: &Case) -> Result<Values, ParityError> {
+    /// Runs the guided pass with each of the options.
+    pub(super) fn options(&self, case: &Case) -> Result<ComputedValues, ParityError> {
         let batch = self.batch(case)?;
         let baseline = case.tensor::<3>("out.baseline")?;
         let scales = vec![case.scale()?.into(); batch.lengths.len()];
@@ -75,7 +75,8 @@ impl Network {
             .map(|(name, guidance)| {
                 let baseline = baseline.clone();
                 let guided = sampler.guided(&batch, baseline, &scales, &guidance, &mut ())?;
-                let motions = Actual::of_motions(guided.motion, &batch.lengths, GUIDED);
+                let motions =
+                    ComputedValue::of_motions(guided.motion, &batch.lengths, GUIDED_TOLERANCE);
                 Ok((name, motions))
             })
             .collect()

@@ -1,4 +1,4 @@
-//! As much of a case as a slow device can compute in seconds.
+//! The part of a case that a slow device can compute in seconds.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -8,41 +8,41 @@ use lamogen_guide::{Guidance, GuideError, Sampler, Step};
 
 use super::case::{Case, numbers};
 use super::network::{self, Network};
-use super::{Actual, ParityError, Values, read};
+use super::{ComputedValue, ComputedValues, ParityError, read};
 
-/// Guided steps that are made.
+/// The number of guided steps.
 const STEPS: usize = 3;
 
-/// Some values of a case, as computed on one device.
+/// Some values of a case that were computed on one device.
 pub struct Short {
-    values: Values,
-    /// What the reference computes.
+    values: ComputedValues,
+    /// The values of the reference.
     expected: Vec<(&'static str, Vec<f64>)>,
 }
 
-/// How far two results are apart, relative to the largest number.
+/// The distance of two results, relative to the largest number.
 #[derive(Clone, Copy, Debug)]
 pub struct Distance {
-    /// The value's name in the case.
+    /// The name of the value in the case.
     pub name: &'static str,
-    /// The largest difference over the largest absolute value.
+    /// The largest difference divided by the largest absolute value.
     pub error: f64,
-    /// Whether the value is behind Adam.
+    /// Whether the value is computed after a step of Adam.
     pub is_guided: bool,
 }
 
-/// Computes text features, one evaluation, the gradient of the Laban loss, and three guided steps: the
-/// embeddings and losses on the way.
+/// Computes the text features, one evaluation of the network, the gradient of the Laban loss, and the embeddings and losses of three
+/// guided steps.
 ///
 /// # Errors
 ///
-/// As [`super::run`].
+/// The errors are those of [`super::run`].
 pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
     let path = folder.join("case.safetensors");
     let bytes = read(&path)?;
     let case = Case::new(path, &bytes, device)?;
     let network = Network::load(folder, &case)?;
-    let mut values = Values::new();
+    let mut values = ComputedValues::new();
     let batch = network.batch(&case)?;
     network.evaluate(&case, &batch.prompt, &mut values)?;
     network::laban(&case, &mut values)?;
@@ -67,11 +67,11 @@ pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
     }
     values.insert(
         "out.trace_e",
-        Actual::of(Tensor::stack::<3>(embeddings, 0), super::GUIDED),
+        ComputedValue::of(Tensor::stack::<3>(embeddings, 0), super::GUIDED_TOLERANCE),
     );
     values.insert(
         "out.trace_loss",
-        Actual::new(losses, vec![STEPS, size], super::GUIDED),
+        ComputedValue::new(losses, vec![STEPS, size], super::GUIDED_TOLERANCE),
     );
 
     let expected = values
@@ -85,7 +85,7 @@ pub fn short(folder: &Path, device: &Device) -> Result<Short, ParityError> {
 }
 
 impl Short {
-    /// How far these values are from the reference's.
+    /// Returns the distances of these values from those of the reference.
     pub fn distances_to_reference(&self) -> Vec<Distance> {
         let expected = self.expected.iter();
         expected
@@ -93,7 +93,7 @@ impl Short {
             .collect()
     }
 
-    /// How far these values are from those of another device.
+    /// Returns the distances of these values from those of another device.
     pub fn distances_to(&self, other: &Short) -> Vec<Distance> {
         let others = other.values.iter();
         others
@@ -101,12 +101,13 @@ impl Short {
             .collect()
     }
 
+    /// Computes the distance of one value.
     fn distance(&self, name: &'static str, expected: impl Iterator<Item = f64>) -> Distance {
         let actual = &self.values[name];
         Distance {
             name,
             error: actual.distance(expected),
-            is_guided: actual.tolerance == super::GUIDED,
+            is_guided: actual.tolerance == super::GUIDED_TOLERANCE,
         }
     }
 }

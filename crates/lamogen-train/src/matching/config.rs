@@ -1,4 +1,4 @@
-//! How an evaluator is trained: the file that `lamogen train --evaluator --config` reads.
+//! The training config of an evaluator: the file that `lamogen train --evaluator --config` reads.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{TrainingConfigError, read_file, read_json};
 use crate::optimization::OptimizerConfig;
 
-/// An evaluator and how it is trained.
+/// The config of an evaluator and of its training.
 ///
 /// ```
 /// use lamogen_train::EvaluatorTrainingConfig;
@@ -19,37 +19,37 @@ use crate::optimization::OptimizerConfig;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluatorTrainingConfig {
-    /// Sizes of the network; it reads tokens.
+    /// The sizes of the network, which must read tokens.
     pub evaluator: EvaluatorConfig,
-    /// What it sees, and what it makes small.
+    /// The data of each training step, and the loss.
     #[serde(default)]
     pub matching: MatchingConfig,
-    /// How its weights move.
+    /// The optimiser and its learning rate.
     #[serde(default)]
     pub optimization: OptimizerConfig,
 }
 
-/// What an evaluator sees, and what it makes small. What a file leaves out has the default.
+/// The training data and the loss of an evaluator. A field that a file leaves out has its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchingConfig {
-    /// Pairs of a step; fewer where the data set has not as many that mean different things.
+    /// The number of pairs in each step; fewer if the data set does not have as many with different meanings.
     pub pairs_per_batch: usize,
-    /// The distance from which on a text and another's motion are far enough apart.
+    /// The margin of the contrastive loss: the distance at which a text and the motion of another text are far enough apart.
     pub margin: f64,
-    /// Whom a text is pushed away from.
+    /// The motions from which a text is pushed away.
     pub others: Negatives,
-    /// The share of numbers that are left out after each convolution.
+    /// The share of activations that dropout sets to 0 after each convolution.
     pub dropout: f64,
-    /// The share of a motion's frames that may be cut away, at its ends, at each visit.
+    /// The largest share of a motion's frames that is cut away at its ends each time the motion is drawn.
     pub crop: f64,
 }
 
-/// Whom a text is pushed away from.
+/// The motions from which a text is pushed away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Negatives {
-    /// Every other motion of the batch ([`lamogen_eval::contrastive_loss_of_all`]).
+    /// All other motions of the batch ([`lamogen_eval::contrastive_loss_of_all`]).
     All,
     /// One other motion, as in the public trainer ([`lamogen_eval::contrastive_loss`]).
     One,
@@ -68,32 +68,32 @@ impl Default for MatchingConfig {
 }
 
 impl EvaluatorTrainingConfig {
-    /// The recipe for about an hour of motion and two cores: 1000 steps, with a measurement every 100, are enough there and take
-    /// minutes.
+    /// Returns the recipe for about an hour of motion and two CPU cores. There 1000 steps, with a validation after every 100, are
+    /// enough and take minutes.
     pub fn compact() -> Self {
         let file = include_bytes!("../../configs/evaluator-compact.json");
         Self::from_json(file, "evaluator-compact.json").expect("checked by a test")
     }
 
-    /// Reads a file such as [`evaluator-compact.json`](Self::compact).
+    /// Reads a config from a file such as [`evaluator-compact.json`](Self::compact).
     ///
     /// # Errors
     ///
-    /// If it cannot be read, is no such config, or a value makes no sense.
+    /// If the file cannot be read, is not a config of an evaluator's training, or has a value that makes no sense.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
         read_file(path.as_ref(), Self::problem)
     }
 
-    /// Reads a config from JSON; `name` stands in error messages.
+    /// Reads a config from JSON. Error messages show `name` as its path.
     ///
     /// # Errors
     ///
-    /// If it is no such config or a value makes no sense.
+    /// If the JSON is not a config of an evaluator's training, or has a value that makes no sense.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
         read_json(json, name.as_ref(), Self::problem)
     }
 
-    /// Why this cannot be trained, if it cannot.
+    /// Returns why an evaluator cannot be trained with this config; `None` if it can.
     pub fn problem(&self) -> Option<String> {
         let sizes = self.evaluator.problem();
         sizes
@@ -108,7 +108,7 @@ impl EvaluatorTrainingConfig {
 }
 
 impl MatchingConfig {
-    /// Which value makes no sense.
+    /// Describes the first value that makes no sense; `None` if there is none.
     fn problem(&self) -> Option<String> {
         let pairs = self.pairs_per_batch;
         if pairs < 2 {

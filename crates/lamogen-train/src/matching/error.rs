@@ -1,11 +1,11 @@
-//! What keeps an evaluator from being trained.
+//! The error type of an evaluator's training.
 
 use lamogen_eval::EvaluatorError;
 
-/// What keeps an evaluator from being trained on a data set.
+/// The error of an evaluator that cannot be trained on a data set.
 #[derive(Debug, thiserror::Error)]
 pub enum MatchingError {
-    /// Nothing to tell apart.
+    /// The training split has no two motions with different meanings.
     #[error(
         "expected at least 2 training motions of {shortest} to {longest} frames that mean different things (no caption in common, \
          nor content and style), found none among {motions}"
@@ -16,13 +16,13 @@ pub enum MatchingError {
         shortest: usize,
         longest: usize,
     },
-    /// Captions were made for another network.
+    /// The captions were encoded for another network.
     #[error(
         "expected captions of {expected} tokens, as the evaluator's config has them, found {found}"
     )]
     #[allow(missing_docs)]
     Context { expected: usize, found: usize },
-    /// Network, tokenizer and statistics do not belong together.
+    /// The network, the tokenizer and the statistics do not fit together.
     #[error(transparent)]
     Evaluator(#[from] EvaluatorError),
 }

@@ -1,4 +1,4 @@
-//! A packed data set of motions made here.
+//! A packed data set of synthetic motions.
 
 use std::collections::HashMap;
 use std::fs;
@@ -9,21 +9,21 @@ use lamogen_motion::POSE_FEATURES;
 use safetensors::tensor::{Dtype, TensorView};
 use serde_json::json;
 
-/// A motion and what is said of it.
+/// A motion with its captions and labels.
 pub struct Clip {
     pub split: &'static str,
     pub content: Option<&'static str>,
     pub style: Option<&'static str>,
     pub captions: Vec<String>,
     pub frames: usize,
-    /// How fast and how far it swings.
+    /// The pace in radians per frame and the reach by which the features swing.
     pub swing: (f32, f32),
-    /// Whether its mirror image is an entry too.
+    /// Whether its mirror image is also an entry.
     pub mirrored: bool,
 }
 
-/// Writes a folder in the packed form, and opens it.
-pub fn packed(folder: &Path, clips: &[Clip]) -> Dataset {
+/// Writes clips to a folder in the packed form, and opens the data set.
+pub fn pack_clips(folder: &Path, clips: &[Clip]) -> Dataset {
     fs::create_dir_all(folder).unwrap();
     let (mut features, mut offsets) = (Vec::new(), vec![0i32]);
     let mut lines = String::new();

@@ -1,4 +1,4 @@
-//! What tests of runs need.
+//! Helpers for tests of runs.
 
 use std::ops::ControlFlow;
 
@@ -6,7 +6,7 @@ use lamogen_data::Dataset;
 use lamogen_model::{Tokenizer, train_tokenizer};
 use lamogen_train::{CaptionTokens, RunObserver, RunProgress, StepReport, TrainingTask};
 
-/// Captions as ids, by a tokenizer learned from them.
+/// Encodes the captions of a data set with a tokenizer that is trained on them.
 pub fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
     let captions = dataset.entries().iter().flat_map(|entry| &entry.captions);
     let texts: Vec<&str> = captions.map(|caption| &*caption.text).collect();
@@ -15,7 +15,7 @@ pub fn tokens(dataset: &Dataset, context_length: usize) -> CaptionTokens {
     CaptionTokens::new(dataset, tokenizer, Some(json), 0).unwrap()
 }
 
-/// Stops a run after some steps of a sitting, if it is told to.
+/// Stops a run after a number of steps of the current call; `None` never stops it.
 pub struct StopAfter(pub Option<u64>);
 
 impl<T: TrainingTask> RunObserver<T> for StopAfter {
