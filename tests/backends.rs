@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use lamogen::{DeviceName, LaMoGen, Request};
 use lamogen_model::ModelConfig;
-use lamogen_train::{Length, LogLine, Plan, RunObserver, RunProgress, StepReport, run};
+use lamogen_train::{LogLine, RunLength, RunObserver, RunPlan, RunProgress, StepReport, run};
 use xtask::parity::{Distance, Short, short};
 use xtask::training::Practice;
 
@@ -122,8 +122,8 @@ fn training_stops_and_goes_on_with_the_same_losses_everywhere() {
         let device = name.open().unwrap();
         let task = Practice::new(config.clone(), 4, 24, &device);
         let folder = tempfile::tempdir().unwrap();
-        let plan = Plan {
-            length: Length::Steps(6),
+        let plan = RunPlan {
+            length: RunLength::Steps(6),
             validate_every: 100,
             checkpoint_every: Duration::from_secs(3600),
         };

@@ -1,5 +1,6 @@
 //! The container of a glTF file: its checked JSON document and its buffers.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Component, Path};
@@ -14,12 +15,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::GlbError;
-use super::reduction::reduce_to_animation;
+use super::meshopt;
+use super::reduction::{CompressedViews, reduce_to_animation};
 
 /// The parts of a glTF file that animate its nodes.
 pub(super) struct GltfFile {
     pub(super) root: Root,
     buffers: Vec<Vec<u8>>,
+    /// The bytes of compressed views, by the index of the view.
+    decoded: HashMap<usize, Vec<u8>>,
 }
 
 /// A description of what is wrong with a file, without the path of the file.
@@ -57,13 +61,33 @@ impl GltfFile {
             reason,
         };
         let (json, chunk) = split_chunks(bytes).map_err(format_error)?;
-        let root = parse_document(json, animation).map_err(format_error)?;
+        let (root, compressed) = parse_document(json, animation).map_err(format_error)?;
         let mut file = GltfFile {
             root,
             buffers: Vec::new(),
+            decoded: HashMap::new(),
         };
         file.load_buffers(path, chunk)?;
+        file.decode_views(&compressed).map_err(format_error)?;
         Ok(file)
+    }
+
+    /// Decodes all compressed views.
+    fn decode_views(&mut self, compressed: &CompressedViews) -> Result<(), FormatProblem> {
+        for (&index, view) in compressed {
+            let buffer = self.buffers.get(view.buffer);
+            let bytes = buffer.and_then(|bytes| {
+                bytes.get(view.byte_offset..view.byte_offset.checked_add(view.byte_length)?)
+            });
+            let decoded = bytes
+                .ok_or_else(|| {
+                    String::from("expected its buffer to be longer, found it to end before")
+                })
+                .and_then(|bytes| view.decode(bytes))
+                .map_err(|problem| format!("bufferViews[{index}]: {problem}"))?;
+            self.decoded.insert(index, decoded);
+        }
+        Ok(())
     }
 
     /// Loads the bytes of all buffers. `chunk` is the binary chunk of a GLB file.
@@ -206,16 +230,20 @@ impl GltfFile {
         row: usize,
         count: usize,
     ) -> Result<impl Iterator<Item = &[u8]>, FormatProblem> {
+        let decoded = self.decoded.get(&view.value());
         let view = self.root.get(view);
         let view = view.ok_or("expected a buffer view, found none")?;
         let stride = view.byte_stride.map_or(row, |stride| stride.0.max(row));
-        let bytes = slice(
-            &self.buffers[view.buffer.value()],
-            view.byte_offset.map_or(0, |offset| offset.0),
-            Some(view.byte_length.0),
-        )
-        .and_then(|view| slice(view, offset, None))
-        .ok_or("expected its buffer to be longer, found it to end before")?;
+        let stored = || {
+            slice(
+                &self.buffers[view.buffer.value()],
+                view.byte_offset.map_or(0, |offset| offset.0),
+                Some(view.byte_length.0),
+            )
+        };
+        let bytes = { decoded.map(Vec::as_slice).or_else(stored) }
+            .and_then(|view| slice(view, offset, None))
+            .ok_or("expected its buffer to be longer, found it to end before")?;
         let end = match count.checked_sub(1) {
             None => Some(0),
             Some(last) => { last.checked_mul(stride) }.and_then(|start| start.checked_add(row)),
@@ -300,7 +328,10 @@ fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatProblem> {
 }
 
 /// Parses and checks the parts of the document that animate nodes, and ignores those that only change the appearance.
-fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Root, FormatProblem> {
+fn parse_document(
+    json: &[u8],
+    animation: Option<&str>,
+) -> Result<(Root, CompressedViews), FormatProblem> {
     #[derive(Deserialize)]
     struct DocumentVersion {
         asset: Asset,
@@ -317,12 +348,13 @@ fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Root, FormatPr
     if asset.version.split('.').next() != Some("2") {
         return Err(format!("expected glTF 2, found version {}", asset.version));
     }
-    let mut root =
-        Root::deserialize(reduce_to_animation(&document, animation)).map_err(unreadable)?;
+    let (reduced, compressed) = reduce_to_animation(&document, animation)?;
+    let mut root = Root::deserialize(reduced).map_err(unreadable)?;
     root.extensions_required.retain(|name| {
         !SURFACE_EXTENSIONS
             .iter()
             .any(|start| name.starts_with(start))
+            && !meshopt::EXTENSIONS.contains(&&**name)
     });
     let mut problems = Vec::new();
     root.validate(&root, gltf_json::Path::new, &mut |path, error| {
@@ -330,7 +362,7 @@ fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Root, FormatPr
     });
     match problems.into_iter().next() {
         Some(problem) => Err(problem),
-        None => Ok(root),
+        None => Ok((root, compressed)),
     }
 }
 

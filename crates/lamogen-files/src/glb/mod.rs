@@ -21,6 +21,7 @@ mod capsule;
 mod container;
 mod curve;
 mod grid;
+mod meshopt;
 mod read;
 mod reduction;
 mod write;

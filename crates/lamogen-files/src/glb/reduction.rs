@@ -4,14 +4,21 @@
 //! channels without a node, compressed meshes, damaged animations next to the requested one. These parts are removed
 //! before the document is checked, so that they cannot cause errors.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
+use serde::Deserialize;
 use serde_json::{Map, Value, json};
+
+use super::container::FormatProblem;
+use super::meshopt::{self, CompressedView};
 
 /// Reduces a document to its nodes, the requested animation (by its name, or else the first one), and everything that it
 /// refers to. Indices stay valid: entries that are not needed are replaced by minimal valid ones. Other animations keep
-/// only their names.
-pub(super) fn reduce_to_animation(document: &Value, animation: Option<&str>) -> Value {
+/// only their names. Compressed views that are needed become views of their compressed bytes and are returned beside the document.
+pub(super) fn reduce_to_animation(
+    document: &Value,
+    animation: Option<&str>,
+) -> Result<(Value, CompressedViews), FormatProblem> {
     let list = |name: &str| document[name].as_array().map_or(&[][..], Vec::as_slice);
     let animations = list("animations");
     let chosen = match animation {
@@ -48,9 +55,27 @@ pub(super) fn reduce_to_animation(document: &Value, animation: Option<&str>) -> 
             }
         })
         .collect();
+    let mut compressed = CompressedViews::new();
+    for &position in &used_views {
+        if let Some(view) = list("bufferViews").get(position)
+            && let Some(view) = compressed_view(view)
+                .map_err(|problem| format!("bufferViews[{position}]: {problem}"))?
+        {
+            compressed.insert(position, view);
+        }
+    }
     let mut buffers = BTreeSet::new();
     let mut views: Vec<Value> = { list("bufferViews").iter().enumerate() }
         .map(|(position, view)| match used_views.contains(&position) {
+            true if compressed.contains_key(&position) => {
+                let stored = &compressed[&position];
+                buffers.insert(stored.buffer);
+                let mut view = keep_fields(view, &["byteStride"]);
+                view["buffer"] = stored.buffer.into();
+                view["byteOffset"] = stored.byte_offset.into();
+                view["byteLength"] = stored.byte_length.into();
+                view
+            }
             true => {
                 buffers.extend(index(&view["buffer"]));
                 let kept = ["buffer", "byteOffset", "byteLength", "byteStride"];
@@ -99,7 +124,21 @@ pub(super) fn reduce_to_animation(document: &Value, animation: Option<&str>) -> 
             root[name] = document[name].clone();
         }
     }
-    root
+    Ok((root, compressed))
+}
+
+/// The compressed views of a document, by their index.
+pub(super) type CompressedViews = BTreeMap<usize, CompressedView>;
+
+/// Returns the compressed storage of a buffer view, if it has one.
+fn compressed_view(view: &Value) -> Result<Option<CompressedView>, FormatProblem> {
+    let mut extensions = meshopt::EXTENSIONS.iter();
+    let found = extensions.find_map(|name| Some((name, view["extensions"].get(name)?)));
+    found
+        .map(|(name, extension)| {
+            CompressedView::deserialize(extension).map_err(|error| format!("{name}: {error}"))
+        })
+        .transpose()
 }
 
 /// The URI of an empty buffer.

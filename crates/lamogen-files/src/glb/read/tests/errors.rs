@@ -12,7 +12,7 @@ fn errors_say_why_a_file_cannot_be_read() {
         &[(0, "translation", "LINEAR", way)],
     );
     assert!(read_json(&fine).is_ok());
-    let cases: [(&str, Json, &str); 15] = [
+    let cases: [(&str, Json, &str); 18] = [
         ("/asset/version", json!("1.0"), "version 1.0"),
         ("/nodes/0/children", json!([1]), "below itself"),
         ("/nodes/1/children", json!([0, 0]), "one parent"),
@@ -38,9 +38,28 @@ fn errors_say_why_a_file_cannot_be_read() {
             "https://example.org",
         ),
         (
+            "/bufferViews/1/extensions",
+            json!({ "EXT_meshopt_compression": { "buffer": 0, "byteLength": 8 } }),
+            "bufferViews[1]: EXT_meshopt_compression: missing field `byteStride`",
+        ),
+        (
+            "/bufferViews/1/extensions",
+            json!({ "KHR_meshopt_compression": {
+                "buffer": 0, "byteLength": 8, "byteStride": 12, "count": 2, "mode": "ATTRIBUTES"
+            } }),
+            "bufferViews[1]: its compressed data are damaged",
+        ),
+        (
+            "/bufferViews/1/extensions",
+            json!({ "KHR_meshopt_compression": {
+                "buffer": 0, "byteLength": 8000, "byteStride": 12, "count": 2, "mode": "ATTRIBUTES"
+            } }),
+            "bufferViews[1]: expected its buffer to be longer",
+        ),
+        (
             "/extensionsRequired",
-            json!(["EXT_meshopt_compression"]),
-            "EXT_meshopt_compression",
+            json!(["EXT_something_else"]),
+            "EXT_something_else",
         ),
     ];
     for (place, value, expected) in cases {
