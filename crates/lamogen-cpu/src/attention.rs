@@ -1,7 +1,7 @@
 //! Efficient attention (Shen et al. 2021) of the frames of a chunk.
 //!
-//! Channels stand head after head: of `width` channels, `d` belong to each head. What is attended to is
-//! summed up in a context `[width, d]`, a `d × d` matrix a head.
+//! The channels of the heads are stored one head after another: each head owns `d` of the `width` channels. Keys and
+//! values are summed up in a context `[width, d]`, which is one `d × d` matrix per head.
 
 use multiversion::multiversion;
 
@@ -10,145 +10,156 @@ use faer::{Accum, MatMut, MatRef};
 use crate::linear::{product, rows, rows_mut};
 use crate::math;
 
-/// Sizes of the heads.
+/// The division of the channels among the attention heads.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Heads {
+pub(crate) struct HeadLayout {
+    /// The number of channels of all heads together.
     pub(crate) width: usize,
-    /// Channels of a head.
+    /// The number of channels of one head.
     pub(crate) channels: usize,
 }
 
-/// Keys and values of some frames summed up: a part of a context whose softmax over frames is not yet
-/// normalized, as each part knows only its own largest keys.
+/// The summed keys and values of some frames: one part of the context of a motion.
+///
+/// The softmax over frames is not yet normalized, because each part knows only its own largest keys.
 #[derive(Debug)]
-pub(crate) struct Part {
+pub(crate) struct PartialContext {
     /// The largest key of each channel.
     largest: Vec<f32>,
-    /// Sum over frames of `exp(key - largest)`.
+    /// The sum over frames of `exp(key - largest)`, for each channel.
     sum: Vec<f32>,
-    /// Sum over frames of `exp(key - largest) · value`, `[width, d]`.
+    /// The sum over frames of `exp(key - largest) · value`, `[width, d]`.
     products: Vec<f32>,
 }
 
-/// What the frames of a motion attend to.
+/// The context of a motion's attention: the sum over frames of `softmax(key) · value`.
 #[derive(Debug)]
-pub(crate) struct Context {
-    /// `[width, d]`.
+pub(crate) struct AttentionContext {
+    /// The context, `[width, d]`.
     pub(crate) values: Vec<f32>,
-    /// For each part and channel, what turns `exp(key - largest)` into the softmax.
-    pub(crate) shares: Vec<Vec<f32>>,
+    /// For each part and channel, the factor that turns `exp(key - largest)` into the softmax over frames.
+    pub(crate) softmax_factors: Vec<Vec<f32>>,
 }
 
-impl Heads {
-    fn each(self) -> impl Iterator<Item = usize> {
+impl HeadLayout {
+    /// Returns the first channel of each head.
+    fn head_starts(self) -> impl Iterator<Item = usize> {
         (0..self.width).step_by(self.channels)
     }
 
-    /// Softmax over the channels of each head.
+    /// Applies the softmax over the channels of each head.
     pub(crate) fn softmax(self, query: &mut [f32]) {
         softmax(query, self.channels);
     }
 
-    /// Turns the gradient of the softmax into that of its input.
+    /// Turns the gradient of the softmax into the gradient of its input.
     pub(crate) fn softmax_backward(self, softmax: &[f32], gradient: &mut [f32]) {
         softmax_backward(softmax, gradient, self.channels);
     }
 
-    /// Sums up keys and values of some frames. The keys become `exp(key - largest)`.
-    pub(crate) fn part(self, key: &mut [f32], value: &[f32]) -> Part {
+    /// Sums up the keys and values of some frames, and replaces the keys by `exp(key - largest)`.
+    pub(crate) fn partial_context(self, key: &mut [f32], value: &[f32]) -> PartialContext {
         let mut largest = vec![f32::NEG_INFINITY; self.width];
         let mut sum = vec![0.0; self.width];
         exponentiate(key, &mut largest, &mut sum);
         let mut products = vec![0.0; self.width * self.channels];
         self.outer(key, value, &mut products);
-        Part {
+        PartialContext {
             largest,
             sum,
             products,
         }
     }
 
-    /// `out = aᵀ · b` for each head, summed over frames: `[width, d]`.
+    /// Computes `out = aᵀ · b` for each head, summed over frames: `[width, d]`.
     pub(crate) fn outer(self, a: &[f32], b: &[f32], out: &mut [f32]) {
-        for head in self.each() {
+        for head in self.head_starts() {
             let out = rows_mut(out, self.channels).subrows_mut(head, self.channels);
             product(
-                self.of(a, head).transpose(),
-                self.of(b, head),
+                self.head_columns(a, head).transpose(),
+                self.head_columns(b, head),
                 out,
                 Accum::Replace,
             );
         }
     }
 
-    /// `out = a · context` for each frame and head.
+    /// Computes `out = a · context` for each frame and head.
     pub(crate) fn apply(self, a: &[f32], context: &[f32], out: &mut [f32]) {
-        self.apply_each(a, |head| self.matrix(context, head), out);
+        self.apply_each(a, |head| self.head_matrix(context, head), out);
     }
 
-    /// `out = a · contextᵀ` for each frame and head.
+    /// Computes `out = a · contextᵀ` for each frame and head.
     pub(crate) fn apply_transposed(self, a: &[f32], context: &[f32], out: &mut [f32]) {
-        self.apply_each(a, |head| self.matrix(context, head).transpose(), out);
+        self.apply_each(a, |head| self.head_matrix(context, head).transpose(), out);
     }
 
     fn apply_each<'c>(self, a: &[f32], matrix: impl Fn(usize) -> MatRef<'c, f32>, out: &mut [f32]) {
-        for head in self.each() {
-            let out = self.of_mut(out, head);
-            product(self.of(a, head), matrix(head), out, Accum::Replace);
+        for head in self.head_starts() {
+            let out = self.head_columns_mut(out, head);
+            product(
+                self.head_columns(a, head),
+                matrix(head),
+                out,
+                Accum::Replace,
+            );
         }
     }
 
-    fn of(self, x: &[f32], head: usize) -> MatRef<'_, f32> {
+    fn head_columns(self, x: &[f32], head: usize) -> MatRef<'_, f32> {
         rows(x, self.width).subcols(head, self.channels)
     }
 
-    fn of_mut(self, x: &mut [f32], head: usize) -> MatMut<'_, f32> {
+    fn head_columns_mut(self, x: &mut [f32], head: usize) -> MatMut<'_, f32> {
         rows_mut(x, self.width).subcols_mut(head, self.channels)
     }
 
-    fn matrix(self, context: &[f32], head: usize) -> MatRef<'_, f32> {
+    fn head_matrix(self, context: &[f32], head: usize) -> MatRef<'_, f32> {
         rows(context, self.channels).subrows(head, self.channels)
     }
 }
 
-impl Context {
-    /// The context of a motion from its parts, first frames first.
-    pub(crate) fn of<'p>(parts: impl Iterator<Item = &'p Part> + Clone) -> Self {
+impl AttentionContext {
+    /// Merges the parts of a motion's context, which must be in the order of their frames.
+    pub(crate) fn merge<'p>(partials: impl Iterator<Item = &'p PartialContext> + Clone) -> Self {
         let mut largest: Vec<f32> = Vec::new();
-        for part in parts.clone() {
-            largest.resize(part.largest.len(), f32::NEG_INFINITY);
-            for (largest, x) in largest.iter_mut().zip(&part.largest) {
+        for partial in partials.clone() {
+            largest.resize(partial.largest.len(), f32::NEG_INFINITY);
+            for (largest, x) in largest.iter_mut().zip(&partial.largest) {
                 *largest = math::larger(*largest, *x);
             }
         }
         let mut sum = vec![0.0; largest.len()];
-        let mut shares = Vec::new();
-        for part in parts.clone() {
-            let mut share = part.largest.clone();
-            for ((share, largest), (sum, x)) in share
+        let mut softmax_factors = Vec::new();
+        for partial in partials.clone() {
+            let mut factor = partial.largest.clone();
+            for ((factor, largest), (sum, x)) in factor
                 .iter_mut()
                 .zip(&largest)
-                .zip(sum.iter_mut().zip(&part.sum))
+                .zip(sum.iter_mut().zip(&partial.sum))
             {
-                *share = math::exp(*share - largest);
-                *sum += *share * x;
+                *factor = math::exp(*factor - largest);
+                *sum += *factor * x;
             }
-            shares.push(share);
+            softmax_factors.push(factor);
         }
         let mut values: Vec<f32> = Vec::new();
-        for (part, share) in parts.zip(&mut shares) {
-            values.resize(part.products.len(), 0.0);
+        for (partial, factor) in partials.zip(&mut softmax_factors) {
+            values.resize(partial.products.len(), 0.0);
             let channels = values.len() / sum.len();
             let rows = values.chunks_exact_mut(channels);
-            let rows = rows.zip(part.products.chunks_exact(channels));
-            for ((row, products), (share, sum)) in rows.zip(share.iter_mut().zip(&sum)) {
-                *share /= sum;
+            let rows = rows.zip(partial.products.chunks_exact(channels));
+            for ((row, products), (factor, sum)) in rows.zip(factor.iter_mut().zip(&sum)) {
+                *factor /= sum;
                 for (value, product) in row.iter_mut().zip(products) {
-                    *value += *share * product;
+                    *value += *factor * product;
                 }
             }
         }
-        Context { values, shares }
+        AttentionContext {
+            values,
+            softmax_factors,
+        }
     }
 }
 
@@ -159,9 +170,9 @@ fn softmax(rows: &mut [f32], width: usize) {
         for x in row.iter_mut() {
             *x = math::exp(*x - largest);
         }
-        let share = 1.0 / math::total(row);
+        let factor = 1.0 / math::total(row);
         for x in row {
-            *x *= share;
+            *x *= factor;
         }
     }
 }
@@ -177,7 +188,7 @@ fn softmax_backward(softmax: &[f32], gradient: &mut [f32], width: usize) {
     }
 }
 
-/// Turns keys into `exp(key - largest)` with the largest of each channel, and sums them up.
+/// Replaces each key by `exp(key - largest)`, with the largest key of its channel, and sums the results over frames.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 fn exponentiate(key: &mut [f32], largest: &mut [f32], sum: &mut [f32]) {
     let width = largest.len();
@@ -194,8 +205,8 @@ fn exponentiate(key: &mut [f32], largest: &mut [f32], sum: &mut [f32]) {
     }
 }
 
-/// Turns the gradient of the softmax over frames into that of the keys: `(g - mean) · softmax`, each
-/// channel with its own mean.
+/// Turns the gradient of the softmax over frames into the gradient of the keys: `(g - mean) · softmax`, where each
+/// channel has its own mean.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 pub(crate) fn keys_backward(softmax: &[f32], means: &[f32], gradient: &mut [f32]) {
     let width = means.len();
@@ -213,7 +224,7 @@ pub(crate) fn keys_backward(softmax: &[f32], means: &[f32], gradient: &mut [f32]
 mod tests {
     use super::*;
 
-    const HEADS: Heads = Heads {
+    const LAYOUT: HeadLayout = HeadLayout {
         width: 6,
         channels: 3,
     };
@@ -225,16 +236,17 @@ mod tests {
     #[test]
     fn a_context_is_the_same_in_one_part_or_in_several() {
         let (key, value) = (numbers(6 * 9, 1.7), numbers(6 * 9, 0.9));
-        let whole = Context::of([HEADS.part(&mut key.clone(), &value)].iter());
-        let parts = [0..4, 4..7, 7..9].map(|rows| {
+        let whole =
+            AttentionContext::merge([LAYOUT.partial_context(&mut key.clone(), &value)].iter());
+        let partials = [0..4, 4..7, 7..9].map(|rows| {
             let range = rows.start * 6..rows.end * 6;
-            HEADS.part(&mut key[range.clone()].to_vec(), &value[range])
+            LAYOUT.partial_context(&mut key[range.clone()].to_vec(), &value[range])
         });
-        let parts = Context::of(parts.iter());
-        for (a, b) in whole.values.iter().zip(&parts.values) {
+        let partials = AttentionContext::merge(partials.iter());
+        for (a, b) in whole.values.iter().zip(&partials.values) {
             assert!((a - b).abs() < 1e-6, "{a} is not {b}");
         }
-        // Channel 4 is the second of the second head; its weights over frames sum to 1.
+        // Channel 4 is the second channel of the second head; its weights over frames sum to 1.
         let weights: Vec<f64> = (0..9).map(|t| f64::from(key[t * 6 + 4]).exp()).collect();
         let total: f64 = weights.iter().sum();
         let expected = |j: usize| -> f64 {
@@ -252,14 +264,14 @@ mod tests {
         let weights = numbers(6, 0.7);
         let loss = |x: &[f32]| -> f64 {
             let mut y = x.to_vec();
-            HEADS.softmax(&mut y);
+            LAYOUT.softmax(&mut y);
             y.iter().zip(&weights).map(|(y, w)| f64::from(y * w)).sum()
         };
         let mut softmax = x.clone();
-        HEADS.softmax(&mut softmax);
+        LAYOUT.softmax(&mut softmax);
         assert!((softmax[..3].iter().sum::<f32>() - 1.0).abs() < 1e-6);
         let mut gradient = weights.clone();
-        HEADS.softmax_backward(&softmax, &mut gradient);
+        LAYOUT.softmax_backward(&softmax, &mut gradient);
         for i in 0..6 {
             let moved = |by: f32| {
                 let mut x = x.clone();

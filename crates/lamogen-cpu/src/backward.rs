@@ -1,70 +1,76 @@
-//! From the gradient of the output to that of the condition, and to those of the weights where they are asked for.
+//! The backward pass, from the gradient of the output to that of the condition, and to those of the weights if they are
+//! requested.
 //!
 //! With `C = softmax(k)ᵀ v` and `y = softmax(q) C`, the gradient of the keys before their softmax is
-//! `K ⊙ (v Ċᵀ - r)` with `K` the softmax and `rᵢ = Σⱼ Cᵢⱼ Ċᵢⱼ`: the sum over frames that the softmax asks
-//! for is already in `C`, so that chunks meet only once a block, for `Ċ = softmax(q)ᵀ ẏ`.
+//! `K ⊙ (v Ċᵀ - r)`, where `K` is the softmax and `rᵢ = Σⱼ Cᵢⱼ Ċᵢⱼ`. The sum over frames that the gradient of the softmax
+//! needs is already contained in `C`. So chunks meet only once per block, for `Ċ = softmax(q)ᵀ ẏ`.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::FloatStorage;
-use crate::attention::{self, Context};
+use crate::attention::{self, AttentionContext};
 use crate::chunk::Chunk;
-use crate::decoder::{Decoder, DecoderBlock, DecoderInput, LAYERS, on_the_pool};
+use crate::decoder::{Decoder, DecoderBlock, DecoderInput, STYLIZATION_LAYERS, run_in_pool};
 use crate::forward::gelu;
 use crate::math;
-use crate::stylization::{Gathered, Style};
-use crate::tape::{Keep, Passage, Record, Tape};
+use crate::stylization::{ParameterGradients, StyleParameters};
+use crate::tape::{BlockActivations, ChunkState, RecordMode, Tape};
 
-/// What the way back through a block leaves for others.
-struct Trace {
-    /// DecoderGradients of scale and shift of each layer, granule after granule.
-    modulations: [Vec<f32>; LAYERS],
-    /// Gradient of the self-attention's output.
+/// The gradients that the backward pass of one chunk through the second half of a block computes.
+struct ChunkGradients {
+    /// The gradients of the scale and shift of each stylization layer, granule by granule.
+    modulations: [Vec<f32>; STYLIZATION_LAYERS],
+    /// The gradient of the output of the self-attention.
     y: Vec<f32>,
-    /// Gradient of its context, for each granule.
+    /// The gradient of the context of the self-attention, for each granule.
     contexts: Vec<Vec<f32>>,
-    /// Gradient of what the frames attend to in the text, for each granule; where weights are trained.
+    /// The gradient of the context of the text, for each granule. Empty if no gradients of weights are requested.
     texts: Vec<Vec<f32>>,
 }
 
-/// Passages whose gradients of weights are summed up in one place.
-type Shared<'a> = (&'a mut [Passage], &'a mut Ledger);
+/// Adjacent chunks and the sums of their weights' gradients.
+type ChunkGroup<'a> = (&'a mut [ChunkState], &'a mut WeightGradients);
 
-/// Where gradients of weights are summed up, if they are asked for.
-pub(crate) type Ledger = Option<Decoder<Vec<f32>>>;
+/// The sums of the weights' gradients, or `None` if they are not requested.
+pub(crate) type WeightGradients = Option<Decoder<Vec<f32>>>;
 
-/// All that the first half of a block needs on the way back.
-struct After {
-    contexts: Vec<Context>,
-    /// For each motion.
+/// The inputs of the backward pass through the first half of a block, the self-attention.
+struct PendingSelfAttention {
+    /// The contexts of the self-attention, for each motion.
+    contexts: Vec<AttentionContext>,
+    /// The gradients of the contexts, for each motion.
     context_gradients: Vec<Vec<f32>>,
-    /// For each chunk.
-    traces: Vec<Trace>,
+    /// The gradients from the second half of the block, for each chunk.
+    chunk_gradients: Vec<ChunkGradients>,
 }
 
 impl<S: FloatStorage> Decoder<S> {
-    /// The gradient with respect to the condition, `[batch, condition]`, from the gradient of the
-    /// output, `[batch, frames, features]`, of the evaluation that was recorded with the same input.
+    /// Computes the gradient with respect to the condition, `[batch, condition]`.
+    ///
+    /// `gradient` is the gradient of the output, `[batch, frames, features]`. The tape must have been recorded with the
+    /// same input.
     ///
     /// # Panics
     ///
-    /// If the tape is of another input.
+    /// If the tape belongs to another input.
     pub fn backward(&self, input: DecoderInput<'_>, tape: Tape, gradient: &[f32]) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
-        on_the_pool(|| {
+        run_in_pool(|| {
             let modulations = self.modulation_gradient(input, tape, gradient);
             self.modulations
                 .modulate_backward(input.condition, &modulations)
         })
     }
 
-    /// The gradient with respect to the scales and shifts of all stylization layers, `[batch, outputs of the modulations]`, as
-    /// [`backward`](Self::backward) gives it with respect to the condition.
+    /// Computes the gradient with respect to the scales and shifts of all stylization layers,
+    /// `[batch, outputs of the modulations]`.
+    ///
+    /// The arguments are those of [`backward`](Self::backward).
     ///
     /// # Panics
     ///
-    /// As [`backward`](Self::backward).
+    /// In the same cases as [`backward`](Self::backward).
     pub fn backward_to_modulation(
         &self,
         input: DecoderInput<'_>,
@@ -72,7 +78,7 @@ impl<S: FloatStorage> Decoder<S> {
         gradient: &[f32],
     ) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
-        on_the_pool(|| self.modulation_gradient(input, tape, gradient))
+        run_in_pool(|| self.modulation_gradient(input, tape, gradient))
     }
 
     fn modulation_gradient(
@@ -81,16 +87,20 @@ impl<S: FloatStorage> Decoder<S> {
         tape: Tape,
         gradient: &[f32],
     ) -> Vec<f32> {
-        let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
-        self.unroll(input, tape, gradient, &mut nobody, &mut []).0
+        let mut no_weights: Vec<WeightGradients> = tape.chunks.iter().map(|_| None).collect();
+        self.backpropagate(input, tape, gradient, &mut no_weights, &mut [])
+            .0
     }
 
-    /// The gradient with respect to the noisy motion, `[batch, frames, features]`, as [`backward`](Self::backward) gives it with respect to
-    /// the condition, of an evaluation that was [recorded for training](Self::record_for_training). 0 past a motion's length.
+    /// Computes the gradient with respect to the noisy motion, `[batch, frames, features]`, which is 0 past a motion's
+    /// length.
+    ///
+    /// The arguments are those of [`backward`](Self::backward), but the tape must come from
+    /// [`record_for_training`](Self::record_for_training).
     ///
     /// # Panics
     ///
-    /// If the tape is of another input, or was not recorded for training.
+    /// If the tape belongs to another input, or was not recorded for training.
     pub fn backward_to_motion(
         &self,
         input: DecoderInput<'_>,
@@ -99,35 +109,35 @@ impl<S: FloatStorage> Decoder<S> {
     ) -> Vec<f32> {
         self.check_tape(input, &tape, gradient);
         assert!(
-            tape.keep == Keep::ForWeights,
+            tape.mode == RecordMode::ForWeights,
             "the tape was not recorded for training"
         );
-        on_the_pool(|| {
-            let mut nobody: Vec<Ledger> = tape.passages.iter().map(|_| None).collect();
-            let (_, passages) = self.unroll(input, tape, gradient, &mut nobody, &mut []);
-            let entered = passages.par_iter().map(|passage| {
-                let place = self.place(&passage.chunk, input);
-                let mut gradient = vec![0.0; place.len()];
+        run_in_pool(|| {
+            let mut no_weights: Vec<WeightGradients> = tape.chunks.iter().map(|_| None).collect();
+            let (_, states) = self.backpropagate(input, tape, gradient, &mut no_weights, &mut []);
+            let motion_gradients = states.par_iter().map(|state| {
+                let range = self.batch_range(&state.chunk, input);
+                let mut gradient = vec![0.0; range.len()];
                 self.pose_embedding
                     .weight
-                    .pull(&passage.hidden, &mut gradient);
-                (place, gradient)
+                    .backward(&state.hidden, &mut gradient);
+                (range, gradient)
             });
-            let entered: Vec<_> = entered.collect();
+            let motion_gradients: Vec<_> = motion_gradients.collect();
             let mut out = vec![0.0; input.x_t.len()];
-            for (place, gradient) in entered {
-                out[place].copy_from_slice(&gradient);
+            for (range, gradient) in motion_gradients {
+                out[range].copy_from_slice(&gradient);
             }
             out
         })
     }
 
-    /// Panics where tape or gradient are not of this input.
+    /// Panics if the tape or the gradient does not belong to this input.
     pub(crate) fn check_tape(&self, input: DecoderInput<'_>, tape: &Tape, gradient: &[f32]) {
         self.check(input);
         let mut lengths = vec![0; input.lengths.len()];
-        for passage in &tape.passages {
-            lengths[passage.chunk.motion] += passage.chunk.frames();
+        for state in &tape.chunks {
+            lengths[state.chunk.motion] += state.chunk.frames();
         }
         assert!(
             lengths == input.lengths && tape.contexts.len() == self.blocks.len(),
@@ -141,205 +151,234 @@ impl<S: FloatStorage> Decoder<S> {
         );
     }
 
-    /// Goes back through all blocks. Returns the gradients of all scales and shifts, `[batch, outputs of the
-    /// modulations]`, and the passages, which then hold the gradient of the first block's input if the tape was recorded for training.
+    /// Runs the backward pass through all blocks.
     ///
-    /// Adjacent passages share one of the `ledgers`, in which gradients of weights are summed up in the order of
-    /// the passages; then `texts` has a vector for each block, to which the gradient of its text is written.
-    pub(crate) fn unroll(
+    /// Returns the gradients of all scales and shifts, `[batch, outputs of the modulations]`, and the states of the chunks.
+    /// If the tape was recorded for training, the states then hold the gradient of the first block's input.
+    ///
+    /// Each element of `weight_gradients` is shared by a group of adjacent chunks, whose gradients are added in the order of
+    /// the chunks. `texts` is either empty or has one vector for each block, to which the gradient of the block's text
+    /// context is written.
+    pub(crate) fn backpropagate(
         &self,
         input: DecoderInput<'_>,
         tape: Tape,
         gradient: &[f32],
-        ledgers: &mut [Ledger],
+        weight_gradients: &mut [WeightGradients],
         texts: &mut [Vec<f32>],
-    ) -> (Vec<f32>, Vec<Passage>) {
+    ) -> (Vec<f32>, Vec<ChunkState>) {
         let Tape {
-            mut passages,
+            chunks: mut states,
             mut contexts,
             styles,
-            keep,
+            mode,
         } = tape;
         let motions = input.lengths.len();
         let mut modulations = vec![0.0; motions * self.modulations.weight.outputs()];
-        let sharing = passages.len().div_ceil(ledgers.len());
-        // What the block after left for this one; the last has none after it.
-        let mut after: Option<After> = None;
+        let group_size = states.len().div_ceil(weight_gradients.len());
+        // The self-attention of the following block, which is still to be differentiated. The last block has no following
+        // block.
+        let mut pending: Option<PendingSelfAttention> = None;
         for block in (0..self.blocks.len()).rev() {
-            let of_ledger = |(group, (passages, ledger)): (usize, Shared<'_>)| {
-                let passages = passages.iter_mut().enumerate();
-                let back = passages.map(|(place, passage)| {
-                    match &after {
-                        None => self.leave_backward(passage, input, gradient, ledger),
-                        Some(after) => {
-                            let trace = &after.traces[group * sharing + place];
-                            self.attend_backward(passage, block + 1, after, trace, ledger);
+            let of_group = |(group, (states, weight_gradients)): (usize, ChunkGroup<'_>)| {
+                let states = states.iter_mut().enumerate();
+                let chunk_gradients = states.map(|(index, state)| {
+                    match &pending {
+                        None => {
+                            self.project_output_backward(state, input, gradient, weight_gradients)
+                        }
+                        Some(pending) => {
+                            let gradients = &pending.chunk_gradients[group * group_size + index];
+                            self.begin_block_backward(
+                                state,
+                                block + 1,
+                                pending,
+                                gradients,
+                                weight_gradients,
+                            );
                         }
                     }
-                    let motion = passage.chunk.motion;
+                    let motion = state.chunk.motion;
                     let text = input.text(block, motion);
                     let styles = &styles[motion][block];
-                    self.finish_backward(passage, (block, keep), text, styles, ledger)
+                    self.finish_block_backward(state, (block, mode), text, styles, weight_gradients)
                 });
-                back.collect::<Vec<Trace>>()
+                chunk_gradients.collect::<Vec<ChunkGradients>>()
             };
-            let traces: Vec<Vec<Trace>> = passages
-                .par_chunks_mut(sharing)
-                .zip(ledgers.par_iter_mut())
+            let chunk_gradients: Vec<Vec<ChunkGradients>> = states
+                .par_chunks_mut(group_size)
+                .zip(weight_gradients.par_iter_mut())
                 .enumerate()
-                .map(of_ledger)
+                .map(of_group)
                 .collect();
-            let traces: Vec<Trace> = traces.into_iter().flatten().collect();
-            self.gather(&passages, &traces, block, &mut modulations);
+            let chunk_gradients: Vec<ChunkGradients> =
+                chunk_gradients.into_iter().flatten().collect();
+            self.sum_modulation_gradients(&states, &chunk_gradients, block, &mut modulations);
             if let Some(text) = texts.get_mut(block) {
-                *text = self.gather_texts(&passages, &traces, motions);
+                *text = self.sum_text_gradients(&states, &chunk_gradients, motions);
             }
-            after = Some(After {
+            pending = Some(PendingSelfAttention {
                 contexts: contexts.pop().expect("one a block"),
-                context_gradients: self.context_gradients(&passages, &traces, motions),
-                traces,
+                context_gradients: self.sum_context_gradients(&states, &chunk_gradients, motions),
+                chunk_gradients,
             });
         }
-        // On the first block's attention the condition has no influence.
-        if let (Keep::ForWeights, Some(after)) = (keep, &after) {
-            passages
-                .par_chunks_mut(sharing)
-                .zip(ledgers.par_iter_mut())
+        // The condition has no influence on the self-attention of the first block.
+        if let (RecordMode::ForWeights, Some(pending)) = (mode, &pending) {
+            states
+                .par_chunks_mut(group_size)
+                .zip(weight_gradients.par_iter_mut())
                 .enumerate()
-                .for_each(|(group, (passages, ledger))| {
-                    for (place, passage) in passages.iter_mut().enumerate() {
-                        let trace = &after.traces[group * sharing + place];
-                        self.attend_backward(passage, 0, after, trace, ledger);
-                        self.enter_backward(passage, input, ledger);
+                .for_each(|(group, (states, weight_gradients))| {
+                    for (index, state) in states.iter_mut().enumerate() {
+                        let gradients = &pending.chunk_gradients[group * group_size + index];
+                        self.begin_block_backward(state, 0, pending, gradients, weight_gradients);
+                        self.embed_poses_backward(state, input, weight_gradients);
                     }
                 });
         }
-        (modulations, passages)
+        (modulations, states)
     }
 
-    fn leave_backward(
+    fn project_output_backward(
         &self,
-        passage: &mut Passage,
+        state: &mut ChunkState,
         input: DecoderInput<'_>,
         gradient: &[f32],
-        ledger: &mut Ledger,
+        weight_gradients: &mut WeightGradients,
     ) {
-        let gradient = &gradient[self.place(&passage.chunk, input)];
-        if let Some(ledger) = ledger {
-            ledger.output.gather(&passage.hidden, gradient);
+        let gradient = &gradient[self.batch_range(&state.chunk, input)];
+        if let Some(weight_gradients) = weight_gradients {
+            weight_gradients
+                .output
+                .add_gradients(&state.hidden, gradient);
         }
-        self.output.weight.pull(gradient, &mut passage.hidden);
+        self.output.weight.backward(gradient, &mut state.hidden);
     }
 
-    fn enter_backward(&self, passage: &Passage, input: DecoderInput<'_>, ledger: &mut Ledger) {
-        let Passage { chunk, hidden, .. } = passage;
-        if let Some(ledger) = ledger {
-            let x_t = &input.x_t[self.place(chunk, input)];
-            ledger.pose_embedding.gather(x_t, hidden);
-            let first = chunk.first * self.width();
-            math::add(&mut ledger.frame_embedding[first..], hidden);
-        }
-    }
-
-    /// Back to the output of the self-attention.
-    fn finish_backward(
+    fn embed_poses_backward(
         &self,
-        passage: &mut Passage,
-        (block, keep): (usize, Keep),
+        state: &ChunkState,
+        input: DecoderInput<'_>,
+        weight_gradients: &mut WeightGradients,
+    ) {
+        let ChunkState { chunk, hidden, .. } = state;
+        if let Some(weight_gradients) = weight_gradients {
+            let x_t = &input.x_t[self.batch_range(chunk, input)];
+            weight_gradients.pose_embedding.add_gradients(x_t, hidden);
+            let first = chunk.first * self.width();
+            math::add(&mut weight_gradients.frame_embedding[first..], hidden);
+        }
+    }
+
+    /// Differentiates the second half of a block, back to the output of the self-attention.
+    fn finish_block_backward(
+        &self,
+        state: &mut ChunkState,
+        (block, mode): (usize, RecordMode),
         text: &[f32],
-        [first, second, third]: &[Style; LAYERS],
-        ledger: &mut Ledger,
-    ) -> Trace {
+        [first, second, third]: &[StyleParameters; STYLIZATION_LAYERS],
+        weight_gradients: &mut WeightGradients,
+    ) -> ChunkGradients {
         let heads = self.heads();
         let weights = &self.blocks[block];
-        let Passage {
+        let ChunkState {
             chunk,
             hidden: gradient,
-            records,
+            activations,
             ..
-        } = passage;
-        let record = records.last_mut().expect("one a block");
-        let mut gathered = ledger.as_mut().map(|ledger| &mut ledger.blocks[block]);
-        let mut modulations =
-            [(); LAYERS].map(|()| vec![0.0; chunk.granules.len() * 2 * heads.width]);
-        let [in_first, in_second, in_third] = &mut modulations;
+        } = state;
+        let block_activations = activations.last_mut().expect("one a block");
+        let mut block_gradients = weight_gradients
+            .as_mut()
+            .map(|weight_gradients| &mut weight_gradients.blocks[block]);
+        let mut modulations = [(); STYLIZATION_LAYERS]
+            .map(|()| vec![0.0; chunk.granule_lengths.len() * 2 * heads.width]);
+        let [first_modulation, second_modulation, third_modulation] = &mut modulations;
         let mut y = vec![0.0; gradient.len()];
 
         let layers = &weights.feed_forward;
-        let style = &record.feed_forward_style;
-        let sums = Gathered {
-            modulation: in_third,
-            weights: gathered
+        let style = &block_activations.feed_forward_stylization;
+        let parameter_gradients = ParameterGradients {
+            modulation: third_modulation,
+            weights: block_gradients
                 .as_mut()
                 .map(|block| &mut block.feed_forward.output),
         };
         layers
             .output
-            .backward(gradient, third, style, &mut y, chunk, sums);
-        let mut wide = vec![0.0; record.expanded.len()];
-        if let Some(DecoderBlock { feed_forward, .. }) = &mut gathered {
-            gelu(&record.expanded, &mut wide);
-            feed_forward.contract.gather(&wide, &y);
+            .backward(gradient, third, style, &mut y, chunk, parameter_gradients);
+        let mut expanded_gradient = vec![0.0; block_activations.expanded.len()];
+        if let Some(DecoderBlock { feed_forward, .. }) = &mut block_gradients {
+            gelu(&block_activations.expanded, &mut expanded_gradient);
+            feed_forward.contract.add_gradients(&expanded_gradient, &y);
         }
-        layers.contract.weight.pull(&y, &mut wide);
-        gelu_backward(&record.expanded, &mut wide);
-        if let Some(DecoderBlock { feed_forward, .. }) = &mut gathered {
-            let input = &record.feed_forward_input;
-            feed_forward.expand.gather(input, &wide);
+        layers.contract.weight.backward(&y, &mut expanded_gradient);
+        gelu_backward(&block_activations.expanded, &mut expanded_gradient);
+        if let Some(DecoderBlock { feed_forward, .. }) = &mut block_gradients {
+            let input = &block_activations.feed_forward_input;
+            feed_forward.expand.add_gradients(input, &expanded_gradient);
         }
-        layers.expand.weight.pull_accumulate(&wide, gradient);
+        layers
+            .expand
+            .weight
+            .backward_accumulate(&expanded_gradient, gradient);
 
         let attention = &weights.cross_attention;
-        let style = &record.cross_style;
-        let sums = Gathered {
-            modulation: in_second,
-            weights: gathered
+        let style = &block_activations.cross_stylization;
+        let parameter_gradients = ParameterGradients {
+            modulation: second_modulation,
+            weights: block_gradients
                 .as_mut()
                 .map(|block| &mut block.cross_attention.output),
         };
         attention
             .output
-            .backward(gradient, second, style, &mut y, chunk, sums);
-        let texts = match &gathered {
+            .backward(gradient, second, style, &mut y, chunk, parameter_gradients);
+        let texts = match &block_gradients {
             None => Vec::new(),
-            Some(_) => self.outer_each(chunk, &record.cross_query, &y),
+            Some(_) => self.outer_products(chunk, &block_activations.cross_query, &y),
         };
         let mut query = vec![0.0; gradient.len()];
         heads.apply_transposed(&y, text, &mut query);
-        heads.softmax_backward(&record.cross_query, &mut query);
+        heads.softmax_backward(&block_activations.cross_query, &mut query);
         if let Some(DecoderBlock {
             cross_attention, ..
-        }) = &mut gathered
+        }) = &mut block_gradients
         {
-            record.cross_norm.output(&attention.norm, &mut y);
-            cross_attention.query.gather(&y, &query);
+            block_activations
+                .cross_norm
+                .scale_and_shift(&attention.norm, &mut y);
+            cross_attention.query.add_gradients(&y, &query);
         }
-        attention.query.weight.pull(&query, &mut y);
+        attention.query.weight.backward(&query, &mut y);
         if let Some(DecoderBlock {
             cross_attention, ..
-        }) = &mut gathered
+        }) = &mut block_gradients
         {
-            cross_attention.norm.gather(&y, &record.cross_norm);
+            cross_attention
+                .norm
+                .add_gradients(&y, &block_activations.cross_norm);
         }
         attention
             .norm
-            .backward(&mut y, &record.cross_norm, gradient);
+            .backward(&mut y, &block_activations.cross_norm, gradient);
 
-        let style = &record.self_style;
-        let sums = Gathered {
-            modulation: in_first,
-            weights: gathered
+        let style = &block_activations.self_stylization;
+        let parameter_gradients = ParameterGradients {
+            modulation: first_modulation,
+            weights: block_gradients
                 .as_mut()
                 .map(|block| &mut block.self_attention.output),
         };
         let output = &weights.self_attention.output;
-        output.backward(gradient, first, style, &mut y, chunk, sums);
-        let contexts = match (block, keep) {
-            // On the first block's attention the condition has no influence.
-            (0, Keep::ForCondition) => Vec::new(),
-            _ => self.outer_each(chunk, &record.self_attention.query, &y),
+        output.backward(gradient, first, style, &mut y, chunk, parameter_gradients);
+        let contexts = match (block, mode) {
+            // The condition has no influence on the self-attention of the first block.
+            (0, RecordMode::ForCondition) => Vec::new(),
+            _ => self.outer_products(chunk, &block_activations.self_attention.query, &y),
         };
-        Trace {
+        ChunkGradients {
             modulations,
             y,
             contexts,
@@ -347,11 +386,11 @@ impl<S: FloatStorage> Decoder<S> {
         }
     }
 
-    /// The sums over each granule that are the gradient of what its frames attend to.
-    fn outer_each(&self, chunk: &Chunk, query: &[f32], y: &[f32]) -> Vec<Vec<f32>> {
+    /// Computes the gradient of the context that the frames attend to, summed over the frames of each granule.
+    fn outer_products(&self, chunk: &Chunk, query: &[f32], y: &[f32]) -> Vec<Vec<f32>> {
         let heads = self.heads();
         chunk
-            .granules(heads.width)
+            .granule_ranges(heads.width)
             .map(|range| {
                 let mut out = vec![0.0; heads.width * heads.channels];
                 heads.outer(&query[range.clone()], &y[range], &mut out);
@@ -360,22 +399,22 @@ impl<S: FloatStorage> Decoder<S> {
             .collect()
     }
 
-    /// Back through queries, keys and values to the block's input.
-    fn attend_backward(
+    /// Differentiates the first half of a block, through queries, keys and values back to the block's input.
+    fn begin_block_backward(
         &self,
-        passage: &mut Passage,
+        state: &mut ChunkState,
         block: usize,
-        after: &After,
-        trace: &Trace,
-        ledger: &mut Ledger,
+        pending: &PendingSelfAttention,
+        gradients: &ChunkGradients,
+        weight_gradients: &mut WeightGradients,
     ) {
         let heads = self.heads();
         let attention = &self.blocks[block].self_attention;
-        let motion = passage.chunk.motion;
-        let context = &after.contexts[motion].values;
-        let context_gradient = &after.context_gradients[motion];
-        let y = &trace.y;
-        let Record { self_attention, .. } = passage.records.pop().expect("one a block");
+        let motion = state.chunk.motion;
+        let context = &pending.contexts[motion].values;
+        let context_gradient = &pending.context_gradients[motion];
+        let y = &gradients.y;
+        let BlockActivations { self_attention, .. } = state.activations.pop().expect("one a block");
         let mut query = vec![0.0; y.len()];
         heads.apply_transposed(y, context, &mut query);
         heads.softmax_backward(&self_attention.query, &mut query);
@@ -393,69 +432,81 @@ impl<S: FloatStorage> Decoder<S> {
         heads.apply(&self_attention.key, context_gradient, &mut value);
 
         let mut normed = vec![0.0; query.len()];
-        let mut gathered = ledger
+        let mut block_gradients = weight_gradients
             .as_mut()
-            .map(|ledger| &mut ledger.blocks[block].self_attention);
-        if let Some(gathered) = &mut gathered {
-            self_attention.norm.output(&attention.norm, &mut normed);
-            gathered.query.gather(&normed, &query);
-            gathered.key.gather(&normed, &key);
-            gathered.value.gather(&normed, &value);
+            .map(|weight_gradients| &mut weight_gradients.blocks[block].self_attention);
+        if let Some(block_gradients) = &mut block_gradients {
+            self_attention
+                .norm
+                .scale_and_shift(&attention.norm, &mut normed);
+            block_gradients.query.add_gradients(&normed, &query);
+            block_gradients.key.add_gradients(&normed, &key);
+            block_gradients.value.add_gradients(&normed, &value);
         }
-        attention.query.weight.pull(&query, &mut normed);
-        attention.key.weight.pull_accumulate(&key, &mut normed);
-        attention.value.weight.pull_accumulate(&value, &mut normed);
-        if let Some(gathered) = &mut gathered {
-            gathered.norm.gather(&normed, &self_attention.norm);
+        attention.query.weight.backward(&query, &mut normed);
+        attention.key.weight.backward_accumulate(&key, &mut normed);
+        attention
+            .value
+            .weight
+            .backward_accumulate(&value, &mut normed);
+        if let Some(block_gradients) = &mut block_gradients {
+            block_gradients
+                .norm
+                .add_gradients(&normed, &self_attention.norm);
         }
         attention
             .norm
-            .backward(&mut normed, &self_attention.norm, &mut passage.hidden);
+            .backward(&mut normed, &self_attention.norm, &mut state.hidden);
     }
 
-    /// DecoderGradients of the contexts, for each motion.
-    fn context_gradients(
+    /// Sums up the gradients of the contexts of the self-attention for each motion.
+    fn sum_context_gradients(
         &self,
-        passages: &[Passage],
-        traces: &[Trace],
+        states: &[ChunkState],
+        chunk_gradients: &[ChunkGradients],
         motions: usize,
     ) -> Vec<Vec<f32>> {
         let heads = self.heads();
-        let mut gradients = vec![vec![0.0; heads.width * heads.channels]; motions];
-        for (passage, trace) in passages.iter().zip(traces) {
-            for part in &trace.contexts {
-                math::add(&mut gradients[passage.chunk.motion], part);
+        let mut sums = vec![vec![0.0; heads.width * heads.channels]; motions];
+        for (state, gradients) in states.iter().zip(chunk_gradients) {
+            for part in &gradients.contexts {
+                math::add(&mut sums[state.chunk.motion], part);
             }
         }
-        gradients
+        sums
     }
 
-    /// The gradient of a block's text, `[batch, heads, d, d]`.
-    fn gather_texts(&self, passages: &[Passage], traces: &[Trace], motions: usize) -> Vec<f32> {
+    /// Sums up the gradients of a block's text context for each motion, `[batch, heads, d, d]`.
+    fn sum_text_gradients(
+        &self,
+        states: &[ChunkState],
+        chunk_gradients: &[ChunkGradients],
+        motions: usize,
+    ) -> Vec<f32> {
         let heads = self.heads();
         let size = heads.width * heads.channels;
-        let mut gradients = vec![0.0; motions * size];
-        for (passage, trace) in passages.iter().zip(traces) {
-            for part in &trace.texts {
-                math::add(&mut gradients[passage.chunk.motion * size..][..size], part);
+        let mut sums = vec![0.0; motions * size];
+        for (state, gradients) in states.iter().zip(chunk_gradients) {
+            for part in &gradients.texts {
+                math::add(&mut sums[state.chunk.motion * size..][..size], part);
             }
         }
-        gradients
+        sums
     }
 
-    /// Sums up a block's gradients of scales and shifts over frames, `[motion, block, layer]`.
-    fn gather(
+    /// Adds the gradients of a block's scales and shifts, summed over frames, to `modulations`, `[motion, block, layer]`.
+    fn sum_modulation_gradients(
         &self,
-        passages: &[Passage],
-        traces: &[Trace],
+        states: &[ChunkState],
+        chunk_gradients: &[ChunkGradients],
         block: usize,
         modulations: &mut [f32],
     ) {
         let size = 2 * self.width();
-        for (passage, trace) in passages.iter().zip(traces) {
-            for (layer, parts) in trace.modulations.iter().enumerate() {
-                let place = passage.chunk.motion * self.blocks.len() + block;
-                let out = &mut modulations[(place * LAYERS + layer) * size..][..size];
+        for (state, gradients) in states.iter().zip(chunk_gradients) {
+            for (layer, parts) in gradients.modulations.iter().enumerate() {
+                let index = state.chunk.motion * self.blocks.len() + block;
+                let out = &mut modulations[(index * STYLIZATION_LAYERS + layer) * size..][..size];
                 for part in parts.chunks_exact(size) {
                     math::add(out, part);
                 }
@@ -464,7 +515,7 @@ impl<S: FloatStorage> Decoder<S> {
     }
 }
 
-/// Turns the gradient of GELU into that of its argument.
+/// Turns the gradient of the GELU into the gradient of its argument.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 fn gelu_backward(x: &[f32], gradient: &mut [f32]) {
     for (g, x) in gradient.iter_mut().zip(x) {

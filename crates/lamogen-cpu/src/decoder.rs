@@ -1,134 +1,141 @@
-//! Weights of a decoder, and what can be done with them.
+//! The weights of a decoder, its input, and its evaluation.
 
 use crate::FloatStorage;
-use crate::attention::Heads;
+use crate::attention::HeadLayout;
 use crate::chunk::Chunk;
 use crate::linear::Linear;
 use crate::norm::LayerNorm;
 use crate::stylization::Stylization;
-use crate::tape::{Keep, Tape};
+use crate::tape::{RecordMode, Tape};
 
-/// Weights of a decoder.
+/// The weights of a decoder.
 #[derive(Clone, Debug)]
 pub struct Decoder<S> {
-    /// Heads of all attention layers.
+    /// The number of heads of each attention layer.
     pub heads: usize,
-    /// From pose features to the hidden state.
+    /// The layer from pose features to the hidden state.
     pub pose_embedding: Linear<S>,
-    /// Added to the hidden state, `[frames, width]`.
+    /// The embedding of each frame's position, added to the hidden state, `[frames, width]`.
     pub frame_embedding: S,
-    /// Scales and shifts of all stylization layers, in the order of blocks and layers.
+    /// The layer from the condition to the scales and shifts of all stylization layers, in the order of blocks and layers.
     pub modulations: Linear<S>,
-    /// One after another.
+    /// The blocks in the order of their evaluation.
     pub blocks: Vec<DecoderBlock<S>>,
-    /// From the hidden state to pose features.
+    /// The layer from the hidden state to pose features.
     pub output: Linear<S>,
 }
 
-/// Weights of one block.
+/// The weights of one decoder block.
 #[derive(Clone, Debug)]
 pub struct DecoderBlock<S> {
-    /// Frames to each other.
+    /// The attention of the frames to each other.
     pub self_attention: SelfAttention<S>,
-    /// Frames to the text.
+    /// The attention of the frames to the text.
     pub cross_attention: CrossAttention<S>,
-    /// Each frame alone.
+    /// The feed-forward layers, which treat each frame separately.
     pub feed_forward: FeedForward<S>,
 }
 
-/// Attention of the frames to each other.
+/// The weights of the attention of the frames to each other.
 #[derive(Clone, Debug)]
 pub struct SelfAttention<S> {
-    /// Before the projections.
+    /// The normalization before the projections.
     pub norm: LayerNorm<S>,
-    /// Softmax over channels.
+    /// The projection to queries, whose softmax is taken over channels.
     pub query: Linear<S>,
-    /// Softmax over frames.
+    /// The projection to keys, whose softmax is taken over frames.
     pub key: Linear<S>,
-    /// What is summed.
+    /// The projection to values.
     pub value: Linear<S>,
-    /// After the attention.
+    /// The stylization after the attention.
     pub output: Stylization<S>,
 }
 
-/// Attention of the frames to the text, whose side is part of the [`DecoderInput`].
+/// The weights of the attention of the frames to the text.
+///
+/// The keys and values of the text are not computed here: their context is part of the [`DecoderInput`].
 #[derive(Clone, Debug)]
 pub struct CrossAttention<S> {
-    /// Before the projection.
+    /// The normalization before the projection.
     pub norm: LayerNorm<S>,
-    /// Softmax over channels.
+    /// The projection to queries, whose softmax is taken over channels.
     pub query: Linear<S>,
-    /// After the attention.
+    /// The stylization after the attention.
     pub output: Stylization<S>,
 }
 
-/// Two layers around a GELU.
+/// The weights of the feed-forward layers: two linear layers with a GELU between them.
 #[derive(Clone, Debug)]
 pub struct FeedForward<S> {
-    /// To more channels.
+    /// The linear layer to more channels.
     pub expand: Linear<S>,
-    /// And back.
+    /// The linear layer back to the width of the hidden state.
     pub contract: Linear<S>,
-    /// After both.
+    /// The stylization after both linear layers.
     pub output: Stylization<S>,
 }
 
-/// What a decoder is evaluated on.
+/// The input of a decoder.
 #[derive(Clone, Copy, Debug)]
 pub struct DecoderInput<'a> {
-    /// Noisy motions, `[batch, frames, features]`.
+    /// The noisy motions, `[batch, frames, features]`.
     pub x_t: &'a [f32],
-    /// Embedded timestep plus sentence embedding, `[batch, condition]`.
+    /// The embedded timestep plus the sentence embedding, `[batch, condition]`.
     pub condition: &'a [f32],
-    /// What is added to the scales and shifts of all stylization layers, `[batch, outputs of the modulations]`; nothing if not given.
+    /// An optional offset that is added to the scales and shifts of all stylization layers,
+    /// `[batch, outputs of the modulations]`.
     pub modulation: Option<&'a [f32]>,
-    /// What each block attends to in the text, `[batch, heads, d, d]`.
+    /// For each block, the context of its attention to the text, `[batch, heads, d, d]`.
     pub text: &'a [&'a [f32]],
-    /// Frames of each motion, at least 1.
+    /// The number of frames of each motion, at least 1.
     pub lengths: &'a [usize],
-    /// Frames with padding.
+    /// The number of frames of each padded motion.
     pub frames: usize,
 }
 
-/// Stylization layers of a block.
-pub(crate) const LAYERS: usize = 3;
+/// The number of stylization layers of a block.
+pub(crate) const STYLIZATION_LAYERS: usize = 3;
 
 impl<S: FloatStorage> Decoder<S> {
-    /// The network's output `[batch, frames, features]`; zeros past a motion's length.
+    /// Computes the network's output, `[batch, frames, features]`, which is zero past a motion's length.
     ///
     /// # Panics
     ///
-    /// If the sizes of weights and input do not belong together.
+    /// If the sizes of weights and input do not fit together.
     pub fn evaluate(&self, input: DecoderInput<'_>) -> Vec<f32> {
         self.check(input);
-        on_the_pool(|| self.forward(input, for_threads(input), Keep::Nothing).0)
+        run_in_pool(|| {
+            self.forward(input, chunks_for_threads(input), RecordMode::Nothing)
+                .0
+        })
     }
 
-    /// The network's output, and what [`backward`](Self::backward) needs.
+    /// Computes the network's output and the tape that [`backward`](Self::backward) needs.
     ///
     /// # Panics
     ///
-    /// As [`evaluate`](Self::evaluate).
+    /// In the same cases as [`evaluate`](Self::evaluate).
     pub fn record(&self, input: DecoderInput<'_>) -> (Vec<f32>, Tape) {
         self.check(input);
-        on_the_pool(|| self.forward(input, for_threads(input), Keep::ForCondition))
+        run_in_pool(|| self.forward(input, chunks_for_threads(input), RecordMode::ForCondition))
     }
 
-    /// The network's output, and what [`gradients`](Self::gradients) needs: about 12 numbers a frame and
-    /// channel in each block.
+    /// Computes the network's output and the tape that [`gradients`](Self::gradients) needs.
+    ///
+    /// The tape has about 12 numbers per frame and channel in each block.
     ///
     /// # Panics
     ///
-    /// As [`evaluate`](Self::evaluate).
+    /// In the same cases as [`evaluate`](Self::evaluate).
     pub fn record_for_training(&self, input: DecoderInput<'_>) -> (Vec<f32>, Tape) {
         self.check(input);
-        // Whole motions wherever it can be: sums over frames must not depend on the number of threads.
-        let chunks = Chunk::cut(input.lengths, 1);
-        on_the_pool(|| self.forward(input, chunks, Keep::ForWeights))
+        // The chunks are those for one thread, because sums over frames must not depend on the number of threads.
+        let chunks = Chunk::split(input.lengths, 1);
+        run_in_pool(|| self.forward(input, chunks, RecordMode::ForWeights))
     }
 
-    /// Panics where the sizes of weights and input do not belong together: a slice too long or too short
-    /// would be read as something else.
+    /// Panics if the sizes of weights and input do not fit together. Without this check, a slice that is too long or too
+    /// short would be read as something else.
     pub(crate) fn check(&self, input: DecoderInput<'_>) {
         let (width, motions) = (self.width(), input.lengths.len());
         let features = self.pose_embedding.weight.inputs();
@@ -139,48 +146,48 @@ impl<S: FloatStorage> Decoder<S> {
             "expected heads that share {width} channels evenly, found {}",
             self.heads
         );
-        let is = |what: &str, expected: usize, found: usize| {
+        let check_size = |what: &str, expected: usize, found: usize| {
             assert!(
                 expected == found,
                 "{what}: expected {expected}, found {found}"
             );
         };
         let outputs = &self.modulations.weight;
-        is(
+        check_size(
             "outputs of the modulations",
-            blocks * LAYERS * 2 * width,
+            blocks * STYLIZATION_LAYERS * 2 * width,
             outputs.outputs(),
         );
         for block in &self.blocks {
             for norm in block.norms() {
-                is(
+                check_size(
                     "scales of a normalization",
                     width,
                     norm.gamma.as_ref().len(),
                 );
-                is("shifts of a normalization", width, norm.beta.as_ref().len());
+                check_size("shifts of a normalization", width, norm.beta.as_ref().len());
             }
         }
-        is(
+        check_size(
             "pose features",
             motions * input.frames * features,
             input.x_t.len(),
         );
-        is(
+        check_size(
             "condition",
             motions * outputs.inputs(),
             input.condition.len(),
         );
         if let Some(modulation) = input.modulation {
-            is(
+            check_size(
                 "scales and shifts",
                 motions * outputs.outputs(),
                 modulation.len(),
             );
         }
-        is("blocks of the text", blocks, input.text.len());
+        check_size("blocks of the text", blocks, input.text.len());
         for text in input.text {
-            is(
+            check_size(
                 "text of a block",
                 motions * width * width / self.heads,
                 text.len(),
@@ -196,44 +203,50 @@ impl<S: FloatStorage> Decoder<S> {
         }
     }
 
+    /// Returns the width of the hidden state.
     pub(crate) fn width(&self) -> usize {
         self.pose_embedding.weight.outputs()
     }
 
-    pub(crate) fn heads(&self) -> Heads {
-        Heads {
+    pub(crate) fn heads(&self) -> HeadLayout {
+        HeadLayout {
             width: self.width(),
             channels: self.width() / self.heads,
         }
     }
 
-    /// Where the pose features of a chunk stand in the batch.
-    pub(crate) fn place(&self, chunk: &Chunk, input: DecoderInput<'_>) -> std::ops::Range<usize> {
+    /// Returns the range of a chunk's pose features in the batch.
+    pub(crate) fn batch_range(
+        &self,
+        chunk: &Chunk,
+        input: DecoderInput<'_>,
+    ) -> std::ops::Range<usize> {
         let features = self.pose_embedding.weight.inputs();
         let start = (chunk.motion * input.frames + chunk.first) * features;
         start..start + chunk.frames() * features
     }
 }
 
-/// Chunks that keep all threads busy.
-fn for_threads(input: DecoderInput<'_>) -> Vec<Chunk> {
-    Chunk::cut(input.lengths, rayon::current_num_threads())
+/// Splits the motions of an input into chunks that keep all threads busy.
+fn chunks_for_threads(input: DecoderInput<'_>) -> Vec<Chunk> {
+    Chunk::split(input.lengths, rayon::current_num_threads())
 }
 
-/// Runs a task on the thread pool as a whole: every parallel part of it would otherwise have to wake
-/// the pool and wait for it.
-pub(crate) fn on_the_pool<R: Send>(task: impl FnOnce() -> R + Send) -> R {
+/// Runs a whole task in the thread pool. Otherwise every parallel part of the task would have to wake the pool and wait
+/// for it.
+pub(crate) fn run_in_pool<R: Send>(task: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| task())
 }
 
 impl<S> DecoderBlock<S> {
+    /// Returns all normalizations of the block.
     fn norms(&self) -> impl Iterator<Item = &LayerNorm<S>> {
         let first = [&self.self_attention.norm, &self.cross_attention.norm];
-        first.into_iter().chain(self.styled_norms())
+        first.into_iter().chain(self.stylization_norms())
     }
 
-    /// Normalizations of the stylization layers.
-    pub(crate) fn styled_norms(&self) -> [&LayerNorm<S>; LAYERS] {
+    /// Returns the normalizations of the stylization layers.
+    pub(crate) fn stylization_norms(&self) -> [&LayerNorm<S>; STYLIZATION_LAYERS] {
         [
             &self.self_attention.output.norm,
             &self.cross_attention.output.norm,
@@ -243,7 +256,7 @@ impl<S> DecoderBlock<S> {
 }
 
 impl<'a> DecoderInput<'a> {
-    /// What a block attends to in the text of a motion, `[width, d]`.
+    /// Returns the context of a block's attention to the text of a motion, `[width, d]`.
     pub(crate) fn text(&self, block: usize, motion: usize) -> &'a [f32] {
         let all = self.text[block];
         let size = all.len() / self.lengths.len();

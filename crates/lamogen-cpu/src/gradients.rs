@@ -1,40 +1,44 @@
-//! DecoderGradients of everything that training moves.
+//! The gradients that training needs: those of the weights, the condition and the text contexts.
 
 use rayon::prelude::*;
 
 use crate::FloatStorage;
-use crate::backward::Ledger;
+use crate::backward::WeightGradients;
 use crate::decoder::{CrossAttention, DecoderBlock, FeedForward, SelfAttention};
-use crate::decoder::{Decoder, DecoderInput, on_the_pool};
+use crate::decoder::{Decoder, DecoderInput, run_in_pool};
 use crate::linear::{Linear, product, rows, rows_mut};
 use crate::math;
 use crate::norm::LayerNorm;
 use crate::stylization::Stylization;
-use crate::tape::{Keep, Tape};
+use crate::tape::{RecordMode, Tape};
 
 use faer::Accum;
 
-/// The gradient of a loss with respect to all that a decoder computed its output from.
+/// The gradients of a loss with respect to the weights and the inputs of a decoder.
 #[derive(Clone, Debug)]
 pub struct DecoderGradients {
-    /// Of each weight, in the place of the weight, input by input.
+    /// The gradient of each weight, at the place of the weight. Matrices are stored input by input.
     pub weights: Decoder<Vec<f32>>,
-    /// Of the condition, `[batch, condition]`.
+    /// The gradient of the condition, `[batch, condition]`.
     pub condition: Vec<f32>,
-    /// Of what each block attends to in the text, `[batch, heads, d, d]`.
+    /// For each block, the gradient of the context of the text, `[batch, heads, d, d]`.
     pub text: Vec<Vec<f32>>,
 }
 
-/// Passages that share a ledger: few enough to keep many threads busy, enough for ledgers to be few.
-const SHARING: usize = 8;
+/// The number of chunks whose gradients are added to the same sums.
+///
+/// The groups are small enough to keep many threads busy, and large enough to need few copies of the gradients.
+const CHUNKS_PER_GROUP: usize = 8;
 
 impl<S: FloatStorage> Decoder<S> {
-    /// The gradients from that of the output, `[batch, frames, features]`, of the evaluation that was
-    /// [recorded](Self::record_for_training) with the same input. What stands past a motion's length does not count.
+    /// Computes all gradients from the gradient of the output, `[batch, frames, features]`.
+    ///
+    /// The tape must come from [`record_for_training`](Self::record_for_training) with the same input. The gradient past a
+    /// motion's length is ignored.
     ///
     /// # Panics
     ///
-    /// If the tape is of another input, or was not recorded for training.
+    /// If the tape belongs to another input, or was not recorded for training.
     pub fn gradients(
         &self,
         input: DecoderInput<'_>,
@@ -43,19 +47,24 @@ impl<S: FloatStorage> Decoder<S> {
     ) -> DecoderGradients {
         self.check_tape(input, &tape, gradient);
         assert!(
-            tape.keep == Keep::ForWeights,
+            tape.mode == RecordMode::ForWeights,
             "the tape was not recorded for training"
         );
-        on_the_pool(|| {
-            let mut ledgers: Vec<_> = tape
-                .passages
-                .par_chunks(SHARING)
+        run_in_pool(|| {
+            let mut groups: Vec<_> = tape
+                .chunks
+                .par_chunks(CHUNKS_PER_GROUP)
                 .map(|_| Some(self.zeros()))
                 .collect();
             let mut text = vec![Vec::new(); self.blocks.len()];
-            let (modulations, _) = self.unroll(input, tape, gradient, &mut ledgers, &mut text);
-            let mut weights = total(ledgers);
-            self.gather_modulations(input.condition, &modulations, &mut weights.modulations);
+            let (modulations, _) =
+                self.backpropagate(input, tape, gradient, &mut groups, &mut text);
+            let mut weights = sum_groups(groups);
+            self.modulation_weight_gradients(
+                input.condition,
+                &modulations,
+                &mut weights.modulations,
+            );
             DecoderGradients {
                 weights,
                 condition: self
@@ -66,7 +75,7 @@ impl<S: FloatStorage> Decoder<S> {
         })
     }
 
-    /// Zeros, one for each weight; none for those of the modulations, which no passage has to do with.
+    /// Creates zeros for all weights except those of the modulations, whose gradients no chunk contributes to.
     fn zeros(&self) -> Decoder<Vec<f32>> {
         let blocks = self.blocks.iter().map(|block| DecoderBlock {
             self_attention: SelfAttention {
@@ -91,26 +100,31 @@ impl<S: FloatStorage> Decoder<S> {
             heads: self.heads,
             pose_embedding: Linear::zeros_like(&self.pose_embedding),
             frame_embedding: vec![0.0; self.frame_embedding.as_ref().len()],
-            modulations: Linear::by_input(Vec::new(), Vec::new()),
+            modulations: Linear::from_input_major(Vec::new(), Vec::new()),
             blocks: blocks.collect(),
             output: Linear::zeros_like(&self.output),
         }
     }
 
-    /// The gradient of the layer behind all scales and shifts, from theirs.
-    fn gather_modulations(&self, condition: &[f32], gradient: &[f32], out: &mut Linear<Vec<f32>>) {
-        /// Outputs that one thread computes at a time.
-        const STRIPE: usize = 256;
+    /// Computes the gradient of the layer that gives all scales and shifts, from the gradient of the scales and shifts.
+    fn modulation_weight_gradients(
+        &self,
+        condition: &[f32],
+        gradient: &[f32],
+        out: &mut Linear<Vec<f32>>,
+    ) {
+        /// The number of outputs that one thread computes at a time.
+        const STRIPE_OUTPUTS: usize = 256;
         let (inputs, outputs) = (
             self.modulations.weight.inputs(),
             self.modulations.weight.outputs(),
         );
         let active: Vec<f32> = condition.iter().copied().map(math::silu).collect();
-        let starts: Vec<usize> = (0..outputs).step_by(STRIPE).collect();
+        let starts: Vec<usize> = (0..outputs).step_by(STRIPE_OUTPUTS).collect();
         let stripes: Vec<Vec<f32>> = starts
             .par_iter()
             .map(|&start| {
-                let width = STRIPE.min(outputs - start);
+                let width = STRIPE_OUTPUTS.min(outputs - start);
                 let mut stripe = vec![0.0; inputs * width];
                 let gradient = rows(gradient, outputs).subcols(start, width);
                 let active = rows(&active, inputs).transpose();
@@ -132,46 +146,46 @@ impl<S: FloatStorage> Decoder<S> {
         }
         let mut bias = vec![0.0; outputs];
         math::add_rows(&mut bias, gradient);
-        *out = Linear::by_input(numbers, bias);
+        *out = Linear::from_input_major(numbers, bias);
     }
 }
 
-/// The sum of all ledgers, in their order.
-fn total(ledgers: Vec<Ledger>) -> Decoder<Vec<f32>> {
-    let mut ledgers: Vec<Decoder<Vec<f32>>> = ledgers.into_iter().flatten().collect();
-    let mut lists: Vec<_> = ledgers.iter_mut().map(Decoder::parts).collect();
-    let first = lists.remove(0);
-    first.into_par_iter().enumerate().for_each(|(place, sum)| {
-        for other in &lists {
-            math::add(sum, &*other[place]);
+/// Sums the gradients of all groups, in the order of the groups.
+fn sum_groups(groups: Vec<WeightGradients>) -> Decoder<Vec<f32>> {
+    let mut groups: Vec<Decoder<Vec<f32>>> = groups.into_iter().flatten().collect();
+    let mut group_weights: Vec<_> = groups.iter_mut().map(Decoder::weights_mut).collect();
+    let first = group_weights.remove(0);
+    first.into_par_iter().enumerate().for_each(|(index, sum)| {
+        for other in &group_weights {
+            math::add(sum, &*other[index]);
         }
     });
-    ledgers.swap_remove(0)
+    groups.swap_remove(0)
 }
 
 impl Decoder<Vec<f32>> {
-    /// All numbers, those of one weight each.
-    fn parts(&mut self) -> Vec<&mut Vec<f32>> {
-        let mut parts = vec![&mut self.frame_embedding];
-        self.pose_embedding.parts(&mut parts);
-        self.modulations.parts(&mut parts);
-        self.output.parts(&mut parts);
+    /// Returns the numbers of all weights, one vector for each weight.
+    fn weights_mut(&mut self) -> Vec<&mut Vec<f32>> {
+        let mut weights = vec![&mut self.frame_embedding];
+        self.pose_embedding.collect_weights(&mut weights);
+        self.modulations.collect_weights(&mut weights);
+        self.output.collect_weights(&mut weights);
         for block in &mut self.blocks {
             let attention = &mut block.self_attention;
-            attention.norm.parts(&mut parts);
-            attention.query.parts(&mut parts);
-            attention.key.parts(&mut parts);
-            attention.value.parts(&mut parts);
-            attention.output.parts(&mut parts);
+            attention.norm.collect_weights(&mut weights);
+            attention.query.collect_weights(&mut weights);
+            attention.key.collect_weights(&mut weights);
+            attention.value.collect_weights(&mut weights);
+            attention.output.collect_weights(&mut weights);
             let attention = &mut block.cross_attention;
-            attention.norm.parts(&mut parts);
-            attention.query.parts(&mut parts);
-            attention.output.parts(&mut parts);
+            attention.norm.collect_weights(&mut weights);
+            attention.query.collect_weights(&mut weights);
+            attention.output.collect_weights(&mut weights);
             let layers = &mut block.feed_forward;
-            layers.expand.parts(&mut parts);
-            layers.contract.parts(&mut parts);
-            layers.output.parts(&mut parts);
+            layers.expand.collect_weights(&mut weights);
+            layers.contract.collect_weights(&mut weights);
+            layers.output.collect_weights(&mut weights);
         }
-        parts
+        weights
     }
 }

@@ -1,25 +1,27 @@
-//! The decoder of MotionDiffuse on CPUs: the same mathematics as the tensor code of `lamogen-model`,
-//! with a hand-derived gradient, written for vector units and caches.
+//! Kernels for the decoder of MotionDiffuse on CPUs, with its gradient.
+//!
+//! The mathematics is the same as that of the tensor code of `lamogen-model`. The gradient is derived by hand, and the
+//! code is written for vector units and caches.
 //!
 //! ```text
 //! Decoder (weights) ──┐
-//! DecoderInput ──────────────┴─▶ evaluate ─▶ output
-//!                     ├─▶ record ───▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
-//!                     └─▶ record_for_training ▶ output, Tape ──gradients(gradient of output)──▶ DecoderGradients of everything
+//! DecoderInput ───────┴─▶ evaluate ────────────▶ output
+//!                     ├─▶ record ──────────────▶ output, Tape ──backward(gradient of output)──▶ gradient of the condition
+//!                     └─▶ record_for_training ─▶ output, Tape ──gradients(gradient of output)─▶ DecoderGradients
 //! ```
 //!
-//! What a frame costs is spent once and in one place:
+//! The costs are kept low in these ways:
 //!
-//! - A motion's frames are cut into chunks of whole rows. A chunk passes through a block on one
-//!   thread, from cache to cache; chunks meet once a block, where attention sums over frames.
-//! - Exponentials and error functions are polynomials that the compiler vectorises; on x86-64 the widest
-//!   vector unit of the machine is found at run time.
+//! - The frames of a motion are split into chunks of whole rows. A chunk passes through a block on one thread, so that its
+//!   numbers stay in the cache. Chunks meet once per block, where the attention sums over frames.
+//! - Exponentials and error functions are polynomials that the compiler vectorises. On x86-64 the widest vector unit of
+//!   the machine is found at run time.
 //! - Frames past a motion's length are never computed.
-//! - Guidance asks for the gradient with respect to the condition alone; none is computed then for weights, nor
-//!   for the first block's attention, on which the condition has no influence. Training asks for all.
+//! - Guidance needs only the gradient with respect to the condition. Then no gradient is computed for the weights, nor for
+//!   the self-attention of the first block, on which the condition has no influence. Training needs all gradients.
 //!
-//! Sums run in an order that does not depend on the number of threads, so results are equal bit for
-//! bit on any number of them.
+//! Sums are formed in an order that does not depend on the number of threads. So the results are equal bit for bit on any
+//! number of threads.
 
 mod attention;
 mod backward;
@@ -42,7 +44,7 @@ pub use norm::LayerNorm;
 pub use stylization::Stylization;
 pub use tape::Tape;
 
-/// Where numbers lie: borrowed or shared memory that threads may read.
+/// Borrowed or shared memory of 32-bit floats that several threads may read.
 pub trait FloatStorage: AsRef<[f32]> + Sync {}
 
 impl<T: AsRef<[f32]> + Sync> FloatStorage for T {}

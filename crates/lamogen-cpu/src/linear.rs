@@ -6,16 +6,16 @@ use faer::{Accum, MatMut, MatRef, Par};
 use crate::FloatStorage;
 use crate::math;
 
-/// How a matrix `[inputs, outputs]` lies in memory.
+/// The memory layout of a matrix `[inputs, outputs]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WeightLayout {
-    /// DecoderInput by input: all weights of the first input first.
+    /// Input by input: the weights of the first input come first.
     ByInput,
-    /// Output by output, as PyTorch stores linear layers.
+    /// Output by output: the weights of the first output come first, as PyTorch stores linear layers.
     ByOutput,
 }
 
-/// A matrix of weights `[inputs, outputs]`.
+/// A weight matrix `[inputs, outputs]`.
 #[derive(Clone, Debug)]
 pub struct Matrix<S> {
     numbers: S,
@@ -25,7 +25,7 @@ pub struct Matrix<S> {
 }
 
 impl<S: FloatStorage> Matrix<S> {
-    /// A matrix over numbers.
+    /// Creates a matrix from its numbers.
     ///
     /// # Panics
     ///
@@ -68,7 +68,7 @@ impl<S: FloatStorage> Matrix<S> {
         }
     }
 
-    /// `out += x · W`; both row after row.
+    /// Computes `out += x · W`, with `x` and `out` stored row by row.
     pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
         product(
             rows(x, self.inputs),
@@ -78,17 +78,17 @@ impl<S: FloatStorage> Matrix<S> {
         );
     }
 
-    /// `out = g · Wᵀ`, the gradient with respect to `x` of `x · W`.
-    pub(crate) fn pull(&self, gradient: &[f32], out: &mut [f32]) {
-        self.pull_with(gradient, out, Accum::Replace);
+    /// Computes `out = g · Wᵀ`, the gradient of `x · W` with respect to `x`.
+    pub(crate) fn backward(&self, gradient: &[f32], out: &mut [f32]) {
+        self.backward_with(gradient, out, Accum::Replace);
     }
 
-    /// `out += g · Wᵀ`.
-    pub(crate) fn pull_accumulate(&self, gradient: &[f32], out: &mut [f32]) {
-        self.pull_with(gradient, out, Accum::Add);
+    /// Computes `out += g · Wᵀ`.
+    pub(crate) fn backward_accumulate(&self, gradient: &[f32], out: &mut [f32]) {
+        self.backward_with(gradient, out, Accum::Add);
     }
 
-    fn pull_with(&self, gradient: &[f32], out: &mut [f32], accum: Accum) {
+    fn backward_with(&self, gradient: &[f32], out: &mut [f32], accum: Accum) {
         let weights = self.view().transpose();
         product(
             rows(gradient, self.outputs),
@@ -99,7 +99,7 @@ impl<S: FloatStorage> Matrix<S> {
     }
 }
 
-/// `y = x · W + b`.
+/// A linear layer, `y = x · W + b`.
 #[derive(Clone, Debug)]
 pub struct Linear<S> {
     pub(crate) weight: Matrix<S>,
@@ -107,17 +107,17 @@ pub struct Linear<S> {
 }
 
 impl<S: FloatStorage> Linear<S> {
-    /// A layer with weights `[inputs, outputs]` and a bias `[outputs]`.
+    /// Creates a layer from weights `[inputs, outputs]` and a bias `[outputs]`.
     ///
     /// # Panics
     ///
-    /// If there is not one bias for each output.
+    /// If the bias does not have one number for each output.
     pub fn new(weight: Matrix<S>, bias: S) -> Self {
         assert_eq!(bias.as_ref().len(), weight.outputs);
         Linear { weight, bias }
     }
 
-    /// `out = x · W + b`.
+    /// Computes `out = x · W + b`.
     pub(crate) fn forward(&self, x: &[f32], out: &mut [f32]) {
         let bias = self.bias.as_ref();
         for row in out.chunks_exact_mut(bias.len()) {
@@ -126,7 +126,7 @@ impl<S: FloatStorage> Linear<S> {
         self.weight.accumulate(x, out);
     }
 
-    /// `out += x · W + b`.
+    /// Computes `out += x · W + b`.
     pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
         let bias = self.bias.as_ref();
         for row in out.chunks_exact_mut(bias.len()) {
@@ -137,14 +137,14 @@ impl<S: FloatStorage> Linear<S> {
 }
 
 impl Linear<Vec<f32>> {
-    /// Zeros, one for each weight of another layer, input by input.
+    /// Creates a layer of zeros, input by input, with the sizes of another layer.
     pub(crate) fn zeros_like<S: FloatStorage>(layer: &Linear<S>) -> Self {
         let (inputs, outputs) = (layer.weight.inputs, layer.weight.outputs);
-        Linear::by_input(vec![0.0; inputs * outputs], vec![0.0; outputs])
+        Linear::from_input_major(vec![0.0; inputs * outputs], vec![0.0; outputs])
     }
 
-    /// Adds the gradients of weights and bias: those of `x · W + b`, given that of the result.
-    pub(crate) fn gather(&mut self, x: &[f32], gradient: &[f32]) {
+    /// Adds the gradients of the weights and the bias of `x · W + b`, given the gradient of the result.
+    pub(crate) fn add_gradients(&mut self, x: &[f32], gradient: &[f32]) {
         let Matrix {
             numbers,
             inputs,
@@ -160,8 +160,8 @@ impl Linear<Vec<f32>> {
         math::add_rows(&mut self.bias, gradient);
     }
 
-    /// A layer from weights input by input.
-    pub(crate) fn by_input(numbers: Vec<f32>, bias: Vec<f32>) -> Self {
+    /// Creates a layer from weights that are stored input by input.
+    pub(crate) fn from_input_major(numbers: Vec<f32>, bias: Vec<f32>) -> Self {
         let (inputs, outputs) = (numbers.len() / bias.len().max(1), bias.len());
         Linear::new(
             Matrix::new(numbers, inputs, outputs, WeightLayout::ByInput),
@@ -169,29 +169,30 @@ impl Linear<Vec<f32>> {
         )
     }
 
-    /// Adds weights and biases to a list.
-    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+    /// Adds the weights and the bias to a list.
+    pub(crate) fn collect_weights<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
         list.extend([&mut self.weight.numbers, &mut self.bias]);
     }
 
-    /// Weights input by input, and biases.
+    /// Returns the weights, in the order in which they are stored, and the bias. The layers of
+    /// [`DecoderGradients`](crate::DecoderGradients) are stored input by input.
     pub fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
         (self.weight.numbers, self.bias)
     }
 }
 
-/// Rows of `width` numbers as a matrix.
+/// Views rows of `width` numbers as a matrix.
 pub(crate) fn rows(numbers: &[f32], width: usize) -> MatRef<'_, f32> {
     MatRef::from_row_major_slice(numbers, numbers.len() / width, width)
 }
 
-/// As [`rows`], to write to.
+/// Views rows of `width` numbers as a mutable matrix.
 pub(crate) fn rows_mut(numbers: &mut [f32], width: usize) -> MatMut<'_, f32> {
     MatMut::from_row_major_slice_mut(numbers, numbers.len() / width, width)
 }
 
-/// A matrix product on this thread. How many rows `a` has does not matter to any of them, unless it is
-/// one.
+/// Computes a matrix product on this thread. The result of a row does not depend on the number of rows of `a`, unless
+/// `a` has only one row.
 pub(crate) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>, out: MatMut<'_, f32>, accum: Accum) {
     matmul(out, accum, a, b, 1.0, Par::Seq);
 }

@@ -1,14 +1,15 @@
-//! Functions of one number and sums over a row, in a form that compilers vectorise.
+//! Functions of one number and sums over a row, written so that the compiler vectorises them.
 //!
-//! They are compiled as part of what calls them, the loops marked `multiversion`: for the widest
-//! vectors of each generation of processors, of which the machine's own is picked at run time.
+//! The small functions are inlined into the loops that are marked `multiversion`, here and in other modules. These loops
+//! are compiled for the widest vectors of several generations of processors, and the version for the machine's processor
+//! is chosen at run time.
 
 use multiversion::multiversion;
 
-/// `eˣ` to 1e-7 of itself, between 1e-38 and 2e38; no less and no more. NaN stays NaN.
+/// Computes `eˣ` with a relative error of 1e-7, clamped to the range from 1e-38 to 2e38. NaN stays NaN.
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {
-    /// Adding it leaves an integer in the lowest bits.
+    /// Adding this constant to a number leaves the rounded integer in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
@@ -32,45 +33,45 @@ pub(crate) fn exp(x: f32) -> f32 {
     fraction * power
 }
 
-/// `1 / (1 + e⁻ˣ)`.
+/// Computes `1 / (1 + e⁻ˣ)`.
 #[inline(always)]
 pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// `x · sigmoid(x)`.
+/// Computes `x · sigmoid(x)`.
 #[inline(always)]
 pub(crate) fn silu(x: f32) -> f32 {
     x * sigmoid(x)
 }
 
-/// The derivative of [`silu`].
+/// Computes the derivative of [`silu`].
 #[inline(always)]
-pub(crate) fn silu_slope(x: f32) -> f32 {
+pub(crate) fn silu_derivative(x: f32) -> f32 {
     let sigmoid = sigmoid(x);
     sigmoid * (1.0 + x * (1.0 - sigmoid))
 }
 
-/// The standard normal distribution function, to 2e-7.
+/// Computes the standard normal distribution function with an error of 2e-7.
 #[inline(always)]
 pub(crate) fn normal_cdf(x: f32) -> f32 {
     0.5 + 0.5 * erf(x * std::f32::consts::FRAC_1_SQRT_2)
 }
 
-/// The standard normal density.
+/// Computes the standard normal density.
 #[inline(always)]
 pub(crate) fn normal_pdf(x: f32) -> f32 {
     const AT_ZERO: f32 = 0.398_942_3;
     AT_ZERO * exp(-0.5 * x * x)
 }
 
-/// The error function as a quotient of two polynomials (minimax on ±4, beyond which it is ±1 in 32
-/// bits).
+/// Computes the error function as a quotient of two polynomials (minimax on ±4; outside this range the error function is
+/// ±1 in 32 bits).
 #[inline(always)]
 fn erf(x: f32) -> f32 {
     let x = x.clamp(-4.0, 4.0);
     let square = x * x;
-    let mut above = -2.726_142_3e-10;
+    let mut numerator = -2.726_142_3e-10;
     for coefficient in [
         2.770_681_4e-8,
         -2.101_024e-6,
@@ -79,24 +80,25 @@ fn erf(x: f32) -> f32 {
         -2.954_6e-3,
         -1.609_603_3e-2,
     ] {
-        above = above * square + coefficient;
+        numerator = numerator * square + coefficient;
     }
-    let mut below = -1.456_607_2e-5;
+    let mut denominator = -1.456_607_2e-5;
     for coefficient in [
         -2.133_740_6e-4,
         -1.682_827e-3,
         -7.373_329e-3,
         -1.426_473_9e-2,
     ] {
-        below = below * square + coefficient;
+        denominator = denominator * square + coefficient;
     }
-    x * above / below
+    x * numerator / denominator
 }
 
-/// FloatStorage that are summed side by side before they are added up: a vector register's.
+/// The number of partial sums that are formed side by side before they are added up: as many as the widest vector
+/// register holds.
 const LANES: usize = 16;
 
-/// The sum of `term(a[i], b[i])`, in an order that depends on the rows' length alone.
+/// Sums `term(a[i], b[i])` over two rows, in an order that depends only on the length of the rows.
 #[inline(always)]
 pub(crate) fn sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -106,16 +108,16 @@ pub(crate) fn sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f32 {
             lanes[lane] += term(a[lane], b[lane]);
         }
     }
-    let mut total = halve(lanes, |a, b| a + b);
+    let mut total = reduce_lanes(lanes, |a, b| a + b);
     for (a, b) in a_rest.iter().zip(b_rest) {
         total += term(*a, *b);
     }
     total
 }
 
-/// Combines all lanes, half of them with the other half until one is left.
+/// Combines all lanes into one number: one half of the lanes is combined with the other half until one lane is left.
 #[inline(always)]
-fn halve(mut lanes: [f32; LANES], combine: impl Fn(f32, f32) -> f32) -> f32 {
+fn reduce_lanes(mut lanes: [f32; LANES], combine: impl Fn(f32, f32) -> f32) -> f32 {
     let mut half = LANES / 2;
     while half > 0 {
         for lane in 0..half {
@@ -126,14 +128,14 @@ fn halve(mut lanes: [f32; LANES], combine: impl Fn(f32, f32) -> f32) -> f32 {
     lanes[0]
 }
 
-/// The sum of the products of two rows.
+/// Computes the dot product of two rows.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let [product] = dots(a, &[b]);
     product
 }
 
-/// The products of a row with several others at once, each as [`dot`] gives it.
+/// Computes the dot products of a row with several others at once. Each equals the result of [`dot`].
 #[inline(always)]
 pub(crate) fn dots<const N: usize>(a: &[f32], others: &[&[f32]; N]) -> [f32; N] {
     let (whole, rest) = a.as_chunks::<LANES>();
@@ -147,7 +149,7 @@ pub(crate) fn dots<const N: usize>(a: &[f32], others: &[&[f32]; N]) -> [f32; N] 
             }
         }
     }
-    let mut totals = registers.map(|lanes| halve(lanes, |a, b| a + b));
+    let mut totals = registers.map(|lanes| reduce_lanes(lanes, |a, b| a + b));
     for (total, (_, b)) in totals.iter_mut().zip(&others) {
         for (a, b) in rest.iter().zip(*b) {
             *total += a * b;
@@ -156,19 +158,19 @@ pub(crate) fn dots<const N: usize>(a: &[f32], others: &[&[f32]; N]) -> [f32; N] 
     totals
 }
 
-/// The sum of a row.
+/// Sums the numbers of a row.
 #[inline(always)]
 pub(crate) fn total(row: &[f32]) -> f32 {
     sum(row, row, |x, _| x)
 }
 
-/// The larger of two numbers. Not `max`, which would hide NaN from the sums that follow.
+/// Returns the larger of two numbers. `f32::max` would hide NaN from the sums that follow.
 #[inline(always)]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 
-/// The largest number of a row.
+/// Returns the largest number of a row.
 #[inline(always)]
 pub(crate) fn largest(row: &[f32]) -> f32 {
     let mut lanes = [f32::NEG_INFINITY; LANES];
@@ -179,18 +181,18 @@ pub(crate) fn largest(row: &[f32]) -> f32 {
         }
     }
     let rest = chunks.remainder().iter().copied();
-    rest.fold(halve(lanes, larger), larger)
+    rest.fold(reduce_lanes(lanes, larger), larger)
 }
 
-/// Adds one row to another.
+/// Adds a row to `sums`.
 #[inline(always)]
-pub(crate) fn add_row(to: &mut [f32], row: &[f32]) {
-    for (to, x) in to.iter_mut().zip(row) {
-        *to += x;
+pub(crate) fn add_row(sums: &mut [f32], row: &[f32]) {
+    for (sum, x) in sums.iter_mut().zip(row) {
+        *sum += x;
     }
 }
 
-/// Multiplies each number of every row with its channel's factor.
+/// Multiplies each number of every row by the factor of its channel.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 pub(crate) fn scale(rows: &mut [f32], factors: &[f32]) {
     for row in rows.chunks_exact_mut(factors.len()) {
@@ -200,27 +202,27 @@ pub(crate) fn scale(rows: &mut [f32], factors: &[f32]) {
     }
 }
 
-/// Adds numbers to others.
+/// Adds `numbers` to `sums`, element by element.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-pub(crate) fn add(to: &mut [f32], numbers: &[f32]) {
-    add_row(to, numbers);
+pub(crate) fn add(sums: &mut [f32], numbers: &[f32]) {
+    add_row(sums, numbers);
 }
 
-/// Adds every row to one.
+/// Adds every row to `sums`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-pub(crate) fn add_rows(to: &mut [f32], rows: &[f32]) {
-    for row in rows.chunks_exact(to.len()) {
-        add_row(to, row);
+pub(crate) fn add_rows(sums: &mut [f32], rows: &[f32]) {
+    for row in rows.chunks_exact(sums.len()) {
+        add_row(sums, row);
     }
 }
 
-/// Adds the products of the rows of two matrices to one row.
+/// Adds the elementwise products of the rows of two matrices to `sums`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-pub(crate) fn add_products(to: &mut [f32], a: &[f32], b: &[f32]) {
-    let width = to.len();
+pub(crate) fn add_products(sums: &mut [f32], a: &[f32], b: &[f32]) {
+    let width = sums.len();
     for (a, b) in a.chunks_exact(width).zip(b.chunks_exact(width)) {
-        for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
-            *to += a * b;
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
         }
     }
 }

@@ -1,5 +1,6 @@
-//! The layer that turns conditions into scales and shifts: few rows through very many weights, so that
-//! its cost is reading the weights once.
+//! The layer that turns conditions into scales and shifts.
+//!
+//! The layer has few rows of input and very many weights, so its cost is that of reading the weights once.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -8,23 +9,23 @@ use crate::FloatStorage;
 use crate::linear::{Linear, Matrix, WeightLayout};
 use crate::math;
 
-/// Rows of weights that are read by one thread.
-const STRETCH: usize = 512;
+/// The number of rows of weights that one parallel task reads.
+const ROWS_PER_TASK: usize = 512;
 
-/// Conditions that share one reading of the weights.
-const AT_ONCE: usize = 8;
+/// The number of conditions that are computed in one pass over the weights.
+const CONDITIONS_PER_PASS: usize = 8;
 
 impl<S: FloatStorage> Linear<S> {
-    /// `silu(condition) · W + b` for every row of `condition`.
+    /// Computes `silu(condition) · W + b` for every row of `condition`.
     pub(crate) fn modulate(&self, condition: &[f32]) -> Vec<f32> {
         let active: Vec<f32> = condition.iter().copied().map(math::silu).collect();
         let outputs = self.weight.outputs();
         let mut out = vec![0.0; active.len() / self.weight.inputs() * outputs];
-        let rows = active.chunks(AT_ONCE * self.weight.inputs());
-        for (x, out) in rows.zip(out.chunks_mut(AT_ONCE * outputs)) {
+        let rows = active.chunks(CONDITIONS_PER_PASS * self.weight.inputs());
+        for (x, out) in rows.zip(out.chunks_mut(CONDITIONS_PER_PASS * outputs)) {
             match self.weight.layout() {
-                WeightLayout::ByOutput => dots(&self.weight, self.weight.inputs(), x, out),
-                WeightLayout::ByInput => blends(&self.weight, outputs, x, out),
+                WeightLayout::ByOutput => row_products(&self.weight, self.weight.inputs(), x, out),
+                WeightLayout::ByInput => weighted_row_sums(&self.weight, outputs, x, out),
             }
         }
         for row in out.chunks_exact_mut(outputs) {
@@ -33,69 +34,79 @@ impl<S: FloatStorage> Linear<S> {
         out
     }
 
-    /// The gradient with respect to the conditions from that of the scales and shifts.
+    /// Computes the gradient with respect to the conditions from the gradient of the scales and shifts.
     pub(crate) fn modulate_backward(&self, condition: &[f32], gradient: &[f32]) -> Vec<f32> {
         let (inputs, outputs) = (self.weight.inputs(), self.weight.outputs());
         let mut out = vec![0.0; condition.len()];
-        let rows = gradient.chunks(AT_ONCE * outputs);
-        for (g, out) in rows.zip(out.chunks_mut(AT_ONCE * inputs)) {
+        let rows = gradient.chunks(CONDITIONS_PER_PASS * outputs);
+        for (g, out) in rows.zip(out.chunks_mut(CONDITIONS_PER_PASS * inputs)) {
             match self.weight.layout() {
-                WeightLayout::ByOutput => blends(&self.weight, inputs, g, out),
-                WeightLayout::ByInput => dots(&self.weight, outputs, g, out),
+                WeightLayout::ByOutput => weighted_row_sums(&self.weight, inputs, g, out),
+                WeightLayout::ByInput => row_products(&self.weight, outputs, g, out),
             }
         }
         for (g, x) in out.iter_mut().zip(condition) {
-            *g *= math::silu_slope(*x);
+            *g *= math::silu_derivative(*x);
         }
         out
     }
 }
 
-/// For each vector, its product with every row of `width` weights.
-fn dots<S: FloatStorage>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
+/// Computes the dot product of each vector with every row of `width` weights.
+fn row_products<S: FloatStorage>(
+    weights: &Matrix<S>,
+    width: usize,
+    vectors: &[f32],
+    out: &mut [f32],
+) {
     let weights = weights.numbers();
     let rows = weights.len() / width;
-    let stretches: Vec<Vec<f32>> = weights
-        .par_chunks(STRETCH * width)
-        .map(|weights| dots_of_stretch(weights, vectors, width))
+    let results: Vec<Vec<f32>> = weights
+        .par_chunks(ROWS_PER_TASK * width)
+        .map(|weights| row_products_of_task(weights, vectors, width))
         .collect();
     let count = vectors.len() / width;
-    for (place, value) in stretches.iter().flatten().enumerate() {
+    for (place, value) in results.iter().flatten().enumerate() {
         out[place % count * rows + place / count] = *value;
     }
 }
 
-/// For each vector, the sum of the rows of `width` weights, each times one of its numbers.
-fn blends<S: FloatStorage>(weights: &Matrix<S>, width: usize, vectors: &[f32], out: &mut [f32]) {
+/// Computes, for each vector, the sum of the rows of `width` weights, each row multiplied by one number of the vector.
+fn weighted_row_sums<S: FloatStorage>(
+    weights: &Matrix<S>,
+    width: usize,
+    vectors: &[f32],
+    out: &mut [f32],
+) {
     let all = weights.numbers();
     let rows = all.len() / width;
-    let stretches: Vec<Vec<f32>> = all
-        .par_chunks(STRETCH * width)
+    let results: Vec<Vec<f32>> = all
+        .par_chunks(ROWS_PER_TASK * width)
         .enumerate()
-        .map(|(stretch, weights)| {
+        .map(|(task, weights)| {
             let mut out = vec![0.0; out.len()];
             for (four, weights) in weights.chunks(4 * width).enumerate() {
-                let first = stretch * STRETCH + 4 * four;
+                let first = task * ROWS_PER_TASK + 4 * four;
                 let vectors = vectors.chunks_exact(rows);
                 for (out, vector) in out.chunks_exact_mut(width).zip(vectors) {
-                    blend(weights, &vector[first..first + weights.len() / width], out);
+                    add_weighted_rows(weights, &vector[first..first + weights.len() / width], out);
                 }
             }
             out
         })
         .collect();
-    for stretch in stretches {
-        math::add(out, &stretch);
+    for result in results {
+        math::add(out, &result);
     }
 }
 
-/// The product of each row of weights with each vector, row after row.
+/// Computes the dot product of each row of weights with each vector, row by row.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn dots_of_stretch(weights: &[f32], vectors: &[f32], width: usize) -> Vec<f32> {
+fn row_products_of_task(weights: &[f32], vectors: &[f32], width: usize) -> Vec<f32> {
     let count = vectors.len() / width;
     let mut out = vec![0.0; weights.len() / width * count];
-    let fours = weights.chunks(4 * width).zip(out.chunks_mut(4 * count));
-    for (weights, out) in fours {
+    let blocks = weights.chunks(4 * width).zip(out.chunks_mut(4 * count));
+    for (weights, out) in blocks {
         let vectors = vectors.chunks_exact(width).enumerate();
         if weights.len() < 4 * width {
             for (place, vector) in vectors {
@@ -115,9 +126,9 @@ fn dots_of_stretch(weights: &[f32], vectors: &[f32], width: usize) -> Vec<f32> {
     out
 }
 
-/// Adds up to four rows to one, each times its own factor.
+/// Adds up to four rows to `out`, each multiplied by its own factor.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn blend(rows: &[f32], factors: &[f32], out: &mut [f32]) {
+fn add_weighted_rows(rows: &[f32], factors: &[f32], out: &mut [f32]) {
     let width = out.len();
     if let &[a, b, c, d] = factors {
         let (first, rest) = rows.split_at(width);
@@ -144,7 +155,7 @@ mod tests {
         (0..count).map(|i| (i as f32 * seed).sin()).collect()
     }
 
-    /// Both layouts of the same weights, more than a stretch in both directions.
+    /// Returns the same weights in both layouts, with more rows than one task reads in both directions.
     fn layers() -> [Linear<Vec<f32>>; 2] {
         let (inputs, outputs) = (521, 1031);
         let by_input = numbers(inputs * outputs, 0.37);

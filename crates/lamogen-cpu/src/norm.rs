@@ -5,20 +5,20 @@ use multiversion::multiversion;
 use crate::FloatStorage;
 use crate::math;
 
-/// Layer normalization over the channels of a frame.
+/// The weights of a layer normalization over the channels of a frame.
 #[derive(Clone, Debug)]
 pub struct LayerNorm<S> {
-    /// Scale of each channel.
+    /// The scale of each channel.
     pub gamma: S,
-    /// Shift of each channel.
+    /// The shift of each channel.
     pub beta: S,
-    /// Added to the variance.
+    /// The constant that is added to the variance.
     pub epsilon: f32,
 }
 
-/// What the gradient of a normalization needs: the normalized rows, and by how much each was scaled.
+/// The normalized rows and the factor by which each row was scaled, which the gradient of a normalization needs.
 #[derive(Debug, Default)]
-pub(crate) struct Normalized {
+pub(crate) struct NormalizedRows {
     pub(crate) rows: Vec<f32>,
     scale: Vec<f32>,
 }
@@ -28,9 +28,9 @@ impl<S: FloatStorage> LayerNorm<S> {
         self.gamma.as_ref().len()
     }
 
-    /// Normalizes the rows of `x`; `out` gets them with scale and shift.
-    pub(crate) fn forward(&self, x: &[f32], normalized: &mut Normalized, out: &mut [f32]) {
-        normalized.of(x, self.width(), self.epsilon);
+    /// Normalizes the rows of `x` and writes the scaled and shifted rows to `out`.
+    pub(crate) fn forward(&self, x: &[f32], normalized: &mut NormalizedRows, out: &mut [f32]) {
+        normalized.normalize(x, self.width(), self.epsilon);
         scale_and_shift(
             &normalized.rows,
             self.gamma.as_ref(),
@@ -39,8 +39,13 @@ impl<S: FloatStorage> LayerNorm<S> {
         );
     }
 
-    /// Adds the gradient with respect to `x` to `out`, from the gradient of the output, which is used up.
-    pub(crate) fn backward(&self, gradient: &mut [f32], normalized: &Normalized, out: &mut [f32]) {
+    /// Adds the gradient with respect to `x` to `out`. `gradient` is the gradient of the output and is overwritten.
+    pub(crate) fn backward(
+        &self,
+        gradient: &mut [f32],
+        normalized: &NormalizedRows,
+        out: &mut [f32],
+    ) {
         math::scale(gradient, self.gamma.as_ref());
         normalized.backward(gradient, self.width());
         math::add(out, gradient);
@@ -48,7 +53,7 @@ impl<S: FloatStorage> LayerNorm<S> {
 }
 
 impl LayerNorm<Vec<f32>> {
-    /// Zeros, one for each weight of another normalization.
+    /// Creates a normalization of zeros with the sizes of another one.
     pub(crate) fn zeros_like<S: FloatStorage>(norm: &LayerNorm<S>) -> Self {
         LayerNorm {
             gamma: vec![0.0; norm.width()],
@@ -57,32 +62,32 @@ impl LayerNorm<Vec<f32>> {
         }
     }
 
-    /// Adds scales and shifts to a list.
-    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+    /// Adds the scales and shifts to a list.
+    pub(crate) fn collect_weights<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
         list.extend([&mut self.gamma, &mut self.beta]);
     }
 
-    /// Adds the gradients of scale and shift, given that of the output.
-    pub(crate) fn gather(&mut self, gradient: &[f32], normalized: &Normalized) {
+    /// Adds the gradients of scale and shift, given the gradient of the output.
+    pub(crate) fn add_gradients(&mut self, gradient: &[f32], normalized: &NormalizedRows) {
         math::add_rows(&mut self.beta, gradient);
         math::add_products(&mut self.gamma, gradient, &normalized.rows);
     }
 }
 
-impl Normalized {
-    /// The rows with scale and shift, as [`LayerNorm::forward`] gave them.
-    pub(crate) fn output<S: FloatStorage>(&self, norm: &LayerNorm<S>, out: &mut [f32]) {
+impl NormalizedRows {
+    /// Writes the scaled and shifted rows to `out`, as [`LayerNorm::forward`] does.
+    pub(crate) fn scale_and_shift<S: FloatStorage>(&self, norm: &LayerNorm<S>, out: &mut [f32]) {
         scale_and_shift(&self.rows, norm.gamma.as_ref(), norm.beta.as_ref(), out);
     }
 
-    /// Subtracts from each row its mean and divides it by its standard deviation.
-    pub(crate) fn of(&mut self, x: &[f32], width: usize, epsilon: f32) {
+    /// Stores the rows of `x`, each minus its mean and divided by its standard deviation.
+    pub(crate) fn normalize(&mut self, x: &[f32], width: usize, epsilon: f32) {
         self.rows.resize(x.len(), 0.0);
         self.scale.resize(x.len() / width, 0.0);
         normalize(x, width, epsilon, &mut self.rows, &mut self.scale);
     }
 
-    /// Turns the gradient of the normalized rows into that of the rows.
+    /// Turns the gradient of the normalized rows into the gradient of the rows.
     pub(crate) fn backward(&self, gradient: &mut [f32], width: usize) {
         normalize_backward(gradient, width, &self.rows, &self.scale);
     }

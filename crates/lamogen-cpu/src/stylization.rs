@@ -1,4 +1,4 @@
-//! How timestep and sentence act on a hidden state: they scale and shift it.
+//! Stylization: the timestep and the sentence scale and shift a hidden state.
 
 use multiversion::multiversion;
 
@@ -6,43 +6,44 @@ use crate::FloatStorage;
 use crate::chunk::Chunk;
 use crate::linear::Linear;
 use crate::math;
-use crate::norm::{LayerNorm, Normalized};
+use crate::norm::{LayerNorm, NormalizedRows};
 
-/// `out = W · silu(norm(h) · (1 + scale) + shift)`.
+/// The weights of a stylization layer, `out = W · silu(norm(h) · (1 + scale) + shift)`.
 #[derive(Clone, Debug)]
 pub struct Stylization<S> {
-    /// Normalization of the hidden state.
+    /// The normalization of the hidden state.
     pub norm: LayerNorm<S>,
-    /// The layer after the activation.
+    /// The linear layer after the activation.
     pub output: Linear<S>,
 }
 
-/// Scale and shift with the normalization's own folded in: `norm(h) · (1 + scale) + shift = x̂ · factor + offset`.
+/// The scale and shift of a stylization layer combined with those of its normalization:
+/// `norm(h) · (1 + scale) + shift = x̂ · factor + offset`.
 #[derive(Debug)]
-pub(crate) struct Style {
+pub(crate) struct StyleParameters {
     factor: Vec<f32>,
     offset: Vec<f32>,
     /// `1 + scale`.
     gain: Vec<f32>,
 }
 
-/// Where the gradients of a layer's parameters are summed up.
-pub(crate) struct Gathered<'a> {
-    /// Of scale and shift, granule after granule.
+/// The sums of the gradients of a stylization layer's parameters.
+pub(crate) struct ParameterGradients<'a> {
+    /// The gradients of scale and shift, granule by granule.
     pub(crate) modulation: &'a mut [f32],
-    /// Of the weights, if they are asked for.
+    /// The gradients of the weights, if they are requested.
     pub(crate) weights: Option<&'a mut Stylization<Vec<f32>>>,
 }
 
-impl Style {
-    /// `modulation`: scale, then shift.
+impl StyleParameters {
+    /// Combines a normalization with a `modulation`, which holds the scale and then the shift.
     pub(crate) fn new<S: FloatStorage>(norm: &LayerNorm<S>, modulation: &[f32]) -> Self {
         let (scale, shift) = modulation.split_at(norm.width());
         let (gamma, beta) = (norm.gamma.as_ref(), norm.beta.as_ref());
         let gain: Vec<f32> = scale.iter().map(|s| 1.0 + s).collect();
         let factor = gamma.iter().zip(&gain).map(|(g, gain)| g * gain);
         let offset = beta.iter().zip(&gain).zip(shift);
-        Style {
+        StyleParameters {
             factor: factor.collect(),
             offset: offset.map(|((b, gain), t)| b * gain + t).collect(),
             gain,
@@ -51,7 +52,7 @@ impl Style {
 }
 
 impl Stylization<Vec<f32>> {
-    /// Zeros, one for each weight of another layer.
+    /// Creates a layer of zeros with the sizes of another layer.
     pub(crate) fn zeros_like<S: FloatStorage>(layer: &Stylization<S>) -> Self {
         Stylization {
             norm: LayerNorm::zeros_like(&layer.norm),
@@ -60,50 +61,52 @@ impl Stylization<Vec<f32>> {
     }
 
     /// Adds all weights to a list.
-    pub(crate) fn parts<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
-        self.norm.parts(list);
-        self.output.parts(list);
+    pub(crate) fn collect_weights<'a>(&'a mut self, list: &mut Vec<&'a mut Vec<f32>>) {
+        self.norm.collect_weights(list);
+        self.output.collect_weights(list);
     }
 }
 
 impl<S: FloatStorage> Stylization<S> {
-    /// Adds the output to `x`. `hidden` is used up.
+    /// Adds the output to `x`. `hidden` is overwritten.
     pub(crate) fn forward(
         &self,
         hidden: &mut [f32],
-        style: &Style,
-        normalized: &mut Normalized,
+        style: &StyleParameters,
+        normalized: &mut NormalizedRows,
         x: &mut [f32],
     ) {
         let width = self.norm.width();
-        normalized.of(hidden, width, self.norm.epsilon);
+        normalized.normalize(hidden, width, self.norm.epsilon);
         activate(&normalized.rows, &style.factor, &style.offset, hidden);
         self.output.accumulate(hidden, x);
     }
 
-    /// From the gradient of the output to that of the `hidden` state, and to those of scale and shift
-    /// summed over the frames of each granule of the chunk, in zeros.
+    /// Computes the gradients from the gradient of the output.
+    ///
+    /// The gradient of the hidden state is written to `hidden`. The gradients of scale and shift, summed over the frames of
+    /// each granule of the chunk, are added to `modulation`, which must hold zeros.
     pub(crate) fn backward(
         &self,
         gradient: &[f32],
-        style: &Style,
-        normalized: &Normalized,
+        style: &StyleParameters,
+        normalized: &NormalizedRows,
         hidden: &mut [f32],
         chunk: &Chunk,
-        Gathered {
+        ParameterGradients {
             modulation,
             mut weights,
-        }: Gathered<'_>,
+        }: ParameterGradients<'_>,
     ) {
         let width = self.norm.width();
-        if let Some(gathered) = &mut weights {
+        if let Some(gradients) = &mut weights {
             activate(&normalized.rows, &style.factor, &style.offset, hidden);
-            gathered.output.gather(hidden, gradient);
+            gradients.output.add_gradients(hidden, gradient);
         }
-        self.output.weight.pull(gradient, hidden);
+        self.output.weight.backward(gradient, hidden);
         let (gamma, beta) = (self.norm.gamma.as_ref(), self.norm.beta.as_ref());
         let modulations = modulation.chunks_exact_mut(2 * width);
-        for (range, modulation) in chunk.granules(width).zip(modulations) {
+        for (range, modulation) in chunk.granule_ranges(width).zip(modulations) {
             let (sums, slopes) = modulation.split_at_mut(width);
             activate_backward(
                 &normalized.rows[range.clone()],
@@ -116,7 +119,7 @@ impl<S: FloatStorage> Stylization<S> {
                 math::add_products(&mut norm.beta, sums, &style.gain);
                 math::add_products(&mut norm.gamma, slopes, &style.gain);
             }
-            // Σ g and Σ g x̂ become the gradients of scale and shift.
+            // Turn Σ g and Σ g x̂ into the gradients of scale and shift.
             let parameters = gamma.iter().zip(beta);
             let sums = sums.iter_mut().zip(slopes.iter_mut());
             for ((first, second), (gamma, beta)) in sums.zip(parameters) {
@@ -129,7 +132,7 @@ impl<S: FloatStorage> Stylization<S> {
     }
 }
 
-/// `silu(x̂ · factor + offset)`.
+/// Computes `silu(x̂ · factor + offset)`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 fn activate(rows: &[f32], factor: &[f32], offset: &[f32], out: &mut [f32]) {
     let width = factor.len();
@@ -142,8 +145,8 @@ fn activate(rows: &[f32], factor: &[f32], offset: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Turns the gradient of [`activate`] into that of `x̂`; adds up over rows the gradient `g` of `silu`'s
-/// argument, and `g · x̂`.
+/// Turns the gradient of [`activate`] into the gradient of `x̂`. Adds `g` to `sums` and `g · x̂` to `slopes`, where `g` is
+/// the gradient of the argument of `silu`, summed over rows.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
 fn activate_backward(
     rows: &[f32],
@@ -162,10 +165,10 @@ fn activate_backward(
         let all = g.iter_mut().zip(row).zip(parameters).zip(sums);
         for (((g, x), (factor, offset)), (sum, slope)) in all {
             let h = x * factor + offset;
-            let styled = *g * math::silu_slope(h);
-            *sum += styled;
-            *slope += styled * x;
-            *g = styled * factor;
+            let argument_gradient = *g * math::silu_derivative(h);
+            *sum += argument_gradient;
+            *slope += argument_gradient * x;
+            *g = argument_gradient * factor;
         }
     }
 }

@@ -1,79 +1,80 @@
-//! What a forward pass leaves for its gradient.
+//! The tape: the results of a forward pass that the backward pass needs.
 
-use crate::attention::{Context, Part};
+use crate::attention::{AttentionContext, PartialContext};
 use crate::chunk::Chunk;
-use crate::decoder::LAYERS;
-use crate::norm::Normalized;
-use crate::stylization::Style;
+use crate::decoder::STYLIZATION_LAYERS;
+use crate::norm::NormalizedRows;
+use crate::stylization::StyleParameters;
 
-/// The record of one evaluation, from which gradients are computed.
+/// The recording of one evaluation, from which gradients are computed.
 #[derive(Debug)]
 pub struct Tape {
-    pub(crate) keep: Keep,
-    pub(crate) passages: Vec<Passage>,
-    /// What frames attend to: `[block][motion]`.
-    pub(crate) contexts: Vec<Vec<Context>>,
-    pub(crate) styles: Styles,
+    pub(crate) mode: RecordMode,
+    pub(crate) chunks: Vec<ChunkState>,
+    /// The contexts of the self-attention, `[block][motion]`.
+    pub(crate) contexts: Vec<Vec<AttentionContext>>,
+    pub(crate) styles: StyleTable,
 }
 
-/// Styles of all stylization layers: `[motion][block]`, in the order of the layers.
-pub(crate) type Styles = Vec<Vec<[Style; LAYERS]>>;
+/// The style parameters of all stylization layers, `[motion][block]`, then in the order of the layers.
+pub(crate) type StyleTable = Vec<Vec<[StyleParameters; STYLIZATION_LAYERS]>>;
 
-/// A chunk on its way through the blocks.
+/// The state of a chunk during a pass through the blocks.
 #[derive(Debug)]
-pub(crate) struct Passage {
+pub(crate) struct ChunkState {
     pub(crate) chunk: Chunk,
-    /// The hidden state between blocks, `[frames, width]`; on the way back its gradient.
+    /// The hidden state between blocks, `[frames, width]`. During the backward pass, the gradient of the hidden state.
     pub(crate) hidden: Vec<f32>,
-    /// Pose features, once all blocks are passed.
+    /// The pose features, once all blocks have been evaluated.
     pub(crate) output: Vec<f32>,
-    /// Keys and values of each granule, summed up, for the block whose attention is under way.
-    pub(crate) parts: Vec<Part>,
-    /// One record for each block; only the current one where nothing is to be remembered.
-    pub(crate) records: Vec<Record>,
+    /// The summed keys and values of each granule in the current block.
+    pub(crate) partial_contexts: Vec<PartialContext>,
+    /// The activations of each block, or only those of the current block if nothing is recorded.
+    pub(crate) activations: Vec<BlockActivations>,
 }
 
-impl Passage {
+impl ChunkState {
     pub(crate) fn new(chunk: Chunk, width: usize) -> Self {
-        Passage {
+        ChunkState {
             hidden: vec![0.0; chunk.frames() * width],
             output: Vec::new(),
-            parts: Vec::new(),
-            records: Vec::new(),
+            partial_contexts: Vec::new(),
+            activations: Vec::new(),
             chunk,
         }
     }
 }
 
-/// How much of an evaluation is remembered.
+/// The extent to which an evaluation is recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Keep {
+pub(crate) enum RecordMode {
+    /// Nothing is recorded.
     Nothing,
-    /// What the gradient with respect to the condition needs.
+    /// Records what the gradient with respect to the condition needs.
     ForCondition,
-    /// What the gradients of weights and of the noisy motion need as well.
+    /// Also records what the gradients of the weights and of the noisy motion need.
     ForWeights,
 }
 
-/// What is remembered of a block.
+/// The activations of a block that the backward pass needs.
 #[derive(Debug, Default)]
-pub(crate) struct Record {
-    pub(crate) self_attention: SelfAttentionRecord,
-    pub(crate) self_style: Normalized,
-    pub(crate) cross_norm: Normalized,
+pub(crate) struct BlockActivations {
+    pub(crate) self_attention: SelfAttentionActivations,
+    pub(crate) self_stylization: NormalizedRows,
+    pub(crate) cross_norm: NormalizedRows,
     pub(crate) cross_query: Vec<f32>,
-    pub(crate) cross_style: Normalized,
-    /// The hidden state before the feed-forward layers, for gradients of weights.
+    pub(crate) cross_stylization: NormalizedRows,
+    /// The hidden state before the feed-forward layers, for the gradients of the weights.
     pub(crate) feed_forward_input: Vec<f32>,
-    /// Before the activation, `[frames, ff_size]`.
+    /// The expanded hidden state before the activation, `[frames, ff_size]`.
     pub(crate) expanded: Vec<f32>,
-    pub(crate) feed_forward_style: Normalized,
+    pub(crate) feed_forward_stylization: NormalizedRows,
 }
 
-/// Queries and keys after their softmax, and values.
+/// The activations of a self-attention: queries and keys after their softmax, and values.
 #[derive(Debug, Default)]
-pub(crate) struct SelfAttentionRecord {
-    pub(crate) norm: Normalized,
+pub(crate) struct SelfAttentionActivations {
+    pub(crate) norm: NormalizedRows,
     pub(crate) query: Vec<f32>,
     pub(crate) key: Vec<f32>,
     pub(crate) value: Vec<f32>,

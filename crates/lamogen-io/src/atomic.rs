@@ -1,8 +1,9 @@
 //! Files that are written whole or not at all.
 //!
 //! ```text
-//! content ──▶ .lamogen-XXXXXX, locked, listed as under way ──rename──▶ the file
-//!                 │ a signal: remove_temporaries       │ a kill: remove_stale_temporaries of a later run
+//! content ──▶ .lamogen-XXXXXX, locked, registered as in progress ──rename──▶ the file
+//!                 │ after a signal: remove_temporaries
+//!                 │ after a kill:   remove_stale_temporaries of a later run
 //! ```
 
 use std::collections::BTreeSet;
@@ -12,50 +13,54 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
-/// How names of temporary files and folders begin.
+/// The prefix of the names of temporary files and folders.
 pub const TEMPORARY_PREFIX: &str = ".lamogen-";
 
-/// A file in a temporary folder that is locked while the folder is in use.
-const LOCK: &str = ".lock";
+/// The name of the file in a temporary folder that is locked while the folder is in use.
+const LOCK_NAME: &str = ".lock";
 
-/// TemporaryFile files and folders of this process.
-static UNDER_WAY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+/// The temporary files and folders that this process is writing.
+static IN_PROGRESS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-fn under_way() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+fn in_progress() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    IN_PROGRESS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A temporary file or folder that [`remove_temporaries`] removes as long as this lives.
+/// A registered temporary file or folder.
+///
+/// [`remove_temporaries`] removes the file or folder as long as this value lives.
 #[derive(Debug)]
 pub struct TemporaryFile {
     path: PathBuf,
-    /// Held so that other processes know it is in use.
+    /// The lock that shows other processes that the file or folder is in use.
     _lock: Option<File>,
 }
 
 impl TemporaryFile {
-    /// Lists a temporary folder, and locks it for as long as this lives: see [`remove_stale_temporaries`].
+    /// Registers a temporary folder and locks it for as long as the returned value lives.
+    ///
+    /// The lock protects the folder from [`remove_stale_temporaries`].
     ///
     /// # Errors
     ///
-    /// If no file can be made in the folder.
+    /// If the lock file cannot be created in the folder.
     pub fn folder(path: &Path) -> io::Result<TemporaryFile> {
-        let lock = File::create(path.join(LOCK))?;
-        hold(&lock);
-        Ok(TemporaryFile::list(path, Some(lock)))
+        let lock = File::create(path.join(LOCK_NAME))?;
+        try_lock(&lock);
+        Ok(TemporaryFile::register(path, Some(lock)))
     }
 
-    /// Removes the lock of a folder that is not temporary any more.
+    /// Removes the lock file of a folder that is no longer temporary, so that the folder is kept.
     ///
     /// # Errors
     ///
-    /// If the lock cannot be removed.
+    /// If the lock file cannot be removed.
     pub fn keep_folder(self) -> io::Result<()> {
-        std::fs::remove_file(self.path.join(LOCK))
+        std::fs::remove_file(self.path.join(LOCK_NAME))
     }
 
-    fn list(path: &Path, lock: Option<File>) -> TemporaryFile {
-        under_way().insert(path.to_owned());
+    fn register(path: &Path, lock: Option<File>) -> TemporaryFile {
+        in_progress().insert(path.to_owned());
         TemporaryFile {
             path: path.to_owned(),
             _lock: lock,
@@ -65,37 +70,43 @@ impl TemporaryFile {
 
 impl Drop for TemporaryFile {
     fn drop(&mut self) {
-        under_way().remove(&self.path);
+        in_progress().remove(&self.path);
     }
 }
 
-/// Removes all temporary files and folders that this process is writing, for a program that is about to end because of a signal. Until it has
-/// ended, other threads cannot begin to write files by the functions of this module.
+/// Removes all temporary files and folders that this process is writing.
+///
+/// A program calls this function when it is about to end because of a signal. Until the process has ended, other
+/// threads cannot start to write files with the functions of this module.
 pub fn remove_temporaries() {
-    let paths = under_way();
+    let paths = in_progress();
     for path in paths.iter() {
-        // Whatever cannot be removed is removed by a later run.
+        // A later run removes the files that cannot be removed now.
         let _ = match path.is_dir() {
             true => std::fs::remove_dir_all(path),
             false => std::fs::remove_file(path),
         };
     }
-    // Nothing is listed any more, or written, before the process ends.
+    // The mutex stays locked, so that no thread registers or writes another file before the process ends.
     std::mem::forget(paths);
 }
 
-/// Locks a file, where a lock does not keep its other handles from writing. Not every file system has locks: there age alone tells what is stale.
-fn hold(file: &File) {
+/// Tries to lock a file, on systems where a lock does not stop the file's other handles from writing.
+///
+/// Not every file system supports locks. Without locks, only the age shows which files are stale.
+fn try_lock(file: &File) {
     if cfg!(unix) {
         let _ = file.try_lock();
     }
 }
 
-/// How old a temporary file is at least before it may be taken for stale.
-const STALE: Duration = Duration::from_secs(if cfg!(unix) { 60 } else { 24 * 3600 });
+/// The minimum age of a stale temporary file.
+const STALE_AGE: Duration = Duration::from_secs(if cfg!(unix) { 60 } else { 24 * 3600 });
 
-/// Removes temporary files and folders that processes which were killed left in a folder: those whose lock nobody holds, and that nobody has
-/// touched for a minute (on systems without such locks, for a day).
+/// Removes the temporary files and folders that killed processes left in a folder.
+///
+/// A temporary file or folder is stale if no process holds its lock and it was last modified more than a minute ago (on
+/// systems without such locks, more than a day ago).
 pub fn remove_stale_temporaries(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return;
@@ -111,14 +122,14 @@ pub fn remove_stale_temporaries(folder: &Path) {
         let path = entry.path();
         let is_folder = path.is_dir();
         let lock = match is_folder {
-            true => path.join(LOCK),
+            true => path.join(LOCK_NAME),
             false => path.clone(),
         };
-        let touched = { std::fs::symlink_metadata(&lock) }
+        let modified = { std::fs::symlink_metadata(&lock) }
             .or_else(|_| entry.metadata())
             .and_then(|metadata| metadata.modified());
-        let is_old = touched.is_ok_and(|touched| {
-            { SystemTime::now().duration_since(touched) }.is_ok_and(|age| age > STALE)
+        let is_old = modified.is_ok_and(|modified| {
+            { SystemTime::now().duration_since(modified) }.is_ok_and(|age| age > STALE_AGE)
         });
         let is_in_use = File::open(&lock)
             .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
@@ -131,13 +142,14 @@ pub fn remove_stale_temporaries(folder: &Path) {
     }
 }
 
-/// Writes a file under a temporary name in its own folder, then renames it. A reader never sees
-/// half a file, and a failure leaves what was there before. A file that is replaced keeps its permissions; where the path is a link, the file
-/// behind it is written.
+/// Writes a file under a temporary name in the same folder, then renames it.
+///
+/// A reader never sees half a file, and after a failure the old file is unchanged. A file that is replaced keeps its
+/// permissions. If the path is a symbolic link, its target is written.
 ///
 /// # Errors
 ///
-/// Whatever `content` or the file system reports; the temporary file is then removed.
+/// Any error of `content` or of the file system. The temporary file is then removed.
 pub fn write_atomically(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -149,16 +161,16 @@ pub fn write_atomically(
     })
 }
 
-/// As [`write_atomically`], for content that wants the path of the temporary file to write to.
+/// Writes a file like [`write_atomically`], but gives `content` the path of the temporary file instead of a writer.
 ///
 /// # Errors
 ///
-/// As [`write_atomically`].
+/// The same as those of [`write_atomically`].
 pub fn replace_atomically(
     path: &Path,
     content: impl FnOnce(&Path) -> io::Result<()>,
 ) -> io::Result<()> {
-    let path = &behind_links(path)?;
+    let path = &resolve_links(path)?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -168,30 +180,32 @@ pub fn replace_atomically(
     let replaced = std::fs::metadata(path).ok().filter(|file| file.is_file());
     #[cfg(unix)]
     {
-        // TemporaryFile files are private; the finished one should be as readable as any other.
+        // Temporary files are private by default, but the finished file should be as readable as any other file.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o644));
     }
     let temporary = builder.tempfile_in(folder)?;
     let lock = temporary.as_file().try_clone()?;
-    hold(&lock);
-    let _under_way = TemporaryFile::list(temporary.path(), Some(lock));
+    try_lock(&lock);
+    let _registration = TemporaryFile::register(temporary.path(), Some(lock));
     let permissions = match replaced {
         Some(replaced) => replaced.permissions(),
         None => temporary.as_file().metadata()?.permissions(),
     };
     content(temporary.path())?;
-    // A library that replaces the file instead of filling it brings permissions of its own.
+    // A library that replaces the temporary file instead of filling it sets permissions of its own.
     std::fs::set_permissions(temporary.path(), permissions)?;
     temporary.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
 
-/// The file that is meant where a path is a link, or a link to a link, even if it is not there yet.
-fn behind_links(path: &Path) -> io::Result<PathBuf> {
-    const MOST: usize = 40;
+/// Returns the target of a chain of symbolic links, or the path itself if it is no link.
+///
+/// The target need not exist yet.
+fn resolve_links(path: &Path) -> io::Result<PathBuf> {
+    const MAX_LINKS: usize = 40;
     let mut path = path.to_owned();
-    for _ in 0..MOST {
+    for _ in 0..MAX_LINKS {
         if !path.is_symlink() {
             return Ok(path);
         }
@@ -201,7 +215,9 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
             None => target,
         };
     }
-    Err(io::Error::other(format!("more than {MOST} links in a row")))
+    Err(io::Error::other(format!(
+        "more than {MAX_LINKS} links in a row"
+    )))
 }
 
 #[cfg(test)]
@@ -244,12 +260,12 @@ mod tests {
             target.metadata().unwrap().permissions().mode() & 0o777,
             0o600
         );
-        // What a link speaks of need not be there yet.
+        // The target of a link need not exist yet.
         std::fs::remove_file(&target).unwrap();
         write_atomically(&link, |file| file.write_all(b"newest")).unwrap();
         assert!(link.is_symlink());
         assert_eq!(std::fs::read(&target).unwrap(), b"newest");
-        // One that leads nowhere is an error.
+        // A link to itself is an error.
         let circle = folder.path().join("circle.txt");
         std::os::unix::fs::symlink(&circle, &circle).unwrap();
         let failed = write_atomically(&circle, |file| file.write_all(b"x"));
@@ -259,7 +275,7 @@ mod tests {
     #[test]
     fn what_was_left_behind_is_removed_and_what_is_in_use_stays() {
         let folder = tempfile::tempdir().unwrap();
-        let old = SystemTime::now() - 2 * STALE;
+        let old = SystemTime::now() - 2 * STALE_AGE;
         let file = |name: &str| {
             let path = folder.path().join(name);
             let file = File::create(&path).unwrap();
@@ -276,7 +292,7 @@ mod tests {
             let path = folder.path().join(name);
             std::fs::create_dir(&path).unwrap();
             let held = TemporaryFile::folder(&path).unwrap();
-            { File::options().write(true).open(path.join(LOCK)) }
+            { File::options().write(true).open(path.join(LOCK_NAME)) }
                 .unwrap()
                 .set_modified(old)
                 .unwrap();

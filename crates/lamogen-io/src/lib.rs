@@ -1,7 +1,8 @@
-//! What all of lamogen's crates do with files.
+//! File handling that all of lamogen's crates share.
 //!
-//! [`write_atomically`] writes a file whole or not at all; [`remove_temporaries`] and [`remove_stale_temporaries`] take care of what a stopped
-//! process leaves. [`placeholder`] says what a file is that takes the place of the one it is named after.
+//! [`write_atomically`] writes a file whole or not at all. [`remove_temporaries`] and [`remove_stale_temporaries`] remove
+//! the temporary files of a stopped process. [`placeholder`] recognises Git LFS pointers and web pages that were stored
+//! in place of a file.
 
 mod atomic;
 mod placeholder;

@@ -1,19 +1,21 @@
-//! Files that take the place of others.
+//! Recognition of files that were stored in place of others: Git LFS pointers and web pages.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// As many of the first bytes of a file tell.
+/// The number of bytes at the start of a file that are examined.
 const PLACEHOLDER_BYTES: usize = 512;
 
-/// What a file is that a download or a version control system put in the place of the one that is meant, by its first bytes: a pointer of Git LFS,
-/// or a web page. To be asked before a file is read by whatever format its name says, so that the error speaks of what happened.
+/// Recognises, from its first bytes, a file that a download or a version control system stored in place of another.
+///
+/// Returns an error message for a pointer of Git LFS and for a web page, and `None` for any other file. Call this
+/// function before a file is parsed in the format that its name suggests, so that the error names the real cause.
 pub fn placeholder(bytes: &[u8]) -> Option<&'static str> {
-    const LFS: &[u8] = b"version https://git-lfs.github.com/spec/";
-    const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"<body"];
+    const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+    const HTML_STARTS: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"<body"];
     let bytes = &bytes[..bytes.len().min(PLACEHOLDER_BYTES)];
-    if bytes.starts_with(LFS) {
+    if bytes.starts_with(LFS_POINTER) {
         return Some(
             "expected the file itself, found a pointer of Git LFS to it; git lfs pull fetches the file",
         );
@@ -23,11 +25,13 @@ pub fn placeholder(bytes: &[u8]) -> Option<&'static str> {
     let begins = |page: &&[u8]| {
         { text.get(..page.len()) }.is_some_and(|start| start.eq_ignore_ascii_case(page))
     };
-    { PAGES.iter().any(begins) }
+    { HTML_STARTS.iter().any(begins) }
         .then_some("expected the file itself, found a web page (HTML); the address that it was loaded from gives no file without a browser")
 }
 
-/// What a file is, as [`placeholder`] tells it; nothing of one that cannot be read, which is left to whoever reads it as a whole.
+/// Applies [`placeholder`] to the first bytes of the file at a path.
+///
+/// Returns `None` if the file cannot be read: the code that reads the whole file then reports the error.
 pub fn placeholder_at(path: &Path) -> Option<&'static str> {
     let mut start = Vec::with_capacity(PLACEHOLDER_BYTES);
     let file = File::open(path).ok()?;

@@ -1,10 +1,10 @@
-//! One evaluation of the network, without and with its gradient: `cargo bench --bench denoiser`.
+//! Benchmark of one evaluation of the network, without and with its gradient: `cargo bench --bench denoiser`.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse};
 
-/// The embedded model's sizes: name, config, frames; and MotionDiffuse's.
+/// Returns the name, the config and the number of frames of the embedded model and of MotionDiffuse.
 fn sizes() -> [(&'static str, ModelConfig, usize); 2] {
     let full = ModelConfig::motion_diffuse();
     let compact = ModelConfig::from_json(lamogen_compact::CONFIG, "config.json").expect("a config");

@@ -1,15 +1,15 @@
-//! Sizes of a network, as `config.json` states them.
+//! The configuration of a network, as stored in `config.json`.
 
 use std::path::{Path, PathBuf};
 
 use lamogen_io::placeholder;
 use serde::{Deserialize, Serialize};
 
-/// What the network's output is.
+/// The quantity that a network predicts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Prediction {
-    /// The noise in `x_t` (MotionDiffuse).
+    /// The noise in `x_t`, as in MotionDiffuse.
     #[default]
     Epsilon,
     /// The clean motion.
@@ -19,44 +19,49 @@ pub enum Prediction {
     V,
 }
 
-/// Sizes of the CLIP text tower (Radford et al. 2021).
+/// The sizes of the CLIP text tower (Radford et al. 2021).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClipTextConfig {
-    /// Number of token ids.
+    /// The number of token ids.
     pub vocab_size: usize,
-    /// Number of tokens of a padded prompt.
+    /// The number of tokens of a padded prompt.
     pub context_length: usize,
-    /// Width of token features.
+    /// The width of the token features.
     pub width: usize,
-    /// Attention heads.
+    /// The number of attention heads.
     pub heads: usize,
-    /// Transformer layers.
+    /// The number of transformer layers.
     pub layers: usize,
 }
 
-/// How the Laban features of a motion are told to a network that was trained to read them: as natural logarithms of the means over time of
-/// Weight, Time, Flow and Shape, normalised by the mean and standard deviation of these logarithms over the training clips.
+/// The statistics that normalise the Laban features of a motion for a network that is conditioned on them.
+///
+/// Such a network reads the natural logarithms of the means over time of Weight, Time, Flow and Shape. The logarithms are
+/// normalised by their mean and standard deviation over the training clips.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabanCondition {
-    /// Mean of the logarithms over the training clips: Weight, Time, Flow, Shape.
+    /// The mean of the logarithms over the training clips: Weight, Time, Flow, Shape.
     pub mean: [f32; LABAN_FEATURES],
-    /// Their standard deviation.
+    /// The standard deviation of the logarithms over the training clips.
     pub std: [f32; LABAN_FEATURES],
 }
 
-/// Weight, Time, Flow and Shape.
+/// The number of Laban features: Weight, Time, Flow and Shape.
 pub const LABAN_FEATURES: usize = 4;
 
 impl LabanCondition {
-    /// The statistics of motions, by the means over time of their features. The deviation of a feature that is the same in all is 1.
+    /// Computes the statistics of motions from the means over time of their features.
+    ///
+    /// If a feature is the same in all motions, its standard deviation is set to 1.
     pub fn of(means: impl IntoIterator<Item = [f32; LABAN_FEATURES]>) -> Self {
-        let rows = { means.into_iter() }.map(|means| means.map(|mean| f64::from(logarithm(mean))));
+        let rows = { means.into_iter() }.map(|means| means.map(|mean| f64::from(log_mean(mean))));
         let rows: Vec<[f64; LABAN_FEATURES]> = rows.collect();
         let count = rows.len().max(1) as f64;
-        let average =
-            |of: &dyn Fn(&[f64; LABAN_FEATURES]) -> f64| rows.iter().map(of).sum::<f64>() / count;
+        let average = |value: &dyn Fn(&[f64; LABAN_FEATURES]) -> f64| {
+            rows.iter().map(value).sum::<f64>() / count
+        };
         let mean: [f64; LABAN_FEATURES] =
             std::array::from_fn(|feature| average(&|row| row[feature]));
         let deviation =
@@ -70,12 +75,15 @@ impl LabanCondition {
         }
     }
 
-    /// What the network reads of a motion: each feature's normalised logarithm, at most four standard deviations from the mean, and 0 where it
-    /// is not told; then 1 or 0 for each, whether it is told.
+    /// Encodes the features of a motion as the input of the network.
     ///
-    /// `means` are the features' means over time, as `lamogen_laban::LabanFeatures` measures them by default; below 0 counts as 0.
+    /// First comes the normalised logarithm of each feature, limited to four standard deviations from the mean, or 0 if the
+    /// feature is not given. Then comes, for each feature, 1 if the feature is given and 0 otherwise.
+    ///
+    /// `means` are the features' means over time, as `lamogen_laban::LabanFeatures` measures them by default. Negative means
+    /// are treated as 0.
     pub fn encode(&self, means: &[Option<f32>; LABAN_FEATURES]) -> [f32; 2 * LABAN_FEATURES] {
-        const FARTHEST: f32 = 4.0;
+        const MAX_DEVIATIONS: f32 = 4.0;
         std::array::from_fn(|place| {
             match (
                 place.checked_sub(LABAN_FEATURES),
@@ -83,12 +91,13 @@ impl LabanCondition {
             ) {
                 (_, None) => 0.0,
                 (Some(_), Some(_)) => 1.0,
-                (None, Some(mean)) => ((logarithm(mean) - self.mean[place]) / self.std[place])
-                    .clamp(-FARTHEST, FARTHEST),
+                (None, Some(mean)) => ((log_mean(mean) - self.mean[place]) / self.std[place])
+                    .clamp(-MAX_DEVIATIONS, MAX_DEVIATIONS),
             }
         })
     }
 
+    /// Describes the first number that is not valid, if there is one.
     fn problem(&self) -> Option<String> {
         for (name, numbers, least) in [
             ("mean", &self.mean, f32::NEG_INFINITY),
@@ -108,13 +117,13 @@ impl LabanCondition {
     }
 }
 
-/// The natural logarithm of a feature's mean; finite for a motion at rest too.
-fn logarithm(mean: f32) -> f32 {
-    const LEAST: f32 = 1e-12;
-    mean.max(LEAST).ln()
+/// Computes the natural logarithm of a feature's mean, which is finite even for a motion at rest.
+fn log_mean(mean: f32) -> f32 {
+    const MIN_MEAN: f32 = 1e-12;
+    mean.max(MIN_MEAN).ln()
 }
 
-/// Sizes of a denoiser with its text encoder. The names are those of MotionDiffuse's options.
+/// The sizes of a denoiser with its text encoder. The names are those of MotionDiffuse's options.
 ///
 /// ```
 /// use lamogen_model::ModelConfig;
@@ -126,67 +135,71 @@ fn logarithm(mean: f32) -> f32 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
-    /// Pose features a frame.
+    /// The number of pose features per frame.
     pub input_feats: usize,
-    /// The longest motion, in frames.
+    /// The length of the longest motion, in frames.
     pub num_frames: usize,
-    /// The shortest motion the network was trained on, in frames; left out, 40 as in HumanML3D, or 1
-    /// for a network whose longest motion is shorter than that.
+    /// The length of the shortest motion that the network was trained on, in frames.
+    ///
+    /// The default is 40, as in HumanML3D, or 1 if `num_frames` is below 40.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_frames: Option<usize>,
-    /// Width of the motion's hidden state.
+    /// The width of the motion's hidden state.
     pub latent_dim: usize,
-    /// Width inside the feed-forward layers.
+    /// The width inside the feed-forward layers.
     pub ff_size: usize,
-    /// Decoder blocks.
+    /// The number of decoder blocks.
     pub num_layers: usize,
-    /// Attention heads of the decoder.
+    /// The number of attention heads of the decoder.
     pub num_heads: usize,
-    /// Width of the text features that the decoder attends to.
+    /// The width of the text features that the decoder attends to.
     pub text_latent_dim: usize,
-    /// Width inside the feed-forward layers of the text transformer.
+    /// The width inside the feed-forward layers of the text transformer.
     pub text_ff_size: usize,
-    /// Attention heads of the text transformer.
+    /// The number of attention heads of the text transformer.
     pub text_num_heads: usize,
-    /// Layers of the text transformer.
+    /// The number of layers of the text transformer.
     pub num_text_layers: usize,
-    /// Sizes of the CLIP text tower.
+    /// The sizes of the CLIP text tower.
     pub clip: ClipTextConfig,
-    /// What the output is.
+    /// The quantity that the network predicts.
     #[serde(default)]
     pub prediction: Prediction,
-    /// How Laban features are told to the network; left out, it cannot be told any.
+    /// The normalisation of Laban features. Without it, the network cannot be conditioned on Laban features.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub laban_condition: Option<LabanCondition>,
-    /// How it is best sampled; left out, as MotionDiffuse's own networks are.
+    /// The recommended sampling settings. The default is the settings for MotionDiffuse's own networks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sampling: Option<SamplingDefaults>,
 }
 
-/// How a network is best sampled, as those who trained it found. Nothing here changes what the network computes; whoever generates motions
-/// follows it where nothing else is said.
+/// The sampling settings that the trainers of a network recommend.
+///
+/// The settings do not change what the network computes. They are the defaults for generating motions with the network.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingDefaults {
-    /// The name of a preset of guidance with its steps: `precise`, `fast` or `paper`.
+    /// The name of a preset for guidance and its steps: `precise`, `fast` or `paper`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
-    /// Frames by which predictions are smoothed along time; 0 is not at all.
+    /// The standard deviation, in frames, of the Gaussian that smooths predictions along time. 0 means no smoothing.
     #[serde(alias = "coherence", skip_serializing_if = "Option::is_none")]
     pub temporal_smoothing: Option<f32>,
-    /// The scale of classifier-free guidance; 1 asks the network once a step.
+    /// The scale of classifier-free guidance. With a scale of 1, the network is evaluated only once per step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text_scale: Option<f64>,
-    /// The sentence that is taken instead of a prompt of which the network has met no word: what it would make of that is anything. None takes the
-    /// prompt all the same. It needs the network's list of words.
+    /// The sentence that replaces a prompt in which the network knows no word.
+    ///
+    /// Without the replacement, the motion for such a prompt would be arbitrary. With `None`, the prompt is used anyway. The
+    /// replacement needs the network's list of words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stand_in: Option<String>,
 }
 
-/// Frames of HumanML3D's shortest clips.
-const SHORTEST_CLIP: usize = 40;
+/// The length in frames of HumanML3D's shortest clips.
+const MIN_CLIP_FRAMES: usize = 40;
 
-/// What is wrong with a config.
+/// An error of a config.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
@@ -203,14 +216,14 @@ pub enum ConfigError {
         path: PathBuf,
         reason: serde_json::Error,
     },
-    /// Sizes that make no network.
+    /// The sizes do not form a valid network.
     #[error("{path}: {problem}")]
     #[allow(missing_docs)]
     Size { path: PathBuf, problem: String },
 }
 
 impl ModelConfig {
-    /// Sizes of the public MotionDiffuse text-to-motion checkpoint (CLIP ViT-B/32).
+    /// Returns the sizes of the public MotionDiffuse text-to-motion checkpoint (CLIP ViT-B/32).
     pub fn motion_diffuse() -> Self {
         ModelConfig {
             input_feats: 263,
@@ -241,7 +254,7 @@ impl ModelConfig {
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, is not a config, or its sizes make no network.
+    /// If the file cannot be read, is not a config, or its sizes do not form a valid network.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|reason| ConfigError::Io {
@@ -251,11 +264,11 @@ impl ModelConfig {
         Self::from_json(&bytes, path)
     }
 
-    /// Reads a config from JSON; `name` stands in error messages.
+    /// Reads a config from JSON. `name` is used in error messages.
     ///
     /// # Errors
     ///
-    /// If it is not a config or its sizes make no network.
+    /// If the JSON is not a config or its sizes do not form a valid network.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let path = || name.as_ref().to_owned();
         if let Some(problem) = placeholder(json) {
@@ -278,21 +291,21 @@ impl ModelConfig {
         }
     }
 
-    /// The shortest motion that may be asked for, in frames.
+    /// Returns the length of the shortest motion that may be requested, in frames.
     pub fn shortest(&self) -> usize {
         let default = match self.num_frames {
-            SHORTEST_CLIP.. => SHORTEST_CLIP,
+            MIN_CLIP_FRAMES.. => MIN_CLIP_FRAMES,
             _ => 1,
         };
         self.min_frames.unwrap_or(default)
     }
 
-    /// Width of the condition: the timestep's and the sentence's embedding.
+    /// Returns the width of the condition, which is the width of the embeddings of the timestep and the sentence.
     pub fn condition_dim(&self) -> usize {
         4 * self.latent_dim
     }
 
-    /// Why these sizes make no network, if they do not.
+    /// Checks the sizes. Returns a description of the problem if they do not form a valid network.
     pub fn problem(&self) -> Option<String> {
         let clip = &self.clip;
         let sizes = [
@@ -309,24 +322,28 @@ impl ModelConfig {
             ("clip.width", clip.width),
             ("clip.heads", clip.heads),
         ];
-        /// Beyond any network of this kind; keeps products of sizes from overflowing.
-        const LARGEST: usize = 1 << 24;
+        /// The largest allowed size, which is beyond any network of this kind. The limit prevents products of sizes from
+        /// overflowing.
+        const MAX_SIZE: usize = 1 << 24;
         if let Some((name, found)) = sizes
             .into_iter()
-            .find(|&(_, size)| size == 0 || size > LARGEST)
+            .find(|&(_, size)| size == 0 || size > MAX_SIZE)
         {
-            return Some(format!("{name} must be from 1 to {LARGEST}, found {found}"));
+            return Some(format!(
+                "{name} must be from 1 to {MAX_SIZE}, found {found}"
+            ));
         }
-        /// Beyond any transformer; keeps a misprint from asking for all memory there is.
-        const DEEPEST: usize = 1024;
+        /// The largest allowed number of layers, which is beyond any transformer. The limit prevents a typing error from
+        /// requesting all memory.
+        const MAX_LAYERS: usize = 1024;
         for (name, least, found) in [
             ("num_layers", 1, self.num_layers),
             ("num_text_layers", 0, self.num_text_layers),
             ("clip.layers", 0, clip.layers),
         ] {
-            if !(least..=DEEPEST).contains(&found) {
+            if !(least..=MAX_LAYERS).contains(&found) {
                 return Some(format!(
-                    "{name} must be from {least} to {DEEPEST}, found {found}"
+                    "{name} must be from {least} to {MAX_LAYERS}, found {found}"
                 ));
             }
         }
@@ -359,20 +376,20 @@ impl ModelConfig {
                 self.latent_dim
             ));
         }
-        /// Beyond any network of this kind: 16 GB in 32 bits.
-        const MOST_PARAMETERS: f64 = 4e9;
+        /// The largest allowed number of parameters, which is beyond any network of this kind: 16 GB in 32 bits.
+        const MAX_PARAMETERS: f64 = 4e9;
         let parameters = self.approximate_parameters();
-        if parameters > MOST_PARAMETERS {
+        if parameters > MAX_PARAMETERS {
             return Some(format!(
                 "the sizes together ask for {:.0} million parameters; expected at most {:.0} million",
                 parameters / 1e6,
-                MOST_PARAMETERS / 1e6
+                MAX_PARAMETERS / 1e6
             ));
         }
         { self.laban_condition.as_ref() }.and_then(LabanCondition::problem)
     }
 
-    /// How many parameters the matrices of the network have together.
+    /// Estimates the number of parameters of the network by counting those of its matrices.
     fn approximate_parameters(&self) -> f64 {
         let [latent, inner, text, text_inner] = [
             self.latent_dim,
@@ -384,7 +401,7 @@ impl ModelConfig {
         let clip = &self.clip;
         let width = clip.width as f64;
         let embedding = 4.0 * latent;
-        // Three stylizations, attention to frames and to words, the feed-forward layer.
+        // A block has three stylizations, the attention to frames and to words, and the feed-forward layers.
         let block = 3.0 * (2.0 * embedding * latent + latent * latent)
             + 4.0 * latent * latent
             + 2.0 * latent * text
@@ -414,7 +431,7 @@ mod tests {
 
     #[test]
     fn parameters_are_about_as_many_as_there_are() {
-        // Of 600 MB in 32 bits, CLIP's text tower included.
+        // The checkpoint has 600 MB in 32 bits, including CLIP's text tower.
         let million = ModelConfig::motion_diffuse().approximate_parameters() / 1e6;
         assert!((145.0..155.0).contains(&million), "{million}");
     }

@@ -1,4 +1,4 @@
-//! What guidance needs to know of a network.
+//! The interface through which guidance uses a network.
 
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_motion::frame_mask;
@@ -7,33 +7,32 @@ use crate::config::{LABAN_FEATURES, Prediction};
 
 /// A text-to-motion denoiser that can be sampled from and guided.
 ///
-/// The work is split by what it depends on, so that nothing is computed twice:
-/// [`encode`](Denoiser::encode) once a prompt, [`embed_timesteps`](Denoiser::embed_timesteps) once a
-/// timestep, and [`denoise`](Denoiser::denoise) at every step. Guidance moves the embedding of
-/// [`Prompt`] along the derivative that [`linearize`](Denoiser::linearize) gives; the weights are never
-/// tracked.
+/// The computation is divided by its inputs, so that nothing is computed twice: [`encode`](Denoiser::encode) runs once per
+/// prompt, [`embed_timesteps`](Denoiser::embed_timesteps) once per timestep, and [`denoise`](Denoiser::denoise) at every
+/// step. Guidance moves the embedding of a [`Prompt`] along the derivative that [`linearize`](Denoiser::linearize) gives.
+/// The weights are never tracked by autodiff.
 pub trait Denoiser {
-    /// What the network keeps of a prompt beside its embedding.
+    /// The data that the network needs of a prompt in addition to the embedding.
     type Context: Clone;
 
-    /// What [`denoise`](Denoiser::denoise) returns.
+    /// Returns the quantity that [`denoise`](Denoiser::denoise) predicts.
     fn prediction(&self) -> Prediction;
 
-    /// Pose features a frame.
+    /// Returns the number of pose features per frame.
     fn pose_features(&self) -> usize;
 
-    /// The longest motion, in frames.
+    /// Returns the length of the longest motion, in frames.
     fn max_frames(&self) -> usize;
 
-    /// The shortest motion, in frames.
+    /// Returns the length of the shortest motion, in frames.
     fn min_frames(&self) -> usize {
         1
     }
 
-    /// Where the weights are.
+    /// Returns the device that holds the weights.
     fn device(&self) -> Device;
 
-    /// Everything that depends on the prompts alone.
+    /// Computes everything that depends on the prompts alone.
     ///
     /// # Shapes
     ///
@@ -42,36 +41,42 @@ pub trait Denoiser {
     ///
     /// # Panics
     ///
-    /// May, if an id is beyond the vocabulary or there are more tokens than the context holds.
+    /// May panic if an id is beyond the vocabulary or there are more tokens than the context holds.
     fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context>;
 
-    /// Everything that depends on the timesteps alone: `[timesteps, d_condition]`.
+    /// Computes everything that depends on the timesteps alone: `[timesteps, d_condition]`.
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2>;
 
-    /// What is added to the embeddings of prompts to tell the network the Laban features of the motions to make: the means over time of Weight,
-    /// Time, Flow and Shape, each where it is told. `[motions, d_condition]`, or `None` where the network cannot be told any.
+    /// Embeds the Laban features of the motions to be generated: the means over time of Weight, Time, Flow and Shape, or
+    /// `None` for a feature that is not given.
+    ///
+    /// The result, `[motions, d_condition]`, is added to the embeddings of the prompts. It is `None` if the network cannot
+    /// be conditioned on Laban features.
     fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
         let _ = means;
         None
     }
 
-    /// One evaluation: noise or clean motion (see [`prediction`](Denoiser::prediction)),
-    /// `[batch, frames, features]`. What stands past a motion's length has no meaning.
+    /// Evaluates the network once. The output, `[batch, frames, features]`, is the quantity that
+    /// [`prediction`](Denoiser::prediction) names, such as the noise or the clean motion.
+    ///
+    /// The output past a motion's length has no meaning.
     ///
     /// # Panics
     ///
-    /// May, if there are more frames than [`max_frames`](Denoiser::max_frames) or another number of
-    /// features than [`pose_features`](Denoiser::pose_features), or if input and context are not of as
-    /// many motions.
+    /// May panic if there are more frames than [`max_frames`](Denoiser::max_frames), if the number of features differs from
+    /// [`pose_features`](Denoiser::pose_features), or if the input and the context have different numbers of motions.
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
 
-    /// One evaluation, and the way back from its output to the embedding, or to the modulation where the input has one. Nothing of the input is
-    /// tracked by autodiff. By default autodiff goes through [`denoise`](Denoiser::denoise); a network
-    /// that knows a shorter way says so here.
+    /// Evaluates the network once and prepares its derivative with respect to the embedding, or to the modulation if the
+    /// input has one.
+    ///
+    /// No part of the input is tracked by autodiff. The default implementation applies autodiff to
+    /// [`denoise`](Denoiser::denoise). A network with a faster derivative overrides this method.
     ///
     /// # Panics
     ///
-    /// As [`denoise`](Denoiser::denoise).
+    /// In the same cases as [`denoise`](Denoiser::denoise).
     fn linearize<'a>(
         &'a self,
         input: DenoiserInput,
@@ -80,18 +85,22 @@ pub trait Denoiser {
         LinearizedEvaluation::by_autodiff(input, |input| self.denoise(input, context))
     }
 
-    /// How many scales and shifts a sentence and a timestep become on their way into the network, over all its stylization layers: what
-    /// [`DenoiserInput::modulation`] is added to. 0, the default, where a network has none.
+    /// Returns the number of scales and shifts of all stylization layers of the network together.
+    ///
+    /// The network computes the scales and shifts from the sentence and the timestep, and adds
+    /// [`DenoiserInput::modulation`] to them. The number is 0, the default, if the network has no stylization layers.
     fn modulations(&self) -> usize {
         0
     }
 
-    /// As [`linearize`](Denoiser::linearize), with the way back to the noisy motion `x_t`: for what moves the start noise through all steps
-    /// of a pass.
+    /// Evaluates the network once and prepares its derivative with respect to the noisy motion `x_t`.
+    ///
+    /// Methods that optimise the start noise through all steps of a pass need this derivative. Otherwise the method is like
+    /// [`linearize`](Denoiser::linearize).
     ///
     /// # Panics
     ///
-    /// As [`denoise`](Denoiser::denoise).
+    /// In the same cases as [`denoise`](Denoiser::denoise).
     fn linearize_motion<'a>(
         &'a self,
         input: DenoiserInput,
@@ -101,17 +110,19 @@ pub trait Denoiser {
     }
 }
 
-/// An evaluation of a network with the derivative of its output: with respect to the embedding or modulation (`D` is 2) or to the
-/// noisy motion (3).
+/// An evaluation of a network with the derivative of its output.
+///
+/// The derivative is with respect to the embedding or the modulation (`D` is 2) or to the noisy motion (`D` is 3).
 pub struct LinearizedEvaluation<'a, const D: usize = 2> {
-    /// As [`Denoiser::denoise`] returns it, `[batch, frames, features]`, not tracked by autodiff.
+    /// The output of [`Denoiser::denoise`], `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
     shape: [usize; 3],
     pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<D> + 'a>,
 }
 
 impl<'a, const D: usize> LinearizedEvaluation<'a, D> {
-    /// An output, and what turns its gradient into that of the embedding, the modulation or the noisy motion.
+    /// Combines an output with the function that turns the gradient of the output into the gradient of the embedding, the
+    /// modulation or the noisy motion.
     pub fn new(output: Tensor<3>, pullback: impl FnOnce(Tensor<3>) -> Tensor<D> + 'a) -> Self {
         LinearizedEvaluation {
             shape: output.dims(),
@@ -120,28 +131,30 @@ impl<'a, const D: usize> LinearizedEvaluation<'a, D> {
         }
     }
 
-    /// By autodiff through an evaluation at a point.
-    fn followed(point: Tensor<D>, evaluate: impl FnOnce(Tensor<D>) -> Tensor<3>) -> Self {
-        let leaf = point.autodiff().require_grad();
+    /// Evaluates a function and prepares its derivative by autodiff.
+    fn with_autodiff(input: Tensor<D>, evaluate: impl FnOnce(Tensor<D>) -> Tensor<3>) -> Self {
+        let leaf = input.autodiff().require_grad();
         let output = evaluate(leaf.clone());
         LinearizedEvaluation::new(output.clone().inner(), move |gradient| {
-            let along = (output * gradient.autodiff()).sum();
-            let gradient = match along.is_tracked() {
-                true => leaf.grad_remove(&mut along.backward()),
+            let product = (output * gradient.autodiff()).sum();
+            let gradient = match product.is_tracked() {
+                true => leaf.grad_remove(&mut product.backward()),
                 false => None,
             };
-            // A network may ignore its embedding.
+            // A network may ignore its input, which then has no gradient.
             gradient.unwrap_or_else(|| leaf.inner().zeros_like())
         })
     }
 
-    /// The gradient with respect to the embedding, `[batch, d_condition]`, the modulation, `[batch, modulations]`, or the noisy motion,
-    /// `[batch, frames, features]`, of what has the given gradient with respect to the output, `[batch, frames, features]`, on the same device and not
-    /// tracked.
+    /// Turns the gradient of a loss with respect to the output into its gradient with respect to the input.
+    ///
+    /// The given gradient, `[batch, frames, features]`, must lie on the same device and not be tracked by autodiff. The
+    /// result is the gradient with respect to the embedding, `[batch, d_condition]`, the modulation,
+    /// `[batch, modulations]`, or the noisy motion, `[batch, frames, features]`.
     ///
     /// # Panics
     ///
-    /// If the gradient has another shape than the output.
+    /// If the gradient and the output have different shapes.
     pub fn pull(self, gradient: Tensor<3>) -> Tensor<D> {
         assert_eq!(
             self.shape,
@@ -153,16 +166,17 @@ impl<'a, const D: usize> LinearizedEvaluation<'a, D> {
 }
 
 impl LinearizedEvaluation<'_> {
-    /// By autodiff through an evaluation, back to the embedding, or to the modulation where the input has one.
+    /// Evaluates a network and prepares, by autodiff, the derivative with respect to the embedding, or to the modulation if
+    /// the input has one.
     pub fn by_autodiff(
         input: DenoiserInput,
         evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
     ) -> Self {
         match input.modulation.clone() {
-            None => Self::followed(input.embedding.clone(), |embedding| {
+            None => Self::with_autodiff(input.embedding.clone(), |embedding| {
                 evaluate(DenoiserInput { embedding, ..input })
             }),
-            Some(modulation) => Self::followed(modulation, |modulation| {
+            Some(modulation) => Self::with_autodiff(modulation, |modulation| {
                 let modulation = Some(modulation);
                 evaluate(DenoiserInput {
                     modulation,
@@ -174,12 +188,12 @@ impl LinearizedEvaluation<'_> {
 }
 
 impl LinearizedEvaluation<'_, 3> {
-    /// By autodiff through an evaluation, back to the noisy motion.
+    /// Evaluates a network and prepares, by autodiff, the derivative with respect to the noisy motion.
     pub fn of_motion_by_autodiff(
         input: DenoiserInput,
         evaluate: impl FnOnce(DenoiserInput) -> Tensor<3>,
     ) -> Self {
-        Self::followed(input.x_t.clone(), |x_t| {
+        Self::with_autodiff(input.x_t.clone(), |x_t| {
             evaluate(DenoiserInput { x_t, ..input })
         })
     }
@@ -190,27 +204,27 @@ impl LinearizedEvaluation<'_, 3> {
 pub struct Prompt<C> {
     /// The projected sentence embedding `e`, `[batch, d_condition]`, which guidance moves.
     pub embedding: Tensor<2>,
-    /// What else the network keeps of the prompts.
+    /// The other data that the network needs of the prompts.
     pub context: C,
 }
 
-/// What a step gives to the network.
+/// The input of a network at one step.
 #[derive(Clone, Debug)]
 pub struct DenoiserInput {
     /// The noisy motion, normalised, `[batch, frames, features]`.
     pub x_t: Tensor<3>,
-    /// The embedded timestep, `[1, d_condition]` for all or `[batch, d_condition]` for each.
+    /// The embedded timestep: `[1, d_condition]` if all motions share it, or `[batch, d_condition]`.
     pub time: Tensor<2>,
     /// The sentence embedding, `[batch, d_condition]`.
     pub embedding: Tensor<2>,
-    /// What is added to the scales and shifts of all stylization layers, `[batch, modulations]` (see
-    /// [`Denoiser::modulations`]); nothing by default. Networks without such layers ignore it.
+    /// An optional offset that is added to the scales and shifts of all stylization layers, `[batch, modulations]` (see
+    /// [`Denoiser::modulations`]). Networks without such layers ignore it.
     pub modulation: Option<Tensor<2>>,
-    /// Which frames are part of each motion.
+    /// The mask of the frames that are part of each motion.
     pub mask: FrameMask,
 }
 
-/// Which frames of a padded batch are part of its motions.
+/// The mask of the frames of a padded batch that are part of its motions.
 #[derive(Clone, Debug)]
 pub struct FrameMask {
     lengths: Vec<usize>,
@@ -221,18 +235,18 @@ pub struct FrameMask {
 /// The padding of a batch as tensors `[batch, frames, 1]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Padding {
-    /// 1 where a frame is part of its motion, else 0.
+    /// 1 if a frame is part of its motion, otherwise 0.
     pub(crate) keep: Tensor<3>,
-    /// 0 where a frame is part of its motion, else a million: no softmax over frames sees it.
+    /// 0 if a frame is part of its motion, otherwise a million, which excludes the frame from softmaxes over frames.
     pub(crate) penalty: Tensor<3>,
 }
 
 impl FrameMask {
-    /// The mask of motions of given lengths, padded to `frames` frames.
+    /// Creates the mask of motions of given lengths, padded to `frames` frames.
     ///
     /// # Panics
     ///
-    /// If a length is 0 or above `frames`, or there is none.
+    /// If a length is 0 or above `frames`, or if there are no lengths.
     pub fn new(lengths: &[usize], frames: usize, device: &Device) -> Self {
         let keep = frame_mask(lengths, frames, device);
         FrameMask {
@@ -245,8 +259,9 @@ impl FrameMask {
         }
     }
 
-    /// 1 where a frame is part of its motion, else 0: `[batch, frames, 1]`. `None` where no motion
-    /// is padded, so that no work is spent on it.
+    /// Returns the mask as a tensor `[batch, frames, 1]`: 1 if a frame is part of its motion, otherwise 0.
+    ///
+    /// Returns `None` if no motion is padded, so that the caller can skip the masking.
     pub fn keep(&self) -> Option<Tensor<3>> {
         self.padding.as_ref().map(|padding| padding.keep.clone())
     }
@@ -255,12 +270,12 @@ impl FrameMask {
         self.padding.as_ref()
     }
 
-    /// Length of each motion in frames.
+    /// Returns the length of each motion in frames.
     pub fn lengths(&self) -> &[usize] {
         &self.lengths
     }
 
-    /// Number of frames with padding.
+    /// Returns the number of frames, including padding.
     pub fn frames(&self) -> usize {
         self.frames
     }

@@ -1,14 +1,14 @@
 //! Text-to-motion denoisers as burn modules.
 //!
 //! ```text
-//! text ──Tokenizer──▶ tokens ──TextEncoder──▶ embedding e, context    (once a prompt)
-//! timesteps ─────────────────TimeEmbedding──▶ time                    (once a timestep)
+//! text ──Tokenizer──▶ tokens ──TextEncoder──▶ embedding e, context    (once per prompt)
+//! timesteps ─────────────────TimeEmbedding──▶ time                    (once per timestep)
 //! x_t, time, e, context ─────MotionDiffuse──▶ noise or clean motion   (every step)
 //! ```
 //!
-//! [`Denoiser`] is what guidance needs to know of a network; [`MotionDiffuse`] is the network of
-//! Zhang et al. 2022 (arXiv 2208.15001), with the keys and layouts of its public checkpoint. Sizes come from a
-//! [`ModelConfig`], weights from a [`Checkpoint`].
+//! [`Denoiser`] is the interface through which guidance uses a network. [`MotionDiffuse`] is the network of Zhang et al.
+//! 2022 (arXiv 2208.15001), with the keys and layouts of its public checkpoint. The sizes of a network come from a
+//! [`ModelConfig`], and its weights from a [`Checkpoint`].
 
 mod checkpoint;
 mod config;

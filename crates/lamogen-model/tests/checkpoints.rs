@@ -1,8 +1,7 @@
-//! Checkpoints as users have them: whole, damaged, and of another model.
+//! Tests of checkpoints: complete files, damaged files, and files of another model.
 //!
-//! tests/data holds one network of 4,992 numbers as `torch.save` writes it: `zip.tar`, the older
-//! format `legacy.tar` (both with CLIP's image tower beside, as the public checkpoint), and
-//! `no_encoder.pt`, the bare weights.
+//! tests/data has one network of 4,992 numbers in three files that `torch.save` wrote: `zip.tar`, `legacy.tar` in the older
+//! format (both also contain CLIP's image tower, like the public checkpoint), and `no_encoder.pt` with the weights alone.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -35,7 +34,7 @@ fn message(result: Result<MotionDiffuse, CheckpointError>) -> String {
     }
 }
 
-/// What a network says about a fixed input.
+/// Computes the output of a network for a fixed input.
 fn output(model: &MotionDiffuse) -> Vec<f32> {
     let device = Device::flex();
     let prompt = model.encode(Tensor::<2, Int>::from_data([[1, 7, 19, 0, 0]], &device));
@@ -97,7 +96,7 @@ fn safetensors_keep_every_bit_or_half_of_them() {
             assert!((before - after).abs() <= tolerance, "{before} {after}");
         }
     }
-    // Only the finished file is left.
+    // Only the finished file remains.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
@@ -118,7 +117,7 @@ fn fresh_weights_save_and_load() {
     let path = folder.path().join("fresh.safetensors");
     let model = MotionDiffuse::new(&config(), &Device::flex());
     model.save(&path, Precision::F32, HashMap::new()).unwrap();
-    // Loaded weights lie transposed in memory, which may round a product another way.
+    // Loaded weights are transposed in memory, so products may be rounded differently.
     for (before, after) in output(&model).iter().zip(output(&load(&path).unwrap())) {
         assert!((before - after).abs() < 1e-5, "{before} {after}");
     }
@@ -309,7 +308,7 @@ fn weights_that_are_no_numbers_are_named() {
 #[test]
 fn sizes_are_read_off_the_shapes() {
     let mut config = config();
-    // What shapes do not tell is as in MotionDiffuse and CLIP.
+    // The values that shapes do not determine are those of MotionDiffuse and CLIP.
     (config.latent_dim, config.num_heads, config.num_layers) = (16, 8, 11);
     (config.text_latent_dim, config.text_num_heads) = (12, 4);
     (config.clip.width, config.clip.heads) = (128, 2);
@@ -318,7 +317,7 @@ fn sizes_are_read_off_the_shapes() {
     let model = MotionDiffuse::new(&config, &Device::flex());
     model.save(&path, Precision::F32, HashMap::new()).unwrap();
     assert_eq!(Checkpoint::open(&path).unwrap().config().unwrap(), config);
-    // 4 heads do not share 6 channels.
+    // 6 channels cannot be divided among 4 heads.
     let error = Checkpoint::open(data("zip.tar")).unwrap().config();
     let message = error.unwrap_err().to_string();
     assert!(
@@ -407,7 +406,7 @@ fn eight_bits_are_a_quarter_and_their_scales_are_no_tensors_of_their_own() {
     model.save(&eighth, Precision::I8, HashMap::new()).unwrap();
     let [whole_keys, keys] = [&whole, &eighth].map(|path| Checkpoint::open(path).unwrap().keys());
     assert_eq!(whole_keys, keys);
-    // And back: what is lost is lost once.
+    // Converting back to 32 bits loses nothing more.
     let back = folder.path().join("back.safetensors");
     let checkpoint = Checkpoint::open(&eighth).unwrap();
     checkpoint
@@ -417,7 +416,7 @@ fn eight_bits_are_a_quarter_and_their_scales_are_no_tensors_of_their_own() {
         output(&load(&eighth).unwrap()),
         output(&load(&back).unwrap())
     );
-    // Whole numbers without scales are no weights.
+    // Integers without scales are not valid weights.
     let numbers = [1u8, 2];
     let view = TensorView::new(Dtype::I8, vec![2, 1], &numbers).unwrap();
     safetensors::serialize_to_file([("out.weight", view)], None, &back).unwrap();

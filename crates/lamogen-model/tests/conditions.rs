@@ -1,4 +1,4 @@
-//! What a network may be told beside the sentence, and what its text encoder learns beside motions.
+//! Tests of conditioning on Laban features, and of the similarities of sentences that the text encoder also learns.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
@@ -58,31 +58,31 @@ fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
 
 #[test]
 fn features_are_normalised_logarithms_and_marks_of_what_is_told() {
-    let told = CONDITION.encode(&[
+    let encoded = CONDITION.encode(&[
         Some((-3.0f32).exp()),
         None,
         Some(0.0),
         Some((-1.0f32).exp()),
     ]);
-    assert!((told[0] - 1.0).abs() < 1e-5);
-    assert_eq!((told[1], told[2]), (0.0, -4.0));
-    assert!(told[3].abs() < 1e-5);
-    assert_eq!(told[4..], [1.0, 0.0, 1.0, 1.0]);
+    assert!((encoded[0] - 1.0).abs() < 1e-5);
+    assert_eq!((encoded[1], encoded[2]), (0.0, -4.0));
+    assert!(encoded[3].abs() < 1e-5);
+    assert_eq!(encoded[4..], [1.0, 0.0, 1.0, 1.0]);
 }
 
 #[test]
 fn a_fresh_network_is_as_if_nothing_was_told_and_others_are_not_told_anything() {
     let device = Device::flex();
-    let told = vec![[Some(0.1); 4]; 3];
+    let means = vec![[Some(0.1); 4]; 3];
     let network = MotionDiffuse::initial(&config(Some(CONDITION)), 1, &device);
     assert!(
-        numbers(network.embed_laban(&told).unwrap())
+        numbers(network.embed_laban(&means).unwrap())
             .iter()
             .all(|n| *n == 0.0)
     );
     let without = MotionDiffuse::initial(&config(None), 1, &device);
-    assert!(without.embed_laban(&told).is_none());
-    // The weights that both have are drawn alike.
+    assert!(without.embed_laban(&means).is_none());
+    // The weights that both networks have are initialised identically.
     let alike = |network: &MotionDiffuse| numbers(network.predict(batch(None, None)));
     assert_eq!(alike(&network), alike(&without));
 }
@@ -114,21 +114,21 @@ fn a_saved_network_is_told_the_same() {
         .load(&config, &device)
         .unwrap();
     let added = |network: &MotionDiffuse| numbers(network.embed_laban(&[[Some(0.2); 4]]).unwrap());
-    // Weights lie otherwise in memory, so that sums round otherwise.
+    // The memory layout of the weights differs, so sums are rounded differently.
     for (found, expected) in added(&loaded).into_iter().zip(added(&network)) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }
 }
 
-/// Length of the gradients of the parameters under a name.
-fn length(network: &MotionDiffuse, gradients: &GradientsParams, name: &str) -> f32 {
-    struct Sum<'g> {
+/// Computes the Euclidean norm of the gradients of the parameters under a name.
+fn gradient_norm(network: &MotionDiffuse, gradients: &GradientsParams, name: &str) -> f32 {
+    struct GradientNorm<'g> {
         path: Vec<String>,
         name: &'g str,
         gradients: &'g GradientsParams,
-        sum: f32,
+        squared_norm: f32,
     }
-    impl ModuleVisitor for Sum<'_> {
+    impl ModuleVisitor for GradientNorm<'_> {
         fn enter_module(&mut self, name: &str, _: &str) {
             self.path.push(name.to_owned());
         }
@@ -138,31 +138,31 @@ fn length(network: &MotionDiffuse, gradients: &GradientsParams, name: &str) -> f
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
             let gradient = self.gradients.get::<D>(param.id);
             if let (true, Some(gradient)) = (self.path[0] == self.name, gradient) {
-                self.sum += gradient.square().sum().into_scalar::<f32>();
+                self.squared_norm += gradient.square().sum().into_scalar::<f32>();
             }
         }
     }
-    let mut sum = Sum {
+    let mut visitor = GradientNorm {
         path: Vec::new(),
         name,
         gradients,
-        sum: 0.0,
+        squared_norm: 0.0,
     };
-    network.visit(&mut sum);
-    sum.sum.sqrt()
+    network.visit(&mut visitor);
+    visitor.squared_norm.sqrt()
 }
 
 #[test]
 fn features_have_gradients_where_they_are_told() {
     let network = MotionDiffuse::new(&config(Some(CONDITION)), &Device::flex());
     let network = network.train().set_require_grad(true);
-    let length_of = |laban| {
+    let gradient_norm_with = |laban| {
         let trained = network.gradients(batch(laban, None), |output| output.square().mean());
-        length(&network, &trained.gradients, "laban")
+        gradient_norm(&network, &trained.gradients, "laban")
     };
-    assert_eq!(length_of(None), 0.0);
-    assert_eq!(length_of(Some(vec![[None; 4]; 3])), 0.0);
-    assert!(length_of(Some(vec![[Some(0.1); 4], [None; 4], [None; 4]])) > 0.0);
+    assert_eq!(gradient_norm_with(None), 0.0);
+    assert_eq!(gradient_norm_with(Some(vec![[None; 4]; 3])), 0.0);
+    assert!(gradient_norm_with(Some(vec![[Some(0.1); 4], [None; 4], [None; 4]])) > 0.0);
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn the_text_encoder_comes_nearer_to_given_cosines() {
     let mut optimizer = burn::optim::AdamConfig::new().init();
     for _ in 0..60 {
         let tracked = network.train().set_require_grad(true);
-        // A loss that the motions have no part in.
+        // The loss of the motions is zero.
         let batch = batch(None, Some(similarity.clone()));
         let trained = tracked.gradients(batch, |output| output.sum() * 0.0);
         losses.extend(numbers(trained.sentence_loss.unwrap()));

@@ -1,4 +1,4 @@
-//! Networks before their training.
+//! Tests of initial networks, before training.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -32,14 +32,14 @@ fn config() -> ModelConfig {
     }
 }
 
-/// Every number of a network, by path.
+/// Collects the numbers of all parameters of a network with their paths.
 #[derive(Default)]
-struct Numbers {
+struct ParameterCollector {
     path: Vec<String>,
     found: Vec<(String, Vec<f32>)>,
 }
 
-impl ModuleVisitor for Numbers {
+impl ModuleVisitor for ParameterCollector {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -53,7 +53,7 @@ impl ModuleVisitor for Numbers {
 }
 
 fn numbers(network: &MotionDiffuse) -> Vec<(String, Vec<f32>)> {
-    let mut numbers = Numbers::default();
+    let mut numbers = ParameterCollector::default();
     network.visit(&mut numbers);
     numbers.found
 }
@@ -66,7 +66,7 @@ fn a_seed_means_the_same_network_and_another_seed_another() {
     });
     assert_eq!(a, again);
     assert_ne!(a, other);
-    // Nothing is left as burn's own generator drew it, and nothing was forgotten.
+    // Every weight is either drawn from the seed or a constant, so none keeps the value from burn's own generator.
     for ((path, a), (_, other)) in a.iter().zip(&other) {
         let is_drawn = a != other;
         let is_constant = a.iter().all(|x| x == &a[0]) && [0.0, 1.0].contains(&a[0]);
@@ -75,7 +75,7 @@ fn a_seed_means_the_same_network_and_another_seed_another() {
             "{path}"
         );
     }
-    // The first weight of all, written down once.
+    // The expected value of the first weight is recorded in this test.
     let (path, first) = &a[0];
     assert_eq!(
         (path.as_str(), first[0]),
@@ -107,19 +107,19 @@ fn at_first_the_network_says_zero_whatever_it_sees() {
 fn neighbouring_frames_are_alike_and_all_frames_differ() {
     let network = MotionDiffuse::initial(&config(), 3, &Device::flex());
     let all = numbers(&network);
-    let (_, waves) = all
+    let (_, sinusoids) = all
         .iter()
         .find(|(path, _)| path == "frame_embedding")
         .unwrap();
-    let row = |frame: usize| &waves[frame * 32..][..32];
-    let alike = |a: usize, b: usize| -> f32 {
+    let row = |frame: usize| &sinusoids[frame * 32..][..32];
+    let similarity = |a: usize, b: usize| -> f32 {
         row(a).iter().zip(row(b)).map(|(a, b)| a * b).sum::<f32>() / 16.0
     };
     for frame in 0..49 {
-        assert!((alike(frame, frame) - 1.0).abs() < 1e-5);
-        assert!(alike(frame, frame + 1) > 0.5);
+        assert!((similarity(frame, frame) - 1.0).abs() < 1e-5);
+        assert!(similarity(frame, frame + 1) > 0.5);
         for other in frame + 1..50 {
-            assert!(alike(frame, other) < 0.95, "{frame} {other}");
+            assert!(similarity(frame, other) < 0.95, "{frame} {other}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The CPU's kernels against the same network in tensor operations.
+//! Tests of the CPU's kernels against the same network in tensor operations.
 
 use std::collections::BTreeMap;
 
@@ -67,22 +67,22 @@ fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Deno
     (input, prompt)
 }
 
-/// Output and gradient of an evaluation, where frames belong to a motion.
-fn both<const D: usize>(
+/// Returns the output and the gradient of an evaluation, masked to the frames that belong to a motion.
+fn output_and_gradient<const D: usize>(
     linearized: LinearizedEvaluation<'_, D>,
     mask: &FrameMask,
 ) -> (Vec<f32>, Vec<f32>) {
     let keep = mask.keep().unwrap();
     let output = linearized.output.clone() * keep.clone();
     let gradient = linearized.pull(numbers([4, FRAMES, 37], 0.377) * keep);
-    (host(output), host(gradient))
+    (to_vec(output), to_vec(gradient))
 }
 
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+fn to_vec<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().unwrap()
 }
 
-/// The largest difference, relative to the largest number.
+/// Computes the largest difference, relative to the largest number.
 fn distance(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     let largest = b.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
@@ -92,8 +92,8 @@ fn distance(a: &[f32], b: &[f32]) -> f32 {
     differences.fold(0.0, f32::max) / largest
 }
 
-/// Weights in which no scale is 1 and no shift 0, as training leaves them; read from a file, they lie
-/// the other way around in memory than fresh ones.
+/// Creates a network with weights like those after training: no scale is 1 and no shift is 0. The weights are read from a
+/// file, so they are transposed in memory compared with new ones.
 fn trained() -> MotionDiffuse {
     let folder = tempfile::tempdir().unwrap();
     let (fresh, trained) = (
@@ -138,26 +138,26 @@ fn kernels_are_the_network_and_its_gradient() {
     for model in [fresh, trained()] {
         let (input, prompt) = input(&model);
         let context = &prompt.context;
-        let kernels = both(model.linearize(input.clone(), context), &input.mask);
+        let kernels = output_and_gradient(model.linearize(input.clone(), context), &input.mask);
         // Under autodiff the network runs in tensor operations.
         let tensors =
             LinearizedEvaluation::by_autodiff(input.clone(), |input| model.denoise(input, context));
-        let tensors = both(tensors, &input.mask);
+        let tensors = output_and_gradient(tensors, &input.mask);
         let (output, gradient) = (
             distance(&kernels.0, &tensors.0),
             distance(&kernels.1, &tensors.1),
         );
         assert!(output < 1e-5 && gradient < 1e-5, "{output} {gradient}");
         let kernels_to_motion = model.linearize_motion(input.clone(), context);
-        let to_motion = both(kernels_to_motion, &input.mask);
+        let to_motion = output_and_gradient(kernels_to_motion, &input.mask);
         let tensors = LinearizedEvaluation::of_motion_by_autodiff(input.clone(), |input| {
             model.denoise(input, context)
         });
-        let gradient = distance(&to_motion.1, &both(tensors, &input.mask).1);
+        let gradient = distance(&to_motion.1, &output_and_gradient(tensors, &input.mask).1);
         assert!(gradient < 1e-5, "of the noisy motion: {gradient}");
         assert_eq!(to_motion.0, kernels.0, "with one record and the other");
         let alone = model.denoise(input.clone(), context) * input.mask.keep().unwrap();
-        assert_eq!(host(alone), kernels.0, "with and without a record");
+        assert_eq!(to_vec(alone), kernels.0, "with and without a record");
     }
 }
 
@@ -172,20 +172,20 @@ fn kernels_know_the_gradient_of_scales_and_shifts() {
     };
     let unmoved = with(Tensor::zeros([4, model.modulations()], &Device::flex()));
     let [unmoved, nothing] = [unmoved, plain.clone()].map(|input| model.denoise(input, context));
-    assert_eq!(host(unmoved), host(nothing.clone()));
+    assert_eq!(to_vec(unmoved), to_vec(nothing.clone()));
 
     let moved = with(numbers([4, model.modulations()], 0.217) * 0.5);
-    let kernels = both(model.linearize(moved.clone(), context), &moved.mask);
+    let kernels = output_and_gradient(model.linearize(moved.clone(), context), &moved.mask);
     let evaluate = |input| model.denoise(input, context);
     let tensors = LinearizedEvaluation::by_autodiff(moved.clone(), evaluate);
-    let tensors = both(tensors, &moved.mask);
+    let tensors = output_and_gradient(tensors, &moved.mask);
     let (output, gradient) = (
         distance(&kernels.0, &tensors.0),
         distance(&kernels.1, &tensors.1),
     );
     assert!(output < 1e-5 && gradient < 1e-5, "{output} {gradient}");
     let nothing = nothing * plain.mask.keep().unwrap();
-    assert!(distance(&kernels.0, &host(nothing)) > 1e-3);
+    assert!(distance(&kernels.0, &to_vec(nothing)) > 1e-3);
 }
 
 #[test]
@@ -223,7 +223,9 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let pool = pool.build().unwrap();
-        pool.install(|| both(model.linearize(input.clone(), &prompt.context), &input.mask))
+        pool.install(|| {
+            output_and_gradient(model.linearize(input.clone(), &prompt.context), &input.mask)
+        })
     };
     let one = run(1);
     for threads in [2, 3, 8] {
@@ -231,7 +233,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// A batch to train on.
+/// Creates a batch for training.
 fn batch() -> TrainingBatch {
     let (input, _) = input(&MotionDiffuse::new(&config(), &Device::flex()));
     TrainingBatch {
@@ -245,20 +247,20 @@ fn batch() -> TrainingBatch {
     }
 }
 
-/// A loss over the frames that belong to a motion.
+/// Computes a loss over the frames that belong to a motion.
 fn loss(output: Tensor<3>, mask: &FrameMask) -> Tensor<1> {
     let target = numbers([4, FRAMES, 37], 0.377);
     ((output - target).square() * mask.keep().unwrap()).sum() / 1000.0
 }
 
-/// Gradients by the paths of their parameters.
+/// Collects gradients by the paths of their parameters.
 fn by_path(model: &MotionDiffuse, gradients: GradientsParams) -> BTreeMap<String, Vec<f32>> {
-    struct Collect {
+    struct GradientCollector {
         path: Vec<String>,
         gradients: GradientsParams,
         found: BTreeMap<String, Vec<f32>>,
     }
-    impl ModuleVisitor for Collect {
+    impl ModuleVisitor for GradientCollector {
         fn enter_module(&mut self, name: &str, _: &str) {
             self.path.push(name.to_owned());
         }
@@ -270,10 +272,10 @@ fn by_path(model: &MotionDiffuse, gradients: GradientsParams) -> BTreeMap<String
             let gradient = self.gradients.get::<D>(param.id);
             let gradient = gradient.unwrap_or_else(|| panic!("{path} has no gradient"));
             assert_eq!(gradient.dims(), param.val().dims(), "{path}");
-            self.found.insert(path, host(gradient));
+            self.found.insert(path, to_vec(gradient));
         }
     }
-    let mut collect = Collect {
+    let mut collect = GradientCollector {
         path: Vec::new(),
         gradients,
         found: BTreeMap::new(),
@@ -302,7 +304,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
         let expected = loss(model.denoise(input, &prompt.context), &mask);
         let expected_gradients = GradientsParams::from_grads(expected.clone().backward(), &model);
 
-        let (found_loss, expected) = (host(found.loss), host(expected.inner()));
+        let (found_loss, expected) = (to_vec(found.loss), to_vec(expected.inner()));
         assert!((found_loss[0] / expected[0] - 1.0).abs() < 1e-5);
         let found = by_path(&model, found.gradients);
         let expected = by_path(&model, expected_gradients);
@@ -310,7 +312,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
         let size = |x: &[f32]| x.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
         let largest = expected.values().map(|x| size(x)).fold(0.0, f32::max);
         for (path, expected) in &expected {
-            // A bias of keys has no gradient but rounding: a softmax does not see it.
+            // The true gradient of a bias of keys is zero, because a softmax is invariant to it. Only rounding errors remain.
             let limit = 1e-4 * size(expected) + 1e-6 * largest;
             let differences = found[path].iter().zip(expected).map(|(a, b)| (a - b).abs());
             let distance = differences.fold(0.0, f32::max);

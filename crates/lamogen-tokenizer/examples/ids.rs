@@ -1,5 +1,6 @@
-//! CLIP's ids of the texts on standard input, to compare with another tokenizer's: a JSON string a
-//! line in, a JSON list a line out, without padding.
+//! Prints CLIP's token ids of the texts on standard input, to compare them with the ids of another tokenizer.
+//!
+//! Each line of the input is a JSON string. Each line of the output is a JSON list of ids without padding.
 //!
 //! ```text
 //! echo '"a person jumps"' | cargo run --release -p lamogen-tokenizer --example ids [context length]
@@ -20,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for line in std::io::stdin().lock().lines() {
         let text: String = serde_json::from_str(&line?)?;
         let mut ids = tokenizer.encode(&text)?.ids;
-        // The last of them is the end token, whose id is not 0.
+        // The loop stops at the end token, because its id is not 0.
         while ids.last() == Some(&0) {
             ids.pop();
         }

@@ -1,4 +1,4 @@
-//! Text as CLIP cleans it before it counts words.
+//! The cleaning of text that CLIP does before it splits the text into words.
 
 mod badness;
 mod charmap;
@@ -6,8 +6,8 @@ mod ftfy;
 mod html;
 mod mojibake;
 
-/// Repairs the text, expands what HTML wrote as `&…;` twice, puts one space for every run of white
-/// space, and makes it lower case.
+/// Repairs the text, expands HTML's character references (`&…;`) twice, replaces each run of white space by one space, and
+/// converts the text to lower case.
 pub(crate) fn clean(text: &str) -> String {
     let repaired = ftfy::fix_text(text);
     let unescaped = html::unescape(&repaired);
@@ -19,7 +19,8 @@ pub(crate) fn clean(text: &str) -> String {
     words.join(" ").to_lowercase()
 }
 
-/// What Python's `str.split` takes for white space: Unicode's, and four separators of ASCII.
+/// Returns whether Python's `str.split` treats a character as white space: Unicode's white space and four separators of
+/// ASCII.
 fn is_space(character: char) -> bool {
     character.is_whitespace() || matches!(character, '\x1c'..='\x1f')
 }

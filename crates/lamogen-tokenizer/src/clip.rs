@@ -1,4 +1,4 @@
-//! CLIP's byte-pair encoding, embedded.
+//! CLIP's byte-pair encoding with its embedded merges.
 
 use regex::Regex;
 use tokenizers::Model;
@@ -6,28 +6,30 @@ use tokenizers::models::bpe::{BPE, Vocab};
 
 use crate::clean::clean;
 
-/// The merges that CLIP uses of OpenAI's `bpe_simple_vocab_16e6.txt`, below the file's first line.
+/// The merges of OpenAI's `bpe_simple_vocab_16e6.txt` that CLIP uses. The first line of the file is not a merge.
 const MERGES: &str = include_str!("../data/clip_merges.txt");
 
-/// What stands at the end of a token that ends a word.
+/// The suffix of a token that ends a word.
 const END_OF_WORD: &str = "</w>";
 
+/// The id of the start token.
 pub(crate) const START: u32 = 49406;
 
-/// The id that ends a text, the largest.
+/// The id of the end token, which is the largest id.
 pub(crate) const END: u32 = 49407;
-/// Tokens around those of a text: start and end.
-pub(crate) const AROUND: usize = 2;
-/// The longest prompt in bytes. Some repairs take time that grows with the square of a text made for it.
-const LONGEST: usize = 100_000;
+/// The number of special tokens around those of a text: start and end.
+pub(crate) const SPECIAL_TOKENS: usize = 2;
+/// The length of the longest prompt in bytes. For texts that are made to be slow, the time of some repairs grows with the
+/// square of the length.
+const MAX_PROMPT_BYTES: usize = 100_000;
 
-/// `clip/simple_tokenizer.py` of OpenAI's CLIP.
+/// The tokenizer of OpenAI's CLIP (`clip/simple_tokenizer.py`).
 #[derive(Debug)]
 pub(crate) struct ClipTokenizer {
-    words: Regex,
+    word_pattern: Regex,
     pairs: BPE,
-    /// The character that stands for each byte.
-    characters: [char; 256],
+    /// The character that represents each byte.
+    byte_characters: [char; 256],
 }
 
 impl ClipTokenizer {
@@ -54,9 +56,9 @@ impl ClipTokenizer {
             .end_of_word_suffix(END_OF_WORD.into())
             .build()
             .expect("every embedded merge joins two tokens that come before it");
-        // U+0345 is no word: Python's regex, ignoring case, takes it for a letter in the last class
-        // alone, the one that letters are not in.
-        let words = Regex::new(
+        // U+0345 matches no alternative. Python's regex, which ignores case here, treats it as a letter only in the last
+        // class, which excludes letters.
+        let word_pattern = Regex::new(
             r"(?i:<\|startoftext\|>|<\|endoftext\|>|'s|'t|'re|'ve|'m|'ll|'d)|\p{L}+|\p{N}|[^\s\p{L}\p{N}\x{345}]+",
         )
         .expect("the pattern is constant");
@@ -65,28 +67,30 @@ impl ClipTokenizer {
             table[usize::from(byte)] = character;
         }
         ClipTokenizer {
-            words,
+            word_pattern,
             pairs,
-            characters: table,
+            byte_characters: table,
         }
     }
 
-    /// The ids of a prompt between those of start and end, or what is wrong with it.
+    /// Returns the ids of a prompt between those of start and end, or a description of the problem.
     pub(crate) fn ids(&self, prompt: &str) -> Result<Vec<u32>, String> {
-        if prompt.len() > LONGEST {
+        if prompt.len() > MAX_PROMPT_BYTES {
             return Err(format!(
-                "expected at most {LONGEST} bytes, found {}",
+                "expected at most {MAX_PROMPT_BYTES} bytes, found {}",
                 prompt.len()
             ));
         }
         let text = clean(prompt);
         let mut ids = vec![START];
-        for word in self.words.find_iter(&text) {
+        for word in self.word_pattern.find_iter(&text) {
             match word.as_str() {
                 "<|startoftext|>" => ids.push(START),
                 "<|endoftext|>" => ids.push(END),
                 word => {
-                    let bytes = word.bytes().map(|byte| self.characters[usize::from(byte)]);
+                    let bytes = word
+                        .bytes()
+                        .map(|byte| self.byte_characters[usize::from(byte)]);
                     let tokens = self.pairs.tokenize(&bytes.collect::<String>());
                     let tokens = tokens.map_err(|error| error.to_string())?;
                     ids.extend(tokens.iter().map(|token| token.id));
@@ -98,13 +102,16 @@ impl ClipTokenizer {
     }
 }
 
-/// The bytes and the characters that stand for them, in the order of their ids: those that Latin-1
-/// prints stand for themselves, the others follow as characters from U+0100 on.
+/// Returns the bytes and the characters that represent them, in the order of their ids.
+///
+/// The bytes that are printable in Latin-1 represent themselves. The other bytes follow, with characters from U+0100 on.
 fn byte_characters() -> Vec<(u8, char)> {
-    let printed = |byte: &u8| matches!(byte, b'!'..=b'~' | 0xA1..=0xAC | 0xAE..=0xFF);
-    let themselves = (0..=255)
-        .filter(printed)
+    let is_printable = |byte: &u8| matches!(byte, b'!'..=b'~' | 0xA1..=0xAC | 0xAE..=0xFF);
+    let printable = (0..=255)
+        .filter(is_printable)
         .map(|byte| (byte, char::from(byte)));
-    let others = (0..=255).filter(|byte| !printed(byte)).zip('\u{100}'..);
-    themselves.chain(others).collect()
+    let others = (0..=255)
+        .filter(|byte| !is_printable(byte))
+        .zip('\u{100}'..);
+    printable.chain(others).collect()
 }

@@ -1,8 +1,8 @@
-//! What can go wrong.
+//! The errors of this crate.
 
 use std::path::PathBuf;
 
-/// What is wrong with a tokenizer or a prompt.
+/// An error of a tokenizer or a prompt.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenizerError {
     /// The file cannot be read.
@@ -12,11 +12,11 @@ pub enum TokenizerError {
         path: PathBuf,
         reason: std::io::Error,
     },
-    /// The file is no tokenizer.
+    /// The file is not a tokenizer.
     #[error("{path}: not a tokenizer: {problem}")]
     #[allow(missing_docs)]
     Format { path: PathBuf, problem: String },
-    /// The tokenizer knows more ids than the network has embeddings.
+    /// The tokenizer has more ids than the network has embeddings.
     #[error(
         "{path}: the tokenizer's ids go up to {largest}, but the model has embeddings for {vocab_size} ids only, 0 to {last}",
         last = .vocab_size.saturating_sub(1)
@@ -27,7 +27,7 @@ pub enum TokenizerError {
         largest: u32,
         vocab_size: usize,
     },
-    /// The tokenizer does not close a text with its largest id.
+    /// The tokenizer does not end a text with its largest id.
     #[error(
         "{path}: expected texts to end with the tokenizer's largest id, {end}; a probe gave {found:?}"
     )]
@@ -41,7 +41,7 @@ pub enum TokenizerError {
     #[error("the prompt {prompt:?} cannot be tokenized: {problem}")]
     #[allow(missing_docs)]
     Prompt { prompt: String, problem: String },
-    /// No tokenizer can be learned.
+    /// A tokenizer cannot be trained.
     #[error("no tokenizer can be learned: {problem}")]
     #[allow(missing_docs)]
     Learning { problem: String },

@@ -1,14 +1,14 @@
-//! Text as token ids.
+//! Conversion of text to token ids.
 //!
 //! ```text
 //!                        ┌─ Tokenizer::clip       clean ─▶ words ─▶ byte pairs ─┐
-//! prompt ──encode──▶ ────┤                                                      ├─▶ ids, padded or cut
+//! prompt ──encode──▶ ────┤                                                      ├─▶ ids, padded or truncated
 //!                        └─ Tokenizer::from_file  what the tokenizer.json says ─┘
 //! ```
 //!
-//! [`Tokenizer::clip`] is the tokenizer of OpenAI's CLIP and needs no file: the merges are part of
-//! the program. [`Tokenizer::from_file`] reads a `tokenizer.json` of the Hugging Face `tokenizers`
-//! library. Both pad and cut in the same way.
+//! [`Tokenizer::clip`] is the tokenizer of OpenAI's CLIP and needs no file, because its merges are part of the program.
+//! [`Tokenizer::from_file`] reads a `tokenizer.json` of the Hugging Face `tokenizers` library. Both tokenizers pad and
+//! truncate in the same way.
 //!
 //! ```
 //! let tokenizer = lamogen_tokenizer::Tokenizer::clip(77);
@@ -18,16 +18,16 @@
 //!
 //! # Cleaning
 //!
-//! CLIP's texts go through the Python library ftfy and through `html.unescape`, twice; `clean.rs` and
-//! the files below it do what ftfy 6.3.1 and Python 3.11 do. The Rust port `plsfix` 0.1.8 does not:
-//! it follows an older ftfy, leaves terminal escapes in the text, and brings all of ICU. HTML's names
-//! come from the crate `entities`, Unicode's normal form from `unicode-normalization`.
+//! CLIP passes its texts through the Python library ftfy and then twice through `html.unescape`. `clean.rs` and the files
+//! in `clean/` do the same as ftfy 6.3.1 and Python 3.11. The Rust port `plsfix` 0.1.8 differs: it follows an older ftfy,
+//! leaves terminal escapes in the text, and depends on all of ICU. The names of HTML's character references come from the
+//! crate `entities`, and Unicode's normal form from `unicode-normalization`.
 //!
 //! # Byte pairs
 //!
-//! The merges are OpenAI's (`data/`, with their licence); `tokenizers` applies them. The crate
-//! `instant-clip-tokenizer` has them too, but spells the special tokens otherwise, takes time
-//! quadratic in the length of a word, and brings the four fifths of the list that CLIP leaves out.
+//! The merges are OpenAI's (`data/`, with their licence), and the crate `tokenizers` applies them. The crate
+//! `instant-clip-tokenizer` has the same merges, but it spells the special tokens differently, takes time quadratic in the
+//! length of a word, and includes the four fifths of the list that CLIP does not use.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Prompts as padded rows of ids.
+//! The tokenizer, which converts prompts to padded rows of ids.
 
 use lamogen_io::placeholder;
 use std::path::Path;
@@ -8,18 +8,19 @@ use crate::TokenizerError;
 use crate::clip::{self, ClipTokenizer};
 use crate::file::FileTokenizer;
 
-/// Turns a prompt into the ids that the text encoder was trained on.
+/// A tokenizer, which converts a prompt to the ids that the text encoder was trained on.
 ///
-/// Prompts are padded with id 0 and cut so that the end token stays; the end token has the largest
-/// id, which is how CLIP's text tower finds it. Cloning is cheap.
+/// Prompts are padded with id 0. Prompts that are too long are truncated, but keep the end token. The end token has the
+/// largest id; CLIP's text tower finds it by that. Cloning is cheap.
 #[derive(Clone, Debug)]
 pub struct Tokenizer {
-    source: Source,
+    kind: TokenizerKind,
     context_length: usize,
 }
 
+/// CLIP's tokenizer or one from a file.
 #[derive(Clone, Debug)]
-enum Source {
+enum TokenizerKind {
     Clip(Arc<ClipTokenizer>),
     File(Arc<FileTokenizer>),
 }
@@ -27,42 +28,40 @@ enum Source {
 /// A tokenized prompt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tokens {
-    /// Ids, padded with 0 to the context length.
+    /// The ids, padded with 0 to the context length.
     pub ids: Vec<u32>,
-    /// How many tokens of the prompt did not fit.
+    /// The number of tokens that did not fit and were removed.
     pub cut: usize,
-    /// How many tokens the prompt has of its own, beside those of start and end.
+    /// The number of tokens of the prompt itself, without the start and end tokens. Removed tokens are counted.
     pub own: usize,
 }
 
 impl Tokenizer {
-    /// CLIP's own tokenizer for a text tower with `context_length` positions, 77 in every CLIP of
-    /// OpenAI's. No file is read.
+    /// Creates CLIP's own tokenizer for a text tower with `context_length` positions (77 in all of OpenAI's CLIP models).
     ///
-    /// The ids are those of `clip.tokenize` with `truncate=True`, cleaning of the text included:
-    /// 0 to 49405 for text, 49406 at the start and 49407 at the end. As there,
+    /// No file is read. The ids are those of `clip.tokenize` with `truncate=True`, including the cleaning of the text:
+    /// 0 to 49405 for text, 49406 at the start and 49407 at the end. As in `clip.tokenize`,
     ///
-    /// - a literal `<|startoftext|>` or `<|endoftext|>` in a prompt gives that token, in any case of
-    ///   its letters. The text tower reads up to the first end token; a prompt can end itself early;
-    /// - a text without tokens is no error, it gives start and end.
+    /// - a literal `<|startoftext|>` or `<|endoftext|>` in a prompt, in upper or lower case, gives that token. The text
+    ///   tower reads up to the first end token, so a prompt can end itself early;
+    /// - a text without tokens is no error, but gives the start and end tokens.
     ///
-    /// Building it takes tens of milliseconds: build one and clone it.
+    /// Creating the tokenizer takes tens of milliseconds, so create it once and clone it.
     pub fn clip(context_length: usize) -> Self {
         Tokenizer {
-            source: Source::Clip(Arc::new(ClipTokenizer::new())),
+            kind: TokenizerKind::Clip(Arc::new(ClipTokenizer::new())),
             context_length,
         }
     }
 
-    /// Reads a `tokenizer.json` for a text tower with `vocab_size` ids and `context_length`
-    /// positions.
+    /// Reads a `tokenizer.json` for a text tower with `vocab_size` ids and `context_length` positions.
     ///
-    /// A user's `<|endoftext|>` is text here, and a prompt without tokens is refused.
+    /// A literal `<|endoftext|>` in a prompt is treated as text, and a prompt without tokens is refused.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, is no tokenizer, has ids beyond the vocabulary, or does not end
-    /// its texts with its largest id.
+    /// If the file cannot be read, is not a tokenizer, has ids beyond the vocabulary, or does not end its texts with its
+    /// largest id.
     pub fn from_file(
         path: impl AsRef<Path>,
         vocab_size: usize,
@@ -76,11 +75,12 @@ impl Tokenizer {
         Self::from_json(&json, path, vocab_size, context_length)
     }
 
-    /// As [`from_file`](Self::from_file), from the file's content; `name` stands in error messages.
+    /// Reads a tokenizer like [`from_file`](Self::from_file), but from the content of the file. `name` is used in error
+    /// messages.
     ///
     /// # Errors
     ///
-    /// As [`from_file`](Self::from_file).
+    /// The same as those of [`from_file`](Self::from_file).
     pub fn from_json(
         json: &[u8],
         name: impl AsRef<Path>,
@@ -95,27 +95,27 @@ impl Tokenizer {
         }
         let file = FileTokenizer::from_json(json, name.as_ref().to_owned(), vocab_size)?;
         Ok(Tokenizer {
-            source: Source::File(Arc::new(file)),
+            kind: TokenizerKind::File(Arc::new(file)),
             context_length,
         })
     }
 
-    /// The ids of a prompt.
+    /// Encodes a prompt as ids.
     ///
     /// # Errors
     ///
-    /// If the tokenizer cannot encode it, or with a tokenizer from a file finds no token in it, or with
-    /// CLIP's it is longer than 100,000 bytes.
+    /// If the tokenizer cannot encode the prompt; if a tokenizer from a file finds no token in it; or, with CLIP's
+    /// tokenizer, if the prompt is longer than 100,000 bytes.
     pub fn encode(&self, prompt: &str) -> Result<Tokens, TokenizerError> {
-        let (ids, end, around) = match &self.source {
-            Source::Clip(clip) => (clip.ids(prompt), clip::END, clip::AROUND),
-            Source::File(file) => (file.ids(prompt), file.end(), file.around()),
+        let (ids, end, special_tokens) = match &self.kind {
+            TokenizerKind::Clip(clip) => (clip.ids(prompt), clip::END, clip::SPECIAL_TOKENS),
+            TokenizerKind::File(file) => (file.ids(prompt), file.end(), file.special_tokens()),
         };
         let mut ids = ids.map_err(|problem| TokenizerError::Prompt {
             prompt: prompt.into(),
             problem,
         })?;
-        let own = ids.len().saturating_sub(around);
+        let own = ids.len().saturating_sub(special_tokens);
         let cut = ids.len().saturating_sub(self.context_length);
         ids.resize(self.context_length, 0);
         if let (1.., Some(last)) = (cut, ids.last_mut()) {
@@ -124,16 +124,18 @@ impl Tokenizer {
         Ok(Tokens { ids, cut, own })
     }
 
-    /// Number of ids of a padded prompt.
+    /// Returns the number of ids of a padded prompt.
     pub fn context_length(&self) -> usize {
         self.context_length
     }
 
-    /// The ids of a text without words: what a network sees that was trained with text dropout where nothing is said.
+    /// Returns the ids of a text without words.
+    ///
+    /// A network that was trained with text dropout reads these ids where the text is dropped.
     pub fn unconditional(&self) -> Tokens {
-        let mut ids = match &self.source {
-            Source::Clip(_) => vec![clip::START, clip::END],
-            Source::File(file) => file.empty().to_vec(),
+        let mut ids = match &self.kind {
+            TokenizerKind::Clip(_) => vec![clip::START, clip::END],
+            TokenizerKind::File(file) => file.empty_ids().to_vec(),
         };
         ids.resize(self.context_length, 0);
         Tokens {
@@ -143,11 +145,11 @@ impl Tokenizer {
         }
     }
 
-    /// Number of embeddings that a text tower needs for this tokenizer's ids: 49408 for CLIP's.
+    /// Returns the number of embeddings that a text tower needs for this tokenizer's ids (49408 for CLIP's tokenizer).
     pub fn vocab_size(&self) -> usize {
-        let end = match &self.source {
-            Source::Clip(_) => clip::END,
-            Source::File(file) => file.end(),
+        let end = match &self.kind {
+            TokenizerKind::Clip(_) => clip::END,
+            TokenizerKind::File(file) => file.end(),
         };
         end as usize + 1
     }

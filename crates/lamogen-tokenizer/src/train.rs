@@ -1,4 +1,4 @@
-//! A tokenizer for a network of one's own, from the texts that it learns from.
+//! Training of a tokenizer on the texts that a network is trained on.
 
 use tokenizers::models::bpe::{BPE, BpeTrainer};
 use tokenizers::normalizers::{Lowercase, NFC, Sequence as Normalizers};
@@ -16,13 +16,13 @@ const PAD: &str = "<|pad|>";
 const START: &str = "<|startoftext|>";
 const END: &str = "<|endoftext|>";
 
-/// The least vocabulary: every byte, the same at the end of a word, and three tokens of its own.
-const LEAST: usize = 256 + 3;
+/// The size of the smallest vocabulary: every byte and three special tokens.
+const MIN_VOCABULARY: usize = 256 + 3;
 
-/// Learns byte pairs (Sennrich et al. 2016) from texts: the `tokenizer.json` of at most `vocab_size` ids, padding being 0 and the
-/// end the largest. Small and capital letters are the same, every digit and every punctuation mark is a word.
+/// Trains a tokenizer by byte-pair encoding (Sennrich et al. 2016) and returns the content of its `tokenizer.json`.
 ///
-/// The same texts give the same file.
+/// The tokenizer has at most `vocab_size` ids. The padding has id 0, and the end token has the largest id. Upper and lower
+/// case are not distinguished, and every digit and every punctuation mark is a word. The same texts give the same file.
 ///
 /// # Errors
 ///
@@ -31,10 +31,10 @@ pub fn train_tokenizer<'a>(
     texts: impl Iterator<Item = &'a str> + Send,
     vocab_size: usize,
 ) -> Result<Vec<u8>, TokenizerError> {
-    let failed = |problem: String| TokenizerError::Learning { problem };
-    if vocab_size < LEAST {
-        return Err(failed(format!(
-            "expected a vocabulary of at least {LEAST} ids, for every byte, found {vocab_size}"
+    let training_error = |problem: String| TokenizerError::Learning { problem };
+    if vocab_size < MIN_VOCABULARY {
+        return Err(training_error(format!(
+            "expected a vocabulary of at least {MIN_VOCABULARY} ids, for every byte, found {vocab_size}"
         )));
     }
     let byte_level = ByteLevel::new(false, true, false);
@@ -50,9 +50,9 @@ pub fn train_tokenizer<'a>(
         .with_post_processor(None::<TemplateProcessing>)
         .with_decoder(None::<ByteLevel>)
         .build()
-        .map_err(|error| failed(error.to_string()))?;
+        .map_err(|error| training_error(error.to_string()))?;
     let mut trainer = BpeTrainer::builder()
-        // Start and end come behind what is learned.
+        // The start and end tokens are added after training.
         .vocab_size(vocab_size - 2)
         .min_frequency(2)
         .show_progress(false)
@@ -61,7 +61,7 @@ pub fn train_tokenizer<'a>(
         .build();
     tokenizer
         .train(&mut trainer, texts)
-        .map_err(|error| failed(error.to_string()))?;
+        .map_err(|error| training_error(error.to_string()))?;
     let mut tokenizer = Tokenizer::from(tokenizer);
     tokenizer.add_special_tokens(&[AddedToken::from(START, true), AddedToken::from(END, true)]);
     let id = |token: &str| {
@@ -71,14 +71,14 @@ pub fn train_tokenizer<'a>(
     let special: Vec<(String, u32)> = [START, END].into_iter().filter_map(id).collect();
     let template = TemplateProcessing::builder()
         .try_single(format!("{START} $A {END}"))
-        .map_err(|error| failed(error.to_string()))?
+        .map_err(|error| training_error(error.to_string()))?
         .special_tokens(special)
         .build()
-        .map_err(|error| failed(error.to_string()))?;
+        .map_err(|error| training_error(error.to_string()))?;
     tokenizer.with_post_processor(Some(template));
     let json = tokenizer.to_string(false);
     json.map(String::into_bytes)
-        .map_err(|error| failed(error.to_string()))
+        .map_err(|error| training_error(error.to_string()))
 }
 
 #[cfg(test)]

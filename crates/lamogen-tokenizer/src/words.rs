@@ -1,15 +1,15 @@
-//! Words as people see them, and those that a model has met.
+//! Words of a text, and the set of words that a model was trained on.
 
 use std::collections::BTreeSet;
 
-/// Words in lower case; punctuation stands for itself.
+/// Splits a text into words in lower case. Each punctuation mark is a word of its own.
 pub fn words(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     let mut word = String::new();
     for letter in text.to_lowercase().chars() {
-        let inside =
+        let is_in_word =
             letter.is_alphanumeric() || letter == '\'' || letter == '-' && !word.is_empty();
-        if inside {
+        if is_in_word {
             word.push(letter);
             continue;
         }
@@ -26,7 +26,7 @@ pub fn words(text: &str) -> Vec<String> {
     words
 }
 
-/// The words of the captions that a model was trained on.
+/// The set of words in the captions that a model was trained on.
 ///
 /// ```
 /// use lamogen_tokenizer::KnownWords;
@@ -38,7 +38,7 @@ pub fn words(text: &str) -> Vec<String> {
 pub struct KnownWords(BTreeSet<String>);
 
 impl KnownWords {
-    /// The words of some texts.
+    /// Collects the words of some texts.
     pub fn of<'t>(texts: impl IntoIterator<Item = &'t str>) -> Self {
         let mut known = KnownWords::default();
         texts.into_iter().for_each(|text| known.add(text));
@@ -51,7 +51,7 @@ impl KnownWords {
             .extend(words(text).into_iter().filter(|word| is_word(word)));
     }
 
-    /// The words of a list, one a line.
+    /// Reads a list with one word per line.
     pub fn from_lines(lines: &str) -> Self {
         let lines = lines.lines().map(str::trim);
         KnownWords(
@@ -62,27 +62,27 @@ impl KnownWords {
         )
     }
 
-    /// The list that [`from_lines`](Self::from_lines) reads, in the order of the alphabet.
+    /// Writes the list that [`from_lines`](Self::from_lines) reads, in alphabetical order.
     pub fn to_lines(&self) -> String {
         self.0.iter().flat_map(|word| [word, "\n"]).collect()
     }
 
-    /// How many there are.
+    /// Returns the number of words.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there is none.
+    /// Returns whether the set has no words.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether a text has a word that is among these.
+    /// Returns whether at least one word of a text is in the set.
     pub fn knows_some(&self, text: &str) -> bool {
         words(text).iter().any(|word| self.0.contains(word))
     }
 
-    /// The words of a text that are not among these, each once, in the text's order.
+    /// Returns the words of a text that are not in the set, each once, in the order of the text. Punctuation is left out.
     pub fn unseen(&self, text: &str) -> Vec<String> {
         let mut unseen = Vec::new();
         for word in words(text) {
@@ -94,7 +94,7 @@ impl KnownWords {
     }
 }
 
-/// Whether it is no punctuation.
+/// Returns whether a word is not punctuation.
 fn is_word(word: &str) -> bool {
     word.contains(char::is_alphanumeric)
 }

@@ -1,4 +1,4 @@
-//! CLIP's embedded tokenizer against ids of OpenAI's own in Python (`clip/simple_tokenizer.py` with
+//! Tests of CLIP's embedded tokenizer against the ids of OpenAI's own tokenizer in Python (`clip/simple_tokenizer.py` with
 //! ftfy 6.3.1 and Unicode 16 in the package regex).
 
 use std::fmt::Write;
@@ -10,14 +10,14 @@ const CONTEXT: usize = 77;
 const VOCABULARY: usize = 49408;
 const END: u32 = 49407;
 
-/// Prompts and what people type.
+/// Captions and other texts that people type.
 const CAPTIONS: &str = include_str!("clip_tokens.jsonl");
 
-/// Text that was decoded in wrong encodings, references of HTML, control characters and the like:
-/// the first 61 by hand, the others by chance.
+/// Texts that were decoded in wrong encodings, HTML's character references, control characters and the like. The first 61
+/// texts were written by hand, the others generated at random.
 const BROKEN: &str = include_str!("clip_broken_texts.jsonl");
 
-/// The texts of a file and their ids, start and end included.
+/// Returns the texts of a file and their ids, including start and end.
 fn golden(lines: &str) -> Vec<(String, Vec<u32>)> {
     lines
         .lines()
@@ -91,12 +91,12 @@ fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
     expected[CONTEXT - 1] = END;
     let tokens = Tokenizer::clip(CONTEXT).encode(&long).unwrap();
     assert_eq!((tokens.ids, tokens.cut), (expected, 25));
-    // As long as fits.
+    // This prompt is as long as fits.
     let fits = Tokenizer::clip(CONTEXT)
         .encode(&"jumps ".repeat(75))
         .unwrap();
     assert_eq!((fits.ids[CONTEXT - 1], fits.cut), (END, 0));
-    // No room for anything but the end, and none for that.
+    // The context has room only for the end token, or for no token at all.
     for (context_length, ids) in [(1, vec![END]), (0, vec![])] {
         let cut = 102 - context_length;
         let tokens = Tokenizer::clip(context_length).encode(&long).unwrap();
@@ -137,7 +137,8 @@ fn the_sizes_are_those_of_clip() {
     assert_eq!(tokenizer.vocab_size(), VOCABULARY);
 }
 
-/// `tokenizer.json` as published with CLIP (it knows no final sigma: its letters are lowered one by one), made from the embedded merges.
+/// Builds the `tokenizer.json` that is published with CLIP from the embedded merges. Unlike the embedded tokenizer, it
+/// does not treat a final sigma specially, because it converts each letter to lower case separately.
 fn published() -> String {
     let merges: Vec<&str> = include_str!("../data/clip_merges.txt")
         .lines()

@@ -1,4 +1,4 @@
-//! A tokenizer.json, the compact model's, against ids of the Hugging Face library in Python.
+//! Tests of the compact model's tokenizer.json against the ids of the Hugging Face library in Python.
 
 use lamogen_tokenizer::{Tokenizer, TokenizerError};
 
@@ -45,7 +45,7 @@ fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
     expected[CONTEXT - 1] = 2047;
     assert_eq!(tokens.ids, expected);
     assert_eq!(tokens.cut, 40 - 30);
-    // As long as fits.
+    // This prompt is as long as fits.
     assert_eq!(tokenizer().encode(&"walks ".repeat(30)).unwrap().cut, 0);
 }
 

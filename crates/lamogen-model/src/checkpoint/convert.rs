@@ -1,4 +1,4 @@
-//! From any checkpoint to safetensors, tensor by tensor.
+//! Conversion of any checkpoint to safetensors, tensor by tensor.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -9,31 +9,32 @@ use lamogen_motion::replace_atomically;
 use safetensors::View;
 use safetensors::tensor::Dtype;
 
-use super::precision::Part;
-use super::read::is_clips_own;
+use super::precision::TensorPart;
+use super::read::is_unused_clip_key;
 use super::{Checkpoint, CheckpointError, Precision};
 
-/// A tensor that has been converted.
+/// The progress of a conversion after one more tensor has been converted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Converted<'a> {
-    /// Its key.
+    /// The key of the tensor.
     pub key: &'a str,
-    /// How many have been converted, this one included.
+    /// The number of tensors that have been converted, including this one.
     pub done: usize,
-    /// How many there are.
+    /// The number of all tensors.
     pub all: usize,
 }
 
 impl Checkpoint {
-    /// Writes the tensors as safetensors, under the same keys, without CLIP's image tower and an
-    /// optimiser's state. `metadata` is free text that travels with them, such as `license`; what the
-    /// source has under other names is kept. One tensor at a time is in memory. The file appears whole
-    /// or not at all.
+    /// Writes the tensors as safetensors, under the same keys.
+    ///
+    /// CLIP's image tower and the state of an optimiser are left out. `metadata` is free text that is stored with the
+    /// tensors, such as `license`; the metadata of the source under other names is kept. Only one tensor at a time is in
+    /// memory. The file is written whole or not at all.
     ///
     /// # Errors
     ///
-    /// If there is no tensor, one cannot be read, is not of floats, holds infinities or NaN, or holds numbers beyond the
-    /// range of 16 bits where these are asked for; or if the file cannot be written.
+    /// If there are no tensors; if a tensor cannot be read, does not contain floats, contains infinities or NaN, or, with
+    /// a precision of 16 bits, contains numbers beyond the range of 16 bits; or if the file cannot be written.
     pub fn convert(
         &self,
         to: impl AsRef<Path>,
@@ -43,14 +44,14 @@ impl Checkpoint {
     ) -> Result<(), CheckpointError> {
         let to = to.as_ref();
         let mut keys = self.keys();
-        keys.retain(|key| !is_clips_own(key));
+        keys.retain(|key| !is_unused_clip_key(key));
         if keys.is_empty() {
             return Err(CheckpointError::Format {
                 path: self.path().to_owned(),
                 problem: "expected tensors of a network, found none".to_owned(),
             });
         }
-        let conversion = RefCell::new(Conversion {
+        let conversion = RefCell::new(ConversionState {
             progress,
             done: 0,
             all: keys.len(),
@@ -60,14 +61,14 @@ impl Checkpoint {
             let shape = self.shape(key).unwrap_or_default();
             let (checkpoint, conversion) = (self, &conversion);
             precision.parts(shape.len()).iter().map(move |&part| {
-                let tensor = Tensor {
+                let tensor = LazyTensor {
                     checkpoint,
                     key,
                     part,
                     dtype: precision.dtype(part, shape.len()),
                     shape: match part {
-                        Part::Numbers => shape,
-                        Part::Scale => &shape[..1],
+                        TensorPart::Numbers => shape,
+                        TensorPart::Scale => &shape[..1],
                     },
                     precision,
                     conversion,
@@ -75,14 +76,14 @@ impl Checkpoint {
                 (part.key(key), tensor)
             })
         });
-        let mut all = self.all_metadata().clone();
-        all.extend(metadata);
+        let mut all_metadata = self.metadata_map().clone();
+        all_metadata.extend(metadata);
         let written = replace_atomically(to, |temporary| {
-            safetensors::serialize_to_file(tensors, Some(all), temporary)
+            safetensors::serialize_to_file(tensors, Some(all_metadata), temporary)
                 .map_err(std::io::Error::other)?;
             match &conversion.borrow().problem {
                 None => Ok(()),
-                // The file is discarded; the problem itself is answered below.
+                // The file is discarded, and the problem itself is returned below.
                 Some(_) => Err(std::io::ErrorKind::InvalidData.into()),
             }
         });
@@ -97,8 +98,8 @@ impl Checkpoint {
     }
 }
 
-/// How far a conversion is.
-struct Conversion<'p> {
+/// The state of a running conversion.
+struct ConversionState<'p> {
     progress: &'p mut dyn FnMut(Converted<'_>),
     done: usize,
     all: usize,
@@ -106,18 +107,19 @@ struct Conversion<'p> {
     problem: Option<CheckpointError>,
 }
 
-/// A tensor that is read when it is written.
-struct Tensor<'a, 'p> {
+/// A tensor that is read only when it is written.
+struct LazyTensor<'a, 'p> {
     checkpoint: &'a Checkpoint,
     key: &'a str,
-    part: Part,
+    part: TensorPart,
     dtype: Dtype,
     shape: &'a [usize],
     precision: Precision,
-    conversion: &'a RefCell<Conversion<'p>>,
+    conversion: &'a RefCell<ConversionState<'p>>,
 }
 
-impl Tensor<'_, '_> {
+impl LazyTensor<'_, '_> {
+    /// Reads the tensor and converts the requested part to bytes.
     fn bytes(&self) -> Result<Vec<u8>, CheckpointError> {
         match self
             .precision
@@ -132,7 +134,7 @@ impl Tensor<'_, '_> {
     }
 }
 
-impl View for Tensor<'_, '_> {
+impl View for LazyTensor<'_, '_> {
     fn dtype(&self) -> Dtype {
         self.dtype
     }
@@ -143,13 +145,13 @@ impl View for Tensor<'_, '_> {
 
     fn data(&self) -> Cow<'_, [u8]> {
         let mut conversion = self.conversion.borrow_mut();
-        // After a problem nothing more is read; the file will not be kept.
+        // After a problem no more tensors are read, because the file will not be kept.
         if conversion.problem.is_some() {
             return Cow::Owned(Vec::new());
         }
         match self.bytes() {
             Ok(bytes) => {
-                if self.part == Part::Scale {
+                if self.part == TensorPart::Scale {
                     return Cow::Owned(bytes);
                 }
                 conversion.done += 1;

@@ -1,8 +1,8 @@
-//! Which key of a checkpoint belongs to which parameter.
+//! The keys of the parameters of a network in a checkpoint.
 //!
-//! Every layer lists its keys once ([`Keyed::keys`]); loading and saving both walk that list.
-//! Keys and layouts are PyTorch's, as in the public MotionDiffuse checkpoint: a linear weight is
-//! stored `[output, input]`, and becomes burn's `[input, output]` by a transposed view.
+//! Every layer lists the keys of its parameters once ([`Keyed::keys`]), and both loading and saving use that list. The
+//! keys and layouts are those of PyTorch, as in the public MotionDiffuse checkpoint. A linear weight is stored as
+//! `[output, input]`; a transposed view of it is burn's `[input, output]`.
 
 use burn::module::Param;
 use burn::nn::conv::Conv1d;
@@ -11,7 +11,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 /// A layer, or a whole network, that knows the keys of its parameters.
 ///
-/// A network that lists them can be filled from a [`Checkpoint`](crate::Checkpoint) and written to one.
+/// Such a network can be filled from a [`Checkpoint`](crate::Checkpoint) and written to one.
 ///
 /// ```
 /// use burn::module::Module;
@@ -32,14 +32,14 @@ use burn::tensor::{Device, Tensor, TensorData};
 /// }
 /// ```
 pub trait Keyed {
-    /// Names every parameter, under keys relative to the layer.
+    /// Lists all parameters, under keys relative to the layer.
     fn keys(&mut self, keys: &mut Keys);
 }
 
-/// The other side: a file that is read or written.
-pub(crate) trait Exchange {
-    /// Meets one tensor. `current` gives its present value; the answer replaces it.
-    fn tensor(
+/// A visitor of the tensors of a network, which reads them from a file or writes them to one.
+pub(crate) trait TensorVisitor {
+    /// Visits one tensor. `current` computes the tensor's present value. The returned value, if any, replaces it.
+    fn visit(
         &mut self,
         key: &str,
         shape: &[usize],
@@ -47,26 +47,26 @@ pub(crate) trait Exchange {
     ) -> Option<TensorData>;
 }
 
-/// Walks the parameters of a network beside the tensors of a file.
+/// The list of a network's parameters, which are matched one by one with the tensors of a file.
 ///
-/// A parameter's key is its name after those of the layers around it, with dots between. Layouts are
-/// PyTorch's.
+/// The key of a parameter consists of the names of the layers around it and its own name, separated by dots. The layouts
+/// are those of PyTorch.
 pub struct Keys<'a> {
     prefix: String,
     device: Device,
-    exchange: &'a mut dyn Exchange,
+    visitor: &'a mut dyn TensorVisitor,
 }
 
 impl<'a> Keys<'a> {
-    pub(super) fn new(device: Device, exchange: &'a mut dyn Exchange) -> Self {
+    pub(super) fn new(device: Device, visitor: &'a mut dyn TensorVisitor) -> Self {
         Keys {
             prefix: String::new(),
             device,
-            exchange,
+            visitor,
         }
     }
 
-    /// A layer whose keys begin with `name.`.
+    /// Lists a layer whose keys begin with `name.`.
     pub fn nested(&mut self, name: &str, layer: &mut impl Keyed) {
         let outer = self.prefix.len();
         self.prefix.push_str(name);
@@ -75,38 +75,39 @@ impl<'a> Keys<'a> {
         self.prefix.truncate(outer);
     }
 
-    /// A layer whose keys stand among its owner's.
+    /// Lists a layer whose keys have no prefix of their own.
     pub fn flat(&mut self, layer: &mut impl Keyed) {
         layer.keys(self);
     }
 
-    /// Layers whose keys begin with `name.0.`, `name.1.`, …
+    /// Lists layers whose keys begin with `name.0.`, `name.1.`, …
     pub fn each(&mut self, name: &str, layers: &mut [impl Keyed]) {
         for (index, layer) in layers.iter_mut().enumerate() {
             self.nested(&format!("{name}.{index}"), layer);
         }
     }
 
-    /// `name.weight`, `[output, input]`, and `name.bias`.
+    /// Lists a linear layer: `name.weight`, `[output, input]`, and `name.bias`.
     pub fn linear(&mut self, name: &str, linear: &mut Linear) {
         self.linear_named(&format!("{name}.weight"), &format!("{name}.bias"), linear);
     }
 
-    /// A linear layer whose keys do not end in `.weight` and `.bias`.
+    /// Lists a linear layer whose keys do not end in `.weight` and `.bias`.
     pub fn linear_named(&mut self, weight: &str, bias: &str, linear: &mut Linear) {
         let [input, output] = linear.weight.lazy_shape().dims();
         let current = || linear.weight.val().transpose().into_data();
-        if let Some(data) = self.exchange(weight, &[output, input], &current) {
+        if let Some(data) = self.visit(weight, &[output, input], &current) {
             let stored = Tensor::<2>::from_data(data, &self.device);
-            linear.weight = replaced(&linear.weight, stored.transpose());
+            linear.weight = with_value(&linear.weight, stored.transpose());
         }
         if let Some(parameter) = &mut linear.bias {
             self.vector(bias, parameter);
         }
     }
 
-    /// Several linear layers of the file that are one here, their outputs side by side.
-    pub(crate) fn side_by_side(&mut self, names: &[String], linear: &mut Linear) {
+    /// Lists one linear layer that the file stores as several layers. The outputs of the layer are the outputs of the file's
+    /// layers, one after another.
+    pub(crate) fn linear_from_parts(&mut self, names: &[String], linear: &mut Linear) {
         let [input, total] = linear.weight.lazy_shape().dims();
         let output = total / names.len().max(1);
         let bias = linear.bias.as_ref().expect("layers with a bias");
@@ -115,11 +116,10 @@ impl<'a> Keys<'a> {
             let start = index * output;
             let part = || linear.weight.val().narrow(1, start, output);
             let key = format!("{name}.weight");
-            weights
-                .extend(self.exchange(&key, &[output, input], &|| part().transpose().into_data()));
+            weights.extend(self.visit(&key, &[output, input], &|| part().transpose().into_data()));
             let part = || bias.val().narrow(0, start, output);
             let key = format!("{name}.bias");
-            biases.extend(self.exchange(&key, &[output], &|| part().into_data()));
+            biases.extend(self.visit(&key, &[output], &|| part().into_data()));
         }
         let complete = !names.is_empty() && weights.len() == names.len();
         if complete && biases.len() == names.len() {
@@ -127,13 +127,13 @@ impl<'a> Keys<'a> {
             let weight = Tensor::cat(weights.into_iter().map(stored).collect(), 0).transpose();
             let stored = |data: TensorData| Tensor::<1>::from_data(data, &self.device);
             let joined = Tensor::cat(biases.into_iter().map(stored).collect(), 0);
-            let bias = replaced(bias, joined);
-            linear.weight = replaced(&linear.weight, weight);
+            let bias = with_value(bias, joined);
+            linear.weight = with_value(&linear.weight, weight);
             linear.bias = Some(bias);
         }
     }
 
-    /// `name.weight` and `name.bias` of a layer normalization.
+    /// Lists a layer normalization: `name.weight` and `name.bias`.
     pub fn norm(&mut self, name: &str, norm: &mut LayerNorm) {
         self.vector(&format!("{name}.weight"), &mut norm.gamma);
         if let Some(beta) = &mut norm.beta {
@@ -141,12 +141,12 @@ impl<'a> Keys<'a> {
         }
     }
 
-    /// `name.weight`, `[ids, width]`.
+    /// Lists an embedding: `name.weight`, `[ids, width]`.
     pub fn embedding(&mut self, name: &str, embedding: &mut Embedding) {
         self.matrix(&format!("{name}.weight"), &mut embedding.weight);
     }
 
-    /// `name.weight`, `[output, input, kernel]`, and `name.bias`.
+    /// Lists a one-dimensional convolution: `name.weight`, `[output, input, kernel]`, and `name.bias`.
     pub fn conv1d(&mut self, name: &str, conv: &mut Conv1d) {
         self.parameter(&format!("{name}.weight"), &mut conv.weight);
         if let Some(bias) = &mut conv.bias {
@@ -162,29 +162,28 @@ impl<'a> Keys<'a> {
         self.parameter(key, parameter);
     }
 
-    /// A parameter stored as it is.
+    /// Lists a parameter that is stored in its own layout.
     pub fn parameter<const D: usize>(&mut self, key: &str, parameter: &mut Param<Tensor<D>>) {
         let shape = parameter.lazy_shape();
         let current = || parameter.val().into_data();
-        if let Some(data) = self.exchange(key, &shape.to_vec(), &current) {
-            *parameter = replaced(parameter, Tensor::from_data(data, &self.device));
+        if let Some(data) = self.visit(key, &shape.to_vec(), &current) {
+            *parameter = with_value(parameter, Tensor::from_data(data, &self.device));
         }
     }
 
-    fn exchange(
+    fn visit(
         &mut self,
         key: &str,
         shape: &[usize],
         current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
         let key = format!("{}{key}", self.prefix);
-        self.exchange.tensor(&key, shape, current)
+        self.visitor.visit(&key, shape, current)
     }
 }
 
-/// The parameter with another value; it stays the same parameter to an optimiser, and one that can be
-/// trained.
-fn replaced<const D: usize>(parameter: &Param<Tensor<D>>, value: Tensor<D>) -> Param<Tensor<D>> {
+/// Returns a parameter with another value. An optimiser treats it as the same parameter, and it can still be trained.
+fn with_value<const D: usize>(parameter: &Param<Tensor<D>>, value: Tensor<D>) -> Param<Tensor<D>> {
     let mut replaced = Param::from_tensor(value);
     replaced.id = parameter.id;
     replaced

@@ -15,48 +15,48 @@ pub use read::Checkpoint;
 use std::io;
 use std::path::PathBuf;
 
-/// What can go wrong between a file and a network.
+/// An error in reading or writing the weights of a network.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be opened, read or written.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
-    /// The file is no checkpoint, or is cut short.
+    /// The file is not a checkpoint, or is truncated.
     #[error("{path}: not a readable checkpoint: {problem}")]
     #[allow(missing_docs)]
     Format { path: PathBuf, problem: String },
-    /// A tensor that the network needs is not there.
-    #[error("{path}: tensor `{key}` is missing; expected shape {expected:?}{others}", others = and_more(*.others))]
+    /// A tensor that the network needs is missing.
+    #[error("{path}: tensor `{key}` is missing; expected shape {expected:?}{others}", others = format_others(*.others))]
     #[allow(missing_docs)]
     Missing {
         path: PathBuf,
         key: String,
         expected: Vec<usize>,
-        /// How many more tensors are missing or misshapen.
+        /// The number of other tensors that are missing or have a wrong shape.
         others: usize,
     },
-    /// A tensor has another shape than the network's sizes ask for.
-    #[error("{path}: tensor `{key}` has shape {found:?}; the model config asks for {expected:?}{others}", others = and_more(*.others))]
+    /// The shape of a tensor does not match the sizes of the network.
+    #[error("{path}: tensor `{key}` has shape {found:?}; the model config asks for {expected:?}{others}", others = format_others(*.others))]
     #[allow(missing_docs)]
     Shape {
         path: PathBuf,
         key: String,
         expected: Vec<usize>,
         found: Vec<usize>,
-        /// How many more tensors are missing or misshapen.
+        /// The number of other tensors that are missing or have a wrong shape.
         others: usize,
     },
-    /// A tensor that a network of these sizes does not have.
-    #[error("{path}: tensor `{key}` is not part of a network of the config's sizes{others}; do config and weights belong together?", others = and_more(*.others))]
+    /// The checkpoint has a tensor that a network of these sizes does not have.
+    #[error("{path}: tensor `{key}` is not part of a network of the config's sizes{others}; do config and weights belong together?", others = format_others(*.others))]
     #[allow(missing_docs)]
     Unknown {
         path: PathBuf,
         key: String,
-        /// How many more tensors are unknown.
+        /// The number of other unknown tensors.
         others: usize,
     },
-    /// A tensor holds infinities or NaN.
+    /// A tensor contains infinities or NaN.
     #[error("{path}: tensor `{key}` holds numbers that are not finite")]
     #[allow(missing_docs)]
     NotFinite { path: PathBuf, key: String },
@@ -66,13 +66,13 @@ pub enum CheckpointError {
     )]
     #[allow(missing_docs)]
     Range { path: PathBuf, key: String },
-    /// The sizes of the network cannot be read off the tensors.
+    /// The sizes of the network cannot be determined from the tensors.
     #[error(
         "{path}: the sizes of the network cannot be read off its tensors: {problem}; a config.json beside it would tell them"
     )]
     #[allow(missing_docs)]
     Sizes { path: PathBuf, problem: String },
-    /// A tensor holds no floats.
+    /// A tensor does not contain floats.
     #[error(
         "{path}: tensor `{key}` holds {found}; expected floats of 16, 32 or 64 bits, or whole numbers of 8 bits with a tensor `{key}.scale` of one float a row"
     )]
@@ -84,7 +84,8 @@ pub enum CheckpointError {
     },
 }
 
-fn and_more(count: usize) -> String {
+/// Formats the number of other tensors for an error message.
+fn format_others(count: usize) -> String {
     match count {
         0 => String::new(),
         count => format!(" (and {count} more do not fit)"),

@@ -1,4 +1,4 @@
-//! Reading checkpoints, tensor by tensor.
+//! Reading of checkpoints, tensor by tensor.
 
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
@@ -12,53 +12,58 @@ use pytorch_reader::{PytorchError, PytorchReader};
 use safetensors::tensor::{Dtype, Metadata};
 
 use super::CheckpointError;
-use super::keys::{Exchange, Keyed, Keys};
+use super::keys::{Keyed, Keys, TensorVisitor};
 use super::precision::{dequantize, scale_key, scaled_key};
 use crate::config::ModelConfig;
 use crate::network::MotionDiffuse;
 
 /// The key of the network's weights in MotionDiffuse's `latest.tar`.
-const ENCODER: &str = "encoder";
+const ENCODER_KEY: &str = "encoder";
 
-/// Whether a key is one of CLIP's that text-to-motion networks carry along and do not use: the image
-/// tower and what compares images with texts.
-pub(super) fn is_clips_own(key: &str) -> bool {
+/// Returns whether a key belongs to a part of CLIP that text-to-motion networks store but do not use: the image tower and
+/// the weights that compare images with texts.
+pub(super) fn is_unused_clip_key(key: &str) -> bool {
     ["clip.visual.", "clip.text_projection", "clip.logit_scale"]
         .iter()
         .any(|unused| key.starts_with(unused))
 }
 
-/// An opened checkpoint: its tensors by key, not yet read.
+/// An open checkpoint with the keys and shapes of its tensors.
 ///
-/// Opening parses names and shapes only; the numbers are read one tensor at a time when a network
-/// is loaded. CLIP's image tower and an optimiser's state are never read.
+/// Opening a checkpoint reads only keys and shapes. The numbers are read one tensor at a time when a network is loaded.
+/// CLIP's image tower and the state of an optimiser are never read.
 pub struct Checkpoint {
     path: PathBuf,
     container: Container,
     metadata: HashMap<String, String>,
 }
 
+/// The file format of a checkpoint, with the tensors that it lists.
 enum Container {
     Pytorch(HashMap<String, pytorch_reader::Tensor>),
     Safetensors {
         index: Metadata,
+        /// The offset in the file of the first number.
         start: u64,
-        bytes: Bytes,
+        bytes: ByteSource,
     },
 }
 
-enum Bytes {
+/// The source of the bytes of a safetensors file.
+enum ByteSource {
     File(Mutex<File>),
     Embedded(&'static [u8]),
 }
 
 impl Checkpoint {
-    /// Opens a checkpoint: safetensors where the name ends so, else any file that `torch.save`
-    /// wrote, with the weights under the key `encoder` as MotionDiffuse has them.
+    /// Opens a checkpoint.
+    ///
+    /// A file with the extension `.safetensors` is read as safetensors. Any other file must be written by `torch.save`,
+    /// with the weights under the key `encoder`, as in MotionDiffuse.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, is cut short, or is no such checkpoint.
+    /// If the file cannot be read, is truncated, or is not such a checkpoint.
     pub fn open(path: impl AsRef<Path>) -> Result<Checkpoint, CheckpointError> {
         let path = path.as_ref();
         refuse_placeholder(path)?;
@@ -66,24 +71,25 @@ impl Checkpoint {
             Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
                 Self::open_safetensors(path)
             }
-            _ => Self::open_pytorch(path, Some(ENCODER)),
+            _ => Self::open_pytorch(path, Some(ENCODER_KEY)),
         }
     }
 
-    /// Opens a checkpoint of several networks, each under a key of its own: `text.linear.weight` is the
-    /// tensor `linear.weight` of the part `text`. What `torch.save` wrote beside the named parts, such
-    /// as optimisers' states, is left alone.
+    /// Opens a checkpoint of several networks, each under a key of its own.
+    ///
+    /// For example, `text.linear.weight` is the tensor `linear.weight` of the part `text`. Other parts of a file that
+    /// `torch.save` wrote, such as the states of optimisers, are ignored.
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open), or if a part is not there or has no tensors.
+    /// In the same cases as [`open`](Self::open), or if a part is missing or has no tensors.
     pub fn open_parts(
         path: impl AsRef<Path>,
         parts: &[&str],
     ) -> Result<Checkpoint, CheckpointError> {
         let path = path.as_ref();
         refuse_placeholder(path)?;
-        let within = |key: &str, part: &str| {
+        let is_in_part = |key: &str, part: &str| {
             key.strip_prefix(part)
                 .is_some_and(|rest| rest.starts_with('.'))
         };
@@ -96,7 +102,7 @@ impl Checkpoint {
         let keys = checkpoint.keys();
         if let Some(part) = parts
             .iter()
-            .find(|part| !keys.iter().any(|key| within(key, part)))
+            .find(|part| !keys.iter().any(|key| is_in_part(key, part)))
         {
             return Err(format_error(
                 path,
@@ -104,16 +110,16 @@ impl Checkpoint {
             ));
         }
         if let Container::Pytorch(tensors) = &mut checkpoint.container {
-            tensors.retain(|key, _| parts.iter().any(|part| within(key, part)));
+            tensors.retain(|key, _| parts.iter().any(|part| is_in_part(key, part)));
         }
         Ok(checkpoint)
     }
 
-    /// A safetensors file that is part of the program; `name` stands in error messages.
+    /// Opens a safetensors file that is embedded in the program. `name` is used in error messages.
     ///
     /// # Errors
     ///
-    /// If the bytes are no safetensors file.
+    /// If the bytes are not a safetensors file.
     pub fn embedded(bytes: &'static [u8], name: &str) -> Result<Checkpoint, CheckpointError> {
         let path = Path::new(name);
         let (index, start) = safetensors_index(&mut &bytes[..], bytes.len() as u64, path)?;
@@ -121,25 +127,25 @@ impl Checkpoint {
             path,
             index,
             start,
-            Bytes::Embedded(bytes),
+            ByteSource::Embedded(bytes),
         ))
     }
 
-    /// Free text stored with the weights, such as `license` (safetensors only).
+    /// Returns a text that is stored with the weights, such as `license` (safetensors only).
     pub fn metadata(&self, key: &str) -> Option<&str> {
         self.metadata.get(key).map(String::as_str)
     }
 
-    pub(super) fn all_metadata(&self) -> &HashMap<String, String> {
+    pub(super) fn metadata_map(&self) -> &HashMap<String, String> {
         &self.metadata
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The keys of all tensors, sorted. The scales of tensors of 8 bits are part of these.
+    /// Returns the sorted keys of all tensors. The scales of a tensor of 8 bits have no key of their own in this list.
     pub fn keys(&self) -> Vec<String> {
         let mut keys: Vec<String> = match &self.container {
             Container::Pytorch(tensors) => tensors.keys().cloned().collect(),
@@ -150,17 +156,17 @@ impl Checkpoint {
         keys
     }
 
-    /// The network of the given sizes with this checkpoint's weights.
+    /// Creates the network of the given sizes with this checkpoint's weights.
     ///
     /// # Errors
     ///
-    /// If a tensor is missing, has another shape, holds no floats, holds infinities or NaN, or cannot
-    /// be read; or if there is one that a network of these sizes does not have (CLIP's image tower, `clip.visual.*`, may be
-    /// there).
+    /// If a tensor is missing, has another shape, does not contain floats, contains infinities or NaN, or cannot be read;
+    /// or if the checkpoint has a tensor that a network of these sizes does not have. CLIP's image tower, `clip.visual.*`,
+    /// is allowed.
     ///
     /// # Panics
     ///
-    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    /// If the sizes do not form a valid network (see [`ModelConfig::problem`]).
     pub fn load(
         &self,
         config: &ModelConfig,
@@ -171,28 +177,31 @@ impl Checkpoint {
         Ok(network)
     }
 
-    /// Gives a network of any kind the weights of this checkpoint, on `device`.
+    /// Loads the weights of this checkpoint into a network of any kind, on `device`.
     ///
     /// # Errors
     ///
-    /// As [`load`](Self::load). The network may then have some of the weights.
+    /// In the same cases as [`load`](Self::load). The network may then have some of the weights.
     pub fn fill(&self, network: &mut impl Keyed, device: &Device) -> Result<(), CheckpointError> {
-        let mut reader = Reader {
+        let mut reader = WeightReader {
             checkpoint: self,
-            asked: HashSet::new(),
+            requested_keys: HashSet::new(),
             problem: None,
         };
         network.keys(&mut Keys::new(device.clone(), &mut reader));
-        match reader.problem.or_else(|| self.unknown(&reader.asked)) {
+        match reader
+            .problem
+            .or_else(|| self.unknown_tensors(&reader.requested_keys))
+        {
             None => Ok(()),
             Some(problem) => Err(problem),
         }
     }
 
-    /// The tensors that nobody asked for, if there are any that should not be there.
-    fn unknown(&self, asked: &HashSet<String>) -> Option<CheckpointError> {
+    /// Returns an error if the checkpoint has tensors that the network did not request, except those of CLIP's image tower.
+    fn unknown_tensors(&self, requested_keys: &HashSet<String>) -> Option<CheckpointError> {
         let mut keys = self.keys();
-        keys.retain(|key| !asked.contains(key) && !is_clips_own(key));
+        keys.retain(|key| !requested_keys.contains(key) && !is_unused_clip_key(key));
         Some(CheckpointError::Unknown {
             path: self.path.clone(),
             key: keys.first()?.clone(),
@@ -200,9 +209,9 @@ impl Checkpoint {
         })
     }
 
-    /// The tensors under a key of the file's dictionary, or all of them.
+    /// Opens a PyTorch file with the tensors under a key of the file's dictionary, or with all tensors.
     fn open_pytorch(path: &Path, key: Option<&str>) -> Result<Checkpoint, CheckpointError> {
-        // The reader reports a missing file like any other trouble; tell them apart first.
+        // The reader does not distinguish a missing file from other problems, so the file is opened here first.
         File::open(path).map_err(|reason| io_error(path, reason))?;
         let reader = match key {
             Some(key) => PytorchReader::with_top_level_key(path, key),
@@ -229,11 +238,11 @@ impl Checkpoint {
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let (index, start) = safetensors_index(&mut file, length, path)?;
-        let bytes = Bytes::File(Mutex::new(file));
+        let bytes = ByteSource::File(Mutex::new(file));
         Ok(Self::safetensors(path, index, start, bytes))
     }
 
-    fn safetensors(path: &Path, index: Metadata, start: u64, bytes: Bytes) -> Checkpoint {
+    fn safetensors(path: &Path, index: Metadata, start: u64, bytes: ByteSource) -> Checkpoint {
         Checkpoint {
             path: path.to_owned(),
             metadata: index.metadata().clone().unwrap_or_default(),
@@ -245,6 +254,7 @@ impl Checkpoint {
         }
     }
 
+    /// Returns the shape of a tensor, or `None` if it does not exist.
     pub(super) fn shape(&self, key: &str) -> Option<&[usize]> {
         match &self.container {
             Container::Pytorch(tensors) => tensors.get(key).map(pytorch_reader::Tensor::shape),
@@ -252,7 +262,7 @@ impl Checkpoint {
         }
     }
 
-    /// Whether a tensor has whole numbers of 8 bits and a scale for each of its rows.
+    /// Returns whether a tensor consists of integers of 8 bits with a scale for each row.
     fn is_quantized(&self, key: &str) -> bool {
         let Container::Safetensors { index, .. } = &self.container else {
             return false;
@@ -270,7 +280,7 @@ impl Checkpoint {
         }
     }
 
-    /// The numbers of a tensor that is there, in 32 bits.
+    /// Reads the numbers of an existing tensor, in 32 bits.
     pub(super) fn read(&self, key: &str) -> Result<TensorData, CheckpointError> {
         match self.is_quantized(key) {
             true => Ok(dequantize(
@@ -281,8 +291,15 @@ impl Checkpoint {
         }
     }
 
-    /// The numbers of a tensor as they are stored, in 32 bits; of a type that holds no weights by itself if it is said to be `known`.
-    fn read_stored(&self, key: &str, known: Option<DType>) -> Result<TensorData, CheckpointError> {
+    /// Reads the numbers of a stored tensor, in 32 bits.
+    ///
+    /// `forced_dtype` is the type of a safetensors tensor that is not a type of weights by itself, such as integers of 8
+    /// bits.
+    fn read_stored(
+        &self,
+        key: &str,
+        forced_dtype: Option<DType>,
+    ) -> Result<TensorData, CheckpointError> {
         let (shape, dtype, bytes) = match &self.container {
             Container::Pytorch(tensors) => {
                 let tensor = &tensors[key];
@@ -296,7 +313,7 @@ impl Checkpoint {
                 let info = index.info(key).expect("the tensor is there");
                 let (from, to) = info.data_offsets;
                 let bytes = bytes.read(start + from as u64, to - from);
-                let dtype = known.map_or_else(|| safetensors_type(info.dtype), Ok);
+                let dtype = forced_dtype.map_or_else(|| safetensors_type(info.dtype), Ok);
                 (&*info.shape, dtype, bytes)
             }
         };
@@ -329,11 +346,12 @@ impl Checkpoint {
     }
 }
 
-impl Bytes {
+impl ByteSource {
+    /// Reads `length` bytes from the offset `from`.
     fn read(&self, from: u64, length: usize) -> io::Result<Vec<u8>> {
         match self {
-            Bytes::Embedded(bytes) => Ok(bytes[from as usize..][..length].to_vec()),
-            Bytes::File(file) => {
+            ByteSource::Embedded(bytes) => Ok(bytes[from as usize..][..length].to_vec()),
+            ByteSource::File(file) => {
                 let mut file = file
                     .lock()
                     .expect("no reader panics while it holds the file");
@@ -346,7 +364,7 @@ impl Bytes {
     }
 }
 
-/// The header of a safetensors file of a given length, and where its numbers start.
+/// Reads the header of a safetensors file of a given length. Returns the header and the offset of the first number.
 fn safetensors_index(
     reader: &mut impl Read,
     length: u64,
@@ -378,12 +396,12 @@ fn safetensors_index(
 }
 
 fn pytorch_type(dtype: pytorch_reader::DType) -> Result<DType, String> {
-    use pytorch_reader::DType as Stored;
+    use pytorch_reader::DType as PytorchDType;
     match dtype {
-        Stored::F64 => Ok(DType::F64),
-        Stored::F32 => Ok(DType::F32),
-        Stored::F16 => Ok(DType::F16),
-        Stored::BF16 => Ok(DType::BF16),
+        PytorchDType::F64 => Ok(DType::F64),
+        PytorchDType::F32 => Ok(DType::F32),
+        PytorchDType::F16 => Ok(DType::F16),
+        PytorchDType::BF16 => Ok(DType::BF16),
         other => Err(format!("{other:?}")),
     }
 }
@@ -398,15 +416,20 @@ fn safetensors_type(dtype: Dtype) -> Result<DType, String> {
     }
 }
 
-/// Gives a network the tensors of a checkpoint; keeps the first problem and counts the rest.
-struct Reader<'a> {
+/// Loads the tensors of a checkpoint into a network. Keeps the first problem and counts the others.
+struct WeightReader<'a> {
     checkpoint: &'a Checkpoint,
-    asked: HashSet<String>,
+    requested_keys: HashSet<String>,
     problem: Option<CheckpointError>,
 }
 
-impl Reader<'_> {
-    fn take(&self, key: &str, expected: &[usize]) -> Result<Option<TensorData>, CheckpointError> {
+impl WeightReader<'_> {
+    /// Reads one tensor after checking its shape. Returns `None` without reading if there was a problem before.
+    fn read_tensor(
+        &self,
+        key: &str,
+        expected: &[usize],
+    ) -> Result<Option<TensorData>, CheckpointError> {
         let (path, key_name) = (self.checkpoint.path.clone(), key.to_owned());
         let expected_shape = expected.to_vec();
         match self.checkpoint.shape(key) {
@@ -423,22 +446,22 @@ impl Reader<'_> {
                 found: found.to_vec(),
                 others: 0,
             }),
-            // Nothing more is read once the load has failed.
+            // After the first problem, no more tensors are read.
             Some(_) if self.problem.is_some() => Ok(None),
             Some(_) => self.checkpoint.read(key).map(Some),
         }
     }
 }
 
-impl Exchange for Reader<'_> {
-    fn tensor(
+impl TensorVisitor for WeightReader<'_> {
+    fn visit(
         &mut self,
         key: &str,
         shape: &[usize],
         _current: &dyn Fn() -> TensorData,
     ) -> Option<TensorData> {
-        self.asked.insert(key.to_owned());
-        match (self.take(key, shape), &mut self.problem) {
+        self.requested_keys.insert(key.to_owned());
+        match (self.read_tensor(key, shape), &mut self.problem) {
             (Ok(data), _) => data,
             (Err(error), problem @ None) => {
                 *problem = Some(error);
@@ -456,7 +479,7 @@ impl Exchange for Reader<'_> {
     }
 }
 
-/// Refuses a file that takes the place of a checkpoint.
+/// Returns an error if a file is only a placeholder of a checkpoint, such as a Git LFS pointer.
 fn refuse_placeholder(path: &Path) -> Result<(), CheckpointError> {
     match placeholder_at(path) {
         Some(problem) => Err(format_error(path, problem.to_owned())),

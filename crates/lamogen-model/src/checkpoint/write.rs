@@ -1,4 +1,4 @@
-//! Writing safetensors.
+//! Writing of safetensors files.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -8,18 +8,18 @@ use burn::tensor::TensorData;
 use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
-use super::keys::{Exchange, Keyed, Keys};
+use super::keys::{Keyed, Keys, TensorVisitor};
 use super::{Checkpoint, CheckpointError, Precision};
 use crate::network::MotionDiffuse;
 
 impl MotionDiffuse {
-    /// Writes the weights as safetensors, under the keys of the public checkpoint. `metadata` is
-    /// free text that travels with them, such as `license`. The file appears whole or not at all.
+    /// Writes the weights as safetensors, under the keys of the public checkpoint.
+    ///
+    /// `metadata` is free text that is stored with the weights, such as `license`. The file is written whole or not at all.
     ///
     /// # Errors
     ///
-    /// If the file cannot be written, or a weight is beyond the range of 16 bits where these are asked
-    /// for.
+    /// If the file cannot be written, or if a weight is beyond the range of 16 bits and `precision` requires 16 bits.
     pub fn save(
         &self,
         path: impl AsRef<Path>,
@@ -31,13 +31,13 @@ impl MotionDiffuse {
 }
 
 impl Checkpoint {
-    /// Writes the weights of a network of any kind as safetensors, under its keys. `metadata` is free text
-    /// that travels with them, such as `license`. The file appears whole or not at all.
+    /// Writes the weights of a network of any kind as safetensors, under its keys.
+    ///
+    /// `metadata` is free text that is stored with the weights, such as `license`. The file is written whole or not at all.
     ///
     /// # Errors
     ///
-    /// If the file cannot be written, or a weight is beyond the range of 16 bits where these are asked
-    /// for.
+    /// If the file cannot be written, or if a weight is beyond the range of 16 bits and `precision` requires 16 bits.
     pub fn write(
         network: &(impl Keyed + Module),
         path: impl AsRef<Path>,
@@ -45,7 +45,7 @@ impl Checkpoint {
         metadata: HashMap<String, String>,
     ) -> Result<(), CheckpointError> {
         let path = path.as_ref();
-        let mut writer = Writer {
+        let mut writer = WeightWriter {
             precision,
             tensors: Vec::new(),
             problem: None,
@@ -73,15 +73,16 @@ impl Checkpoint {
     }
 }
 
-struct Writer {
+/// Collects the tensors of a network in the precision in which they are written.
+struct WeightWriter {
     precision: Precision,
     tensors: Vec<(String, Dtype, TensorData)>,
     /// The first tensor that does not fit the precision.
     problem: Option<String>,
 }
 
-impl Exchange for Writer {
-    fn tensor(
+impl TensorVisitor for WeightWriter {
+    fn visit(
         &mut self,
         key: &str,
         shape: &[usize],

@@ -1,4 +1,4 @@
-//! One decoder block.
+//! The decoder block.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use burn::optim::GradientsParams;
 
 #[cfg(feature = "flex")]
-use super::cpu::Numbers;
+use super::cpu::SharedFloats;
 use super::cross_attention::CrossAttention;
 use super::feed_forward::FeedForward;
 use super::modulation::Modulation;
@@ -16,10 +16,10 @@ use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 use crate::denoiser::FrameMask;
 
-/// Stylization layers of a block, in the order in which their modulations come.
+/// The keys of the stylization layers of a block, in the order of their modulations.
 pub(super) const STYLIZATIONS: [&str; 3] = ["sa_block", "ca_block", "ffn"];
 
-/// Self-attention, attention to the text, feed-forward.
+/// A decoder block: self-attention, attention to the text, and feed-forward layers.
 #[derive(Module, Debug)]
 pub(super) struct DecoderBlock {
     self_attention: SelfAttention,
@@ -36,6 +36,8 @@ impl DecoderBlock {
         }
     }
 
+    /// Applies the block.
+    ///
     /// # Shapes
     ///
     /// - `x` and output: `[batch, frames, latent]`
@@ -55,22 +57,25 @@ impl DecoderBlock {
 
 #[cfg(feature = "flex")]
 impl DecoderBlock {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::DecoderBlock<Numbers>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::DecoderBlock<SharedFloats>> {
         Some(lamogen_cpu::DecoderBlock {
-            self_attention: self.self_attention.cpu()?,
-            cross_attention: self.cross_attention.cpu()?,
-            feed_forward: self.feed_forward.cpu()?,
+            self_attention: self.self_attention.to_kernel()?,
+            cross_attention: self.cross_attention.to_kernel()?,
+            feed_forward: self.feed_forward.to_kernel()?,
         })
     }
 
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::DecoderBlock<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        self.self_attention.note(gradient.self_attention, notes);
-        self.cross_attention.note(gradient.cross_attention, notes);
-        self.feed_forward.note(gradient.feed_forward, notes);
+        self.self_attention
+            .register_gradients(gradient.self_attention, gradients);
+        self.cross_attention
+            .register_gradients(gradient.cross_attention, gradients);
+        self.feed_forward
+            .register_gradients(gradient.feed_forward, gradients);
     }
 }
 

@@ -10,7 +10,7 @@ use super::text_attention::TextAttention;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ClipTextConfig;
 
-/// Token ids to token features, each token seeing itself and those before it.
+/// The text tower, which turns token ids into token features. Each token attends to itself and to the tokens before it.
 #[derive(Module, Debug)]
 pub(super) struct ClipText {
     token_embedding: Embedding,
@@ -19,6 +19,7 @@ pub(super) struct ClipText {
     norm: LayerNorm,
 }
 
+/// A transformer layer of the text tower.
 #[derive(Module, Debug)]
 struct ClipBlock {
     attention: TextAttention,
@@ -50,6 +51,8 @@ impl ClipText {
         }
     }
 
+    /// Computes the token features.
+    ///
     /// # Shapes
     ///
     /// - `tokens`: `[batch, tokens]`
@@ -78,7 +81,7 @@ impl ClipBlock {
     }
 }
 
-/// Minus infinity above the diagonal: no token sees a later one.
+/// Creates the mask of causal attention: minus infinity above the diagonal, so that no token attends to a later one.
 fn causal_mask(count: usize, device: &Device) -> Tensor<4> {
     let rows: Vec<f32> = (0..count * count)
         .map(|i| match i % count > i / count {

@@ -1,7 +1,7 @@
-//! The decoder on the CPU: the modules' own weights, handed to the kernels of `lamogen-cpu`.
+//! The decoder on the CPU. The kernels of `lamogen-cpu` use the weights of the modules without copying them.
 //!
 //! ```text
-//! modules ──shared memory──▶ Decoder ◀── DenoiserInput, if all of it lies in the CPU's memory
+//! modules ──shared memory──▶ Decoder ◀── DenoiserInput, if it lies completely in the CPU's memory
 //! ```
 
 use burn::backend::Flex;
@@ -15,30 +15,30 @@ use lamogen_cpu::{Decoder, DecoderGradients, DecoderInput, Matrix, Tape, WeightL
 use super::cross_attention::CrossAttentionContext;
 use crate::denoiser::DenoiserInput;
 
-/// A tensor's numbers, shared with the tensor.
+/// The numbers of a tensor in memory that is shared with the tensor.
 #[derive(Clone, Debug)]
-pub(super) struct Numbers {
+pub(super) struct SharedFloats {
     tensor: FlexTensor,
     start: usize,
     count: usize,
 }
 
-impl AsRef<[f32]> for Numbers {
+impl AsRef<[f32]> for SharedFloats {
     fn as_ref(&self) -> &[f32] {
         &self.tensor.storage::<f32>()[self.start..][..self.count]
     }
 }
 
-impl Numbers {
-    /// A tensor's numbers, row after row. `None` if they are not 32-bit floats in the CPU's memory, or if
-    /// gradients are followed through them.
-    pub(super) fn of<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
-        Some(Self::of_flex(flex(tensor)?.to_contiguous()))
+impl SharedFloats {
+    /// Returns the numbers of a tensor, row by row. Returns `None` if they are not 32-bit floats in the CPU's memory, or if
+    /// autodiff tracks the tensor.
+    pub(super) fn from_tensor<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
+        Some(Self::from_flex(flex_tensor(tensor)?.to_contiguous()))
     }
 
-    /// The numbers as they lie.
-    fn of_flex(tensor: FlexTensor) -> Self {
-        Numbers {
+    /// Returns the numbers in their order in memory.
+    fn from_flex(tensor: FlexTensor) -> Self {
+        SharedFloats {
             start: tensor.layout().start_offset(),
             count: tensor.layout().num_elements(),
             tensor,
@@ -46,95 +46,98 @@ impl Numbers {
     }
 }
 
-fn flex<const D: usize>(tensor: Tensor<D>) -> Option<FlexTensor> {
+/// Returns the tensor of the backend `flex`, or `None` if the tensor lies elsewhere or does not have 32-bit floats.
+fn flex_tensor<const D: usize>(tensor: Tensor<D>) -> Option<FlexTensor> {
     let tensor = tensor.try_into_primitive::<Flex>().ok()?;
     (tensor.dtype() == DType::F32).then_some(tensor)
 }
 
-fn numbers(parameter: &Param<Tensor<1>>) -> Option<Numbers> {
-    Numbers::of(parameter.val())
+fn shared_floats(parameter: &Param<Tensor<1>>) -> Option<SharedFloats> {
+    SharedFloats::from_tensor(parameter.val())
 }
 
-/// A linear layer; weights read from PyTorch's files are transposed views, which are shared as they lie.
-pub(super) fn linear(layer: &Linear) -> Option<lamogen_cpu::Linear<Numbers>> {
+/// Returns the kernel of a linear layer. Weights from PyTorch's files are transposed views, which are shared in the order
+/// in which they are stored.
+pub(super) fn linear_kernel(layer: &Linear) -> Option<lamogen_cpu::Linear<SharedFloats>> {
     let weight = layer.weight.val();
     let [inputs, outputs] = weight.dims();
-    let weight = flex(weight)?;
+    let weight = flex_tensor(weight)?;
     let transposed = |strides: &Strides| *strides.strides() == [1, inputs as isize];
-    let (numbers, layout) = match transposed(weight.layout()) {
-        true => (Numbers::of_flex(weight), WeightLayout::ByOutput),
+    let (floats, layout) = match transposed(weight.layout()) {
+        true => (SharedFloats::from_flex(weight), WeightLayout::ByOutput),
         false => (
-            Numbers::of_flex(weight.to_contiguous()),
+            SharedFloats::from_flex(weight.to_contiguous()),
             WeightLayout::ByInput,
         ),
     };
-    let weight = Matrix::new(numbers, inputs, outputs, layout);
-    Some(lamogen_cpu::Linear::new(weight, numbers_of(&layer.bias)?))
+    let weight = Matrix::new(floats, inputs, outputs, layout);
+    Some(lamogen_cpu::Linear::new(weight, shared_bias(&layer.bias)?))
 }
 
-pub(super) fn norm(layer: &LayerNorm) -> Option<lamogen_cpu::LayerNorm<Numbers>> {
+/// Returns the kernel of a layer normalization.
+pub(super) fn norm_kernel(layer: &LayerNorm) -> Option<lamogen_cpu::LayerNorm<SharedFloats>> {
     Some(lamogen_cpu::LayerNorm {
-        gamma: numbers(&layer.gamma)?,
-        beta: numbers_of(&layer.beta)?,
+        gamma: shared_floats(&layer.gamma)?,
+        beta: shared_bias(&layer.beta)?,
         epsilon: super::NORM_EPSILON as f32,
     })
 }
 
-fn numbers_of(parameter: &Option<Param<Tensor<1>>>) -> Option<Numbers> {
-    numbers(parameter.as_ref()?)
+fn shared_bias(parameter: &Option<Param<Tensor<1>>>) -> Option<SharedFloats> {
+    shared_floats(parameter.as_ref()?)
 }
 
-/// Notes the gradients of a linear layer under the names of its parameters.
-pub(super) fn note_linear(
+/// Adds the gradients of a linear layer to `gradients`, under the ids of the layer's parameters.
+pub(super) fn register_linear_gradients(
     layer: &Linear,
     gradient: lamogen_cpu::Linear<Vec<f32>>,
-    notes: &mut GradientsParams,
+    gradients: &mut GradientsParams,
 ) {
     let (weight, bias) = gradient.into_parts();
     let shape: [usize; 2] = layer.weight.lazy_shape().dims();
-    notes.register(layer.weight.id, tensor(weight, shape));
-    note_vector(id(&layer.bias), bias, notes);
+    gradients.register(layer.weight.id, tensor(weight, shape));
+    register_vector(bias_id(&layer.bias), bias, gradients);
 }
 
-/// Notes the gradients of a normalization.
-pub(super) fn note_norm(
+/// Adds the gradients of a normalization to `gradients`.
+pub(super) fn register_norm_gradients(
     layer: &LayerNorm,
     gradient: lamogen_cpu::LayerNorm<Vec<f32>>,
-    notes: &mut GradientsParams,
+    gradients: &mut GradientsParams,
 ) {
-    note_vector(layer.gamma.id, gradient.gamma, notes);
-    note_vector(id(&layer.beta), gradient.beta, notes);
+    register_vector(layer.gamma.id, gradient.gamma, gradients);
+    register_vector(bias_id(&layer.beta), gradient.beta, gradients);
 }
 
-fn note_vector(id: ParamId, gradient: Vec<f32>, notes: &mut GradientsParams) {
+fn register_vector(id: ParamId, gradient: Vec<f32>, gradients: &mut GradientsParams) {
     let shape = [gradient.len()];
-    notes.register(id, tensor(gradient, shape));
+    gradients.register(id, tensor(gradient, shape));
 }
 
-fn id(parameter: &Option<Param<Tensor<1>>>) -> ParamId {
+fn bias_id(parameter: &Option<Param<Tensor<1>>>) -> ParamId {
     parameter.as_ref().expect("layers with a bias").id
 }
 
-/// An evaluation whose weights and inputs all lie in the CPU's memory.
-pub(super) struct Evaluation {
-    decoder: Decoder<Numbers>,
-    x_t: Numbers,
-    condition: Numbers,
-    modulation: Option<Numbers>,
-    text: Vec<Numbers>,
+/// An evaluation of the decoder with weights and inputs that all lie in the CPU's memory.
+pub(super) struct CpuEvaluation {
+    decoder: Decoder<SharedFloats>,
+    x_t: SharedFloats,
+    condition: SharedFloats,
+    modulation: Option<SharedFloats>,
+    text: Vec<SharedFloats>,
     lengths: Vec<usize>,
-    /// Batch, frames, features.
+    /// The shape of `x_t` and of the output: batch, frames, features.
     shape: [usize; 3],
 }
 
-impl Evaluation {
-    /// `None` if something lies elsewhere, or if gradients are followed by other means.
+impl CpuEvaluation {
+    /// Prepares an evaluation. Returns `None` if a tensor does not lie in the CPU's memory, or if autodiff tracks one.
     pub(super) fn new(
-        decoder: impl FnOnce() -> Option<Decoder<Numbers>>,
+        decoder: impl FnOnce() -> Option<Decoder<SharedFloats>>,
         input: &DenoiserInput,
         context: &CrossAttentionContext,
     ) -> Option<Self> {
-        let x_t = Numbers::of(input.x_t.clone())?;
+        let x_t = SharedFloats::from_tensor(input.x_t.clone())?;
         let shape @ [motions, frames, _] = input.x_t.dims();
         assert_eq!(
             [motions, frames],
@@ -144,26 +147,26 @@ impl Evaluation {
         let condition = input.time.clone() + input.embedding.clone();
         let text = context.0.iter().cloned();
         let modulation = match input.modulation.clone() {
-            Some(modulation) => Some(Numbers::of(modulation)?),
+            Some(modulation) => Some(SharedFloats::from_tensor(modulation)?),
             None => None,
         };
-        Some(Evaluation {
+        Some(CpuEvaluation {
             modulation,
             shape,
             x_t,
-            condition: Numbers::of(condition)?,
-            text: text.map(Numbers::of).collect::<Option<_>>()?,
+            condition: SharedFloats::from_tensor(condition)?,
+            text: text.map(SharedFloats::from_tensor).collect::<Option<_>>()?,
             decoder: decoder()?,
             lengths: input.mask.lengths().to_vec(),
         })
     }
 
-    /// The network's output.
+    /// Computes the network's output.
     pub(super) fn run(&self) -> Tensor<3> {
         self.with_input(|input| self.output(self.decoder.evaluate(input)))
     }
 
-    /// The network's output, and what [`backward`](Self::backward) needs.
+    /// Computes the network's output and the tape that [`backward`](Self::backward) needs.
     pub(super) fn record(&self) -> (Tensor<3>, Tape) {
         self.with_input(|input| {
             let (output, tape) = self.decoder.record(input);
@@ -171,9 +174,9 @@ impl Evaluation {
         })
     }
 
-    /// The gradient with respect to the embedding, or to the modulation where there is one.
+    /// Computes the gradient with respect to the embedding, or to the modulation if the input has one.
     pub(super) fn backward(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<2> {
-        let gradient = untracked(gradient);
+        let gradient = gradient_floats(gradient);
         let gradient = gradient.as_ref();
         let out = self.with_input(|input| match input.modulation {
             None => self.decoder.backward(input, tape, gradient),
@@ -184,7 +187,7 @@ impl Evaluation {
         tensor(out, [motions, width])
     }
 
-    /// The network's output, and what [`gradients`](Self::gradients) needs.
+    /// Computes the network's output and the tape that [`gradients`](Self::gradients) needs.
     pub(super) fn record_for_training(&self) -> (Tensor<3>, Tape) {
         self.with_input(|input| {
             let (output, tape) = self.decoder.record_for_training(input);
@@ -192,9 +195,9 @@ impl Evaluation {
         })
     }
 
-    /// The gradient with respect to the noisy motion; of an evaluation recorded for training.
+    /// Computes the gradient with respect to the noisy motion. The evaluation must be recorded for training.
     pub(super) fn backward_to_motion(&self, tape: Tape, gradient: Tensor<3>) -> Tensor<3> {
-        let gradient = untracked(gradient);
+        let gradient = gradient_floats(gradient);
         let backward = |input: DecoderInput<'_>| {
             let decoder = &self.decoder;
             decoder.backward_to_motion(input, tape, gradient.as_ref())
@@ -202,9 +205,9 @@ impl Evaluation {
         self.output(self.with_input(backward))
     }
 
-    /// All gradients from that of the output.
+    /// Computes all gradients from the gradient of the output.
     pub(super) fn gradients(&self, tape: Tape, gradient: Tensor<3>) -> DecoderGradients {
-        let gradient = untracked(gradient);
+        let gradient = gradient_floats(gradient);
         self.with_input(|input| self.decoder.gradients(input, tape, gradient.as_ref()))
     }
 
@@ -226,12 +229,13 @@ impl Evaluation {
     }
 }
 
-/// The numbers of a gradient that a caller hands back.
-fn untracked(gradient: Tensor<3>) -> Numbers {
-    Numbers::of(gradient)
+/// Returns the numbers of a gradient that a caller provides.
+fn gradient_floats(gradient: Tensor<3>) -> SharedFloats {
+    SharedFloats::from_tensor(gradient)
         .expect("a gradient of 32-bit floats that lies where the output does and is not tracked")
 }
 
+/// Creates a tensor on the CPU.
 pub(super) fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
     Tensor::from_data(
         TensorData::new(numbers, shape),

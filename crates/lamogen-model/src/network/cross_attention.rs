@@ -9,15 +9,15 @@ use burn::tensor::{Device, Tensor};
 use burn::optim::GradientsParams;
 
 #[cfg(feature = "flex")]
-use super::cpu::{self, Numbers};
+use super::cpu::{self, SharedFloats};
 use super::modulation::Modulation;
-use super::self_attention::context;
+use super::self_attention::attention_context;
 use super::stylization::Stylization;
 use super::{layer_norm, merge_heads, split_heads};
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 
-/// Linear attention to the tokens, whose side depends on the prompt alone.
+/// Linear attention to the tokens. The context, computed from the tokens, depends on the prompt alone.
 #[derive(Module, Debug)]
 pub(super) struct CrossAttention {
     norm: LayerNorm,
@@ -29,7 +29,7 @@ pub(super) struct CrossAttention {
     heads: usize,
 }
 
-/// What the blocks attend to in the text: one `[batch, heads, d, d]` a block.
+/// The contexts of the attention to the text: one tensor `[batch, heads, d, d]` for each block.
 #[derive(Clone, Debug)]
 pub struct CrossAttentionContext(pub(super) Vec<Tensor<4>>);
 
@@ -47,7 +47,7 @@ impl CrossAttention {
         }
     }
 
-    /// The text's side, once a prompt.
+    /// Computes the context of the text, once per prompt.
     ///
     /// # Shapes
     ///
@@ -56,12 +56,14 @@ impl CrossAttention {
     pub(super) fn context(&self, text: Tensor<3>) -> Tensor<4> {
         let text = self.text_norm.forward(text);
         let heads = |x| split_heads(x, self.heads);
-        context(
+        attention_context(
             heads(self.key.forward(text.clone())),
             heads(self.value.forward(text)),
         )
     }
 
+    /// Applies the attention and adds the result to `x`.
+    ///
     /// # Shapes
     ///
     /// - `x` and output: `[batch, frames, latent]`
@@ -79,22 +81,22 @@ impl CrossAttention {
 
 #[cfg(feature = "flex")]
 impl CrossAttention {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::CrossAttention<Numbers>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::CrossAttention<SharedFloats>> {
         Some(lamogen_cpu::CrossAttention {
-            norm: cpu::norm(&self.norm)?,
-            query: cpu::linear(&self.query)?,
-            output: self.output.cpu()?,
+            norm: cpu::norm_kernel(&self.norm)?,
+            query: cpu::linear_kernel(&self.query)?,
+            output: self.output.to_kernel()?,
         })
     }
 
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::CrossAttention<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        cpu::note_norm(&self.norm, gradient.norm, notes);
-        cpu::note_linear(&self.query, gradient.query, notes);
-        self.output.note(gradient.output, notes);
+        cpu::register_norm_gradients(&self.norm, gradient.norm, gradients);
+        cpu::register_linear_gradients(&self.query, gradient.query, gradients);
+        self.output.register_gradients(gradient.output, gradients);
     }
 }
 

@@ -1,4 +1,4 @@
-//! The feed-forward part of a block.
+//! The feed-forward layers of a block.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
@@ -9,13 +9,13 @@ use burn::tensor::{Device, Tensor};
 use burn::optim::GradientsParams;
 
 #[cfg(feature = "flex")]
-use super::cpu::{self, Numbers};
+use super::cpu::{self, SharedFloats};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 
-/// Two linear layers around a GELU, then stylization.
+/// Two linear layers with a GELU between them, followed by stylization.
 #[derive(Module, Debug)]
 pub(super) struct FeedForward {
     expand: Linear,
@@ -33,6 +33,8 @@ impl FeedForward {
         }
     }
 
+    /// Applies the layers and adds the result to `x`.
+    ///
     /// # Shapes
     ///
     /// - `x` and output: `[batch, frames, latent]`
@@ -46,22 +48,22 @@ impl FeedForward {
 
 #[cfg(feature = "flex")]
 impl FeedForward {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::FeedForward<Numbers>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::FeedForward<SharedFloats>> {
         Some(lamogen_cpu::FeedForward {
-            expand: cpu::linear(&self.expand)?,
-            contract: cpu::linear(&self.contract)?,
-            output: self.output.cpu()?,
+            expand: cpu::linear_kernel(&self.expand)?,
+            contract: cpu::linear_kernel(&self.contract)?,
+            output: self.output.to_kernel()?,
         })
     }
 
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::FeedForward<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        cpu::note_linear(&self.expand, gradient.expand, notes);
-        cpu::note_linear(&self.contract, gradient.contract, notes);
-        self.output.note(gradient.output, notes);
+        cpu::register_linear_gradients(&self.expand, gradient.expand, gradients);
+        cpu::register_linear_gradients(&self.contract, gradient.contract, gradients);
+        self.output.register_gradients(gradient.output, gradients);
     }
 }
 

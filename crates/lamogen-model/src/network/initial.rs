@@ -1,4 +1,4 @@
-//! Weights to start training from.
+//! The initial weights for training.
 
 use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -10,24 +10,26 @@ use super::motion_diffuse::MotionDiffuse;
 use crate::config::ModelConfig;
 
 impl MotionDiffuse {
-    /// A network to be trained. Its weights are drawn on the host, so that a seed means the same network on every device.
+    /// Creates a network for training. Its weights are drawn on the host, so that a seed gives the same network on every
+    /// device.
     ///
-    /// Linear layers start as PyTorch's do, without biases. Those that a residual stream is added to from start at zero, and the last one
-    /// (as in MotionDiffuse's code): at first every block is the identity. Frames are told apart by sines and cosines, whose
-    /// periods go from 4 frames to twice the longest motion: neighbours are alike from the first step on.
+    /// Linear layers are initialised as in PyTorch, but with biases of zero. The layers whose output is added to a residual
+    /// stream, and the last layer, start at zero (as in MotionDiffuse's code), so that every block is the identity at first.
+    /// The embeddings of the frames are sines and cosines with periods from 4 frames to twice the longest motion, so that
+    /// neighbouring frames have similar embeddings from the first step on.
     ///
     /// # Panics
     ///
-    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    /// If the sizes do not form a valid network (see [`ModelConfig::problem`]).
     pub fn initial(config: &ModelConfig, seed: u64, device: &Device) -> Self {
         let network = MotionDiffuse::new(config, device);
         initialize(network, seed, |path, shape, draw| {
             let count = shape.iter().product();
             match *path {
-                [.., "frame_embedding"] => waves(shape[0], shape[1]),
+                [.., "frame_embedding"] => sinusoids(shape[0], shape[1]),
                 [.., "positional_embedding"] => draw.normal(0.01, count),
                 [.., "token_embedding", "weight"] => draw.normal(0.02, count),
-                // Of stylization layers, and of the whole network.
+                // The output layers of the stylization layers and of the whole network.
                 [.., "output", "output", "weight"] | ["output", "weight"] => vec![0.0; count],
                 ["laban", "mix", "weight"] => vec![0.0; count],
                 [.., "gamma"] => vec![1.0; count],
@@ -38,29 +40,30 @@ impl MotionDiffuse {
     }
 }
 
-/// Gives every weight of a network the numbers that a function makes of its path in the network and its shape, in the order of the
-/// weights. What it draws is drawn on the host, so that a seed means the same network on every device.
+/// Initialises all weights of a network, in their order, with a function of the weight's path in the network and its shape.
+///
+/// Random numbers are drawn on the host, so that a seed gives the same network on every device.
 ///
 /// # Panics
 ///
-/// If the function gives another count of numbers than the shape asks for.
+/// If the function returns a number of values that does not match the shape.
 pub fn initialize<M: Module>(
     network: M,
     seed: u64,
     numbers: impl FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>,
 ) -> M {
-    network.map(&mut Initialize {
+    network.map(&mut WeightInitializer {
         path: Vec::new(),
         draw: Draw(ChaCha12Rng::seed_from_u64(seed)),
         numbers,
     })
 }
 
-/// Draws numbers on the host.
+/// A generator of random numbers on the host.
 pub struct Draw(ChaCha12Rng);
 
 impl Draw {
-    /// Normally distributed around 0.
+    /// Draws normally distributed numbers with mean 0.
     ///
     /// # Panics
     ///
@@ -70,24 +73,25 @@ impl Draw {
         normal.sample_iter(&mut self.0).take(count).collect()
     }
 
-    /// Evenly distributed from `-largest` to `largest`.
+    /// Draws uniformly distributed numbers from `-largest` to `largest`.
     ///
     /// # Panics
     ///
-    /// If the largest is not finite, or below 0.
+    /// If `largest` is not finite, or below 0.
     pub fn uniform(&mut self, largest: f32, count: usize) -> Vec<f32> {
         let uniform = Uniform::new_inclusive(-largest, largest).expect("a finite range");
         uniform.sample_iter(&mut self.0).take(count).collect()
     }
 }
 
-struct Initialize<F> {
+/// Replaces the weights of a network by those that a function computes.
+struct WeightInitializer<F> {
     path: Vec<String>,
     draw: Draw,
     numbers: F,
 }
 
-impl<F: FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>> ModuleMapper for Initialize<F> {
+impl<F: FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>> ModuleMapper for WeightInitializer<F> {
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }
@@ -104,14 +108,14 @@ impl<F: FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>> ModuleMapper for Initia
     }
 }
 
-/// Sines of the frame's number, then cosines; the periods are a geometric series.
-fn waves(frames: usize, width: usize) -> Vec<f32> {
-    const SHORTEST: f64 = 4.0;
+/// Computes the embeddings of the frames: sines of the frame number, then cosines. The periods are a geometric series.
+fn sinusoids(frames: usize, width: usize) -> Vec<f32> {
+    const MIN_PERIOD: f64 = 4.0;
     let half = width / 2;
-    let longest = (2 * frames) as f64;
+    let max_period = (2 * frames) as f64;
     let angle = |frame: usize, wave: usize| {
-        let place = wave as f64 / (half - 1).max(1) as f64;
-        let period = SHORTEST * (longest / SHORTEST).max(1.0).powf(place);
+        let fraction = wave as f64 / (half - 1).max(1) as f64;
+        let period = MIN_PERIOD * (max_period / MIN_PERIOD).max(1.0).powf(fraction);
         std::f64::consts::TAU * frame as f64 / period
     };
     let row = |frame: usize| {

@@ -1,4 +1,4 @@
-//! Laban features as a vector beside timestep and sentence.
+//! The embedding of Laban features, which is added to the embeddings of timestep and sentence.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
@@ -8,7 +8,7 @@ use burn::tensor::{Tensor, TensorData};
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::{LABAN_FEATURES, LabanCondition, ModelConfig};
 
-/// What a [`LabanCondition`] makes of the features, through two linear layers.
+/// Two linear layers after the encoding of the features by a [`LabanCondition`].
 #[derive(Module, Debug)]
 pub(super) struct LabanEmbedding {
     expand: Linear,
@@ -18,7 +18,7 @@ pub(super) struct LabanEmbedding {
 }
 
 impl LabanEmbedding {
-    /// `None` for a network that is not told any features.
+    /// Creates the embedding, or returns `None` for a network that is not conditioned on Laban features.
     pub(super) fn new(config: &ModelConfig, device: &burn::tensor::Device) -> Option<Self> {
         let (latent, width) = (config.latent_dim, config.condition_dim());
         Some(LabanEmbedding {
@@ -28,7 +28,8 @@ impl LabanEmbedding {
         })
     }
 
-    /// The vectors that are added to the sentence embeddings, `[motions, d_condition]`; 0 where nothing is told of a motion.
+    /// Computes the vectors that are added to the sentence embeddings, `[motions, d_condition]`. The vector of a motion
+    /// without any given feature is 0.
     pub(super) fn forward(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Tensor<2> {
         let device = self.expand.weight.device();
         let rows: Vec<f32> = { means.iter() }
@@ -38,11 +39,12 @@ impl LabanEmbedding {
         let embedded = self
             .mix
             .forward(silu(self.expand.forward(Tensor::from_data(data, &device))));
-        let told: Vec<f32> = { means.iter() }
+        let given_mask: Vec<f32> = { means.iter() }
             .map(|means| f32::from(u8::from(means.iter().any(Option::is_some))))
             .collect();
-        let told = Tensor::<2>::from_data(TensorData::new(told, [means.len(), 1]), &device);
-        embedded * told
+        let given_mask =
+            Tensor::<2>::from_data(TensorData::new(given_mask, [means.len(), 1]), &device);
+        embedded * given_mask
     }
 }
 

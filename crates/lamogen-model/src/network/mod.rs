@@ -25,10 +25,10 @@ pub use training::{SentenceSimilarity, TrainingBatch, TrainingGradients};
 use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};
 
-/// Added to the variance by layer normalization, as in PyTorch.
+/// The constant that layer normalization adds to the variance, as in PyTorch.
 const NORM_EPSILON: f64 = 1e-5;
 
-/// A layer normalization with fresh weights.
+/// Creates a layer normalization with initial weights.
 fn layer_norm(width: usize, device: &Device) -> LayerNorm {
     let config = LayerNormConfig::new(width).with_epsilon(NORM_EPSILON);
     config.init(device)

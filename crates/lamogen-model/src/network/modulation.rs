@@ -1,44 +1,44 @@
-//! How the condition reaches the blocks: a scale and a shift for every stylization layer.
+//! The modulation of the blocks by the condition: a scale and a shift for every stylization layer.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 
-/// Scales and shifts of all stylization layers, in one matrix product instead of one a layer.
+/// The linear layer that computes the scales and shifts of all stylization layers in one matrix product.
 #[derive(Module, Debug)]
-pub(super) struct Modulations {
+pub(super) struct ModulationProjection {
     pub(super) project: Linear,
     latent: usize,
 }
 
-/// Scale and shift of one stylization layer, `[batch, 1, latent]` each.
+/// The scale and shift of one stylization layer, `[batch, 1, latent]` each.
 #[derive(Clone, Debug)]
 pub(super) struct Modulation {
     pub(super) scale: Tensor<3>,
     pub(super) shift: Tensor<3>,
 }
 
-impl Modulations {
+impl ModulationProjection {
     pub(super) fn new(layers: usize, latent: usize, condition: usize, device: &Device) -> Self {
-        Modulations {
+        ModulationProjection {
             project: LinearConfig::new(condition, layers * 2 * latent).init(device),
             latent,
         }
     }
 
-    /// Scales and shifts of all layers.
+    /// Returns the number of scales and shifts of all layers together.
     pub(super) fn width(&self) -> usize {
         let [_, width] = self.project.weight.lazy_shape().dims();
         width
     }
 
-    /// Modulations in the order of the layers.
+    /// Computes the modulations in the order of the layers.
     ///
     /// # Shapes
     ///
     /// - `condition`: `[batch, d_condition]`, timestep plus sentence embedding
-    /// - `added`: `[batch, width]`, to all scales and shifts
+    /// - `added`: `[batch, width]`, an optional offset that is added to all scales and shifts
     pub(super) fn forward(
         &self,
         condition: Tensor<2>,

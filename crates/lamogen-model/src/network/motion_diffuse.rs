@@ -1,4 +1,4 @@
-//! The whole network.
+//! MotionDiffuse, the whole network.
 
 use burn::module::{Initializer, Module, Param};
 use burn::nn::{Linear, LinearConfig};
@@ -8,10 +8,10 @@ use burn::tensor::{Device, Int, Tensor};
 
 use super::block::{DecoderBlock, STYLIZATIONS};
 #[cfg(feature = "flex")]
-use super::cpu::{self, Evaluation, Numbers};
+use super::cpu::{self, CpuEvaluation, SharedFloats};
 use super::cross_attention::CrossAttentionContext;
 use super::laban_embedding::LabanEmbedding;
-use super::modulation::Modulations;
+use super::modulation::ModulationProjection;
 use super::text_encoder::TextEncoder;
 use super::time_embedding::TimeEmbedding;
 use crate::checkpoint::{Keyed, Keys};
@@ -26,7 +26,7 @@ pub struct MotionDiffuse {
     time: TimeEmbedding,
     pose_embedding: Linear,
     frame_embedding: Param<Tensor<2>>,
-    modulations: Modulations,
+    modulations: ModulationProjection,
     blocks: Vec<DecoderBlock>,
     output: Linear,
     laban: Option<LabanEmbedding>,
@@ -35,11 +35,11 @@ pub struct MotionDiffuse {
 }
 
 impl MotionDiffuse {
-    /// A network with fresh weights.
+    /// Creates a network with random weights.
     ///
     /// # Panics
     ///
-    /// If the sizes make no network (see [`ModelConfig::problem`]).
+    /// If the sizes do not form a valid network (see [`ModelConfig::problem`]).
     pub fn new(config: &ModelConfig, device: &Device) -> Self {
         if let Some(problem) = config.problem() {
             panic!("{problem}");
@@ -55,7 +55,7 @@ impl MotionDiffuse {
             time: TimeEmbedding::new(latent, condition, device),
             pose_embedding: LinearConfig::new(config.input_feats, latent).init(device),
             frame_embedding: standard.init([config.num_frames, latent], device),
-            modulations: Modulations::new(layers, latent, condition, device),
+            modulations: ModulationProjection::new(layers, latent, condition, device),
             blocks: (0..config.num_layers)
                 .map(|_| DecoderBlock::new(config, device))
                 .collect(),
@@ -65,12 +65,12 @@ impl MotionDiffuse {
         }
     }
 
-    /// Sizes of the network.
+    /// Returns the sizes of the network.
     pub fn config(&self) -> &ModelConfig {
         &self.config
     }
 
-    /// The text encoder alone.
+    /// Runs the text encoder alone. Returns the sentence embedding and the token features.
     ///
     /// # Shapes
     ///
@@ -86,10 +86,11 @@ impl MotionDiffuse {
         (self.text.project(&features, tokens), features)
     }
 
-    /// The text features of each sentence's end token, which the sentence embedding is made of: `[batch, text_latent_dim]`.
-    pub(super) fn sentences(&self, tokens: Tensor<2, Int>) -> Tensor<2> {
+    /// Computes the text features of each sentence's end token, from which the sentence embedding is computed:
+    /// `[batch, text_latent_dim]`.
+    pub(super) fn sentence_features(&self, tokens: Tensor<2, Int>) -> Tensor<2> {
         let features = self.text.forward(tokens.clone());
-        TextEncoder::sentences(&features, tokens)
+        TextEncoder::sentence_features(&features, tokens)
     }
 }
 
@@ -140,7 +141,7 @@ impl Denoiser for MotionDiffuse {
 
     fn denoise(&self, input: DenoiserInput, context: &CrossAttentionContext) -> Tensor<3> {
         #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.on_cpu(&input, context) {
+        if let Some(evaluation) = self.cpu_evaluation(&input, context) {
             return evaluation.run();
         }
         self.forward(input, context)
@@ -152,7 +153,7 @@ impl Denoiser for MotionDiffuse {
         context: &'a CrossAttentionContext,
     ) -> LinearizedEvaluation<'a> {
         #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.on_cpu(&input, context) {
+        if let Some(evaluation) = self.cpu_evaluation(&input, context) {
             let (output, tape) = evaluation.record();
             return LinearizedEvaluation::new(output, move |gradient| {
                 evaluation.backward(tape, gradient)
@@ -171,7 +172,7 @@ impl Denoiser for MotionDiffuse {
         context: &'a CrossAttentionContext,
     ) -> LinearizedEvaluation<'a, 3> {
         #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.on_cpu(&input, context) {
+        if let Some(evaluation) = self.cpu_evaluation(&input, context) {
             let (output, tape) = evaluation.record_for_training();
             return LinearizedEvaluation::new(output, move |gradient| {
                 evaluation.backward_to_motion(tape, gradient)
@@ -182,7 +183,7 @@ impl Denoiser for MotionDiffuse {
 }
 
 impl MotionDiffuse {
-    /// One evaluation in tensor operations, on any device, with or without gradients.
+    /// Evaluates the network in tensor operations, on any device, with or without gradients.
     pub(super) fn forward(
         &self,
         input: DenoiserInput,
@@ -204,40 +205,45 @@ impl MotionDiffuse {
         self.output.forward(x)
     }
 
-    /// The evaluation by vectorised kernels, where all that it needs lies in the CPU's memory.
+    /// Prepares an evaluation by vectorised kernels. Returns `None` if not all tensors lie in the CPU's memory.
     #[cfg(feature = "flex")]
-    fn on_cpu(&self, input: &DenoiserInput, context: &CrossAttentionContext) -> Option<Evaluation> {
-        Evaluation::new(|| self.cpu(), input, context)
+    fn cpu_evaluation(
+        &self,
+        input: &DenoiserInput,
+        context: &CrossAttentionContext,
+    ) -> Option<CpuEvaluation> {
+        CpuEvaluation::new(|| self.to_kernel(), input, context)
     }
 
-    /// Notes the decoder's gradients under the names of its parameters.
+    /// Adds the gradients of the decoder to `gradients`, under the ids of its parameters.
     #[cfg(feature = "flex")]
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::Decoder<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        cpu::note_linear(&self.pose_embedding, gradient.pose_embedding, notes);
+        cpu::register_linear_gradients(&self.pose_embedding, gradient.pose_embedding, gradients);
         let shape: [usize; 2] = self.frame_embedding.lazy_shape().dims();
         let frames = cpu::tensor(gradient.frame_embedding, shape);
-        notes.register(self.frame_embedding.id, frames);
-        cpu::note_linear(&self.modulations.project, gradient.modulations, notes);
+        gradients.register(self.frame_embedding.id, frames);
+        cpu::register_linear_gradients(&self.modulations.project, gradient.modulations, gradients);
         for (block, gradient) in self.blocks.iter().zip(gradient.blocks) {
-            block.note(gradient, notes);
+            block.register_gradients(gradient, gradients);
         }
-        cpu::note_linear(&self.output, gradient.output, notes);
+        cpu::register_linear_gradients(&self.output, gradient.output, gradients);
     }
 
+    /// Returns the decoder as kernels, or `None` if not all weights lie in the CPU's memory.
     #[cfg(feature = "flex")]
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Decoder<Numbers>> {
-        let blocks = self.blocks.iter().map(DecoderBlock::cpu);
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::Decoder<SharedFloats>> {
+        let blocks = self.blocks.iter().map(DecoderBlock::to_kernel);
         Some(lamogen_cpu::Decoder {
             heads: self.config.num_heads,
-            pose_embedding: cpu::linear(&self.pose_embedding)?,
-            frame_embedding: Numbers::of(self.frame_embedding.val())?,
-            modulations: cpu::linear(&self.modulations.project)?,
+            pose_embedding: cpu::linear_kernel(&self.pose_embedding)?,
+            frame_embedding: SharedFloats::from_tensor(self.frame_embedding.val())?,
+            modulations: cpu::linear_kernel(&self.modulations.project)?,
             blocks: blocks.collect::<Option<_>>()?,
-            output: cpu::linear(&self.output)?,
+            output: cpu::linear_kernel(&self.output)?,
         })
     }
 }
@@ -255,7 +261,7 @@ impl Keyed for MotionDiffuse {
                 })
             })
             .collect();
-        keys.side_by_side(&modulations, &mut self.modulations.project);
+        keys.linear_from_parts(&modulations, &mut self.modulations.project);
         keys.each("temporal_decoder_blocks", &mut self.blocks);
         keys.linear("out", &mut self.output);
         if let Some(laban) = &mut self.laban {

@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor};
 use burn::optim::GradientsParams;
 
 #[cfg(feature = "flex")]
-use super::cpu::{self, Numbers};
+use super::cpu::{self, SharedFloats};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
 use super::{layer_norm, merge_heads, split_heads};
@@ -17,8 +17,8 @@ use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 use crate::denoiser::FrameMask;
 
-/// Linear attention (Shen et al. 2021): a softmax over channels for the queries and over frames
-/// for the keys, so that cost grows with the frames and not with their square.
+/// Linear attention (Shen et al. 2021). The softmax is over channels for the queries and over frames for the keys, so that
+/// the cost grows with the number of frames and not with its square.
 #[derive(Module, Debug)]
 pub(super) struct SelfAttention {
     norm: LayerNorm,
@@ -43,6 +43,8 @@ impl SelfAttention {
         }
     }
 
+    /// Applies the attention and adds the result to `x`.
+    ///
     /// # Shapes
     ///
     /// - `x` and output: `[batch, frames, latent]`
@@ -61,7 +63,7 @@ impl SelfAttention {
             value = value * padding.keep.clone();
         }
         let heads = |x| split_heads(x, self.heads);
-        let context = context(heads(key), heads(value));
+        let context = attention_context(heads(key), heads(value));
         let y = softmax(heads(query), 3).matmul(context);
         x + self.output.forward(merge_heads(y), modulation)
     }
@@ -69,31 +71,32 @@ impl SelfAttention {
 
 #[cfg(feature = "flex")]
 impl SelfAttention {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::SelfAttention<Numbers>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::SelfAttention<SharedFloats>> {
         Some(lamogen_cpu::SelfAttention {
-            norm: cpu::norm(&self.norm)?,
-            query: cpu::linear(&self.query)?,
-            key: cpu::linear(&self.key)?,
-            value: cpu::linear(&self.value)?,
-            output: self.output.cpu()?,
+            norm: cpu::norm_kernel(&self.norm)?,
+            query: cpu::linear_kernel(&self.query)?,
+            key: cpu::linear_kernel(&self.key)?,
+            value: cpu::linear_kernel(&self.value)?,
+            output: self.output.to_kernel()?,
         })
     }
 
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::SelfAttention<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        cpu::note_norm(&self.norm, gradient.norm, notes);
-        cpu::note_linear(&self.query, gradient.query, notes);
-        cpu::note_linear(&self.key, gradient.key, notes);
-        cpu::note_linear(&self.value, gradient.value, notes);
-        self.output.note(gradient.output, notes);
+        cpu::register_norm_gradients(&self.norm, gradient.norm, gradients);
+        cpu::register_linear_gradients(&self.query, gradient.query, gradients);
+        cpu::register_linear_gradients(&self.key, gradient.key, gradients);
+        cpu::register_linear_gradients(&self.value, gradient.value, gradients);
+        self.output.register_gradients(gradient.output, gradients);
     }
 }
 
-/// What is attended to, summed up: `[batch, heads, positions, d]` twice → `[batch, heads, d, d]`.
-pub(super) fn context(key: Tensor<4>, value: Tensor<4>) -> Tensor<4> {
+/// Computes the context of an attention, the sum of `softmax(key) · value` over positions: `[batch, heads, positions, d]`
+/// twice → `[batch, heads, d, d]`.
+pub(super) fn attention_context(key: Tensor<4>, value: Tensor<4>) -> Tensor<4> {
     softmax(key, 2).swap_dims(2, 3).matmul(value)
 }
 

@@ -1,4 +1,4 @@
-//! How timestep and sentence act on a hidden state: they scale and shift it.
+//! Stylization: the timestep and the sentence scale and shift a hidden state.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear, LinearConfig};
@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor};
 use burn::optim::GradientsParams;
 
 #[cfg(feature = "flex")]
-use super::cpu::{self, Numbers};
+use super::cpu::{self, SharedFloats};
 use super::layer_norm;
 use super::modulation::Modulation;
 use crate::checkpoint::{Keyed, Keys};
@@ -31,6 +31,8 @@ impl Stylization {
         }
     }
 
+    /// Applies the layer.
+    ///
     /// # Shapes
     ///
     /// - `hidden` and output: `[batch, frames, latent]`
@@ -42,20 +44,20 @@ impl Stylization {
 
 #[cfg(feature = "flex")]
 impl Stylization {
-    pub(super) fn cpu(&self) -> Option<lamogen_cpu::Stylization<Numbers>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::Stylization<SharedFloats>> {
         Some(lamogen_cpu::Stylization {
-            norm: cpu::norm(&self.norm)?,
-            output: cpu::linear(&self.output)?,
+            norm: cpu::norm_kernel(&self.norm)?,
+            output: cpu::linear_kernel(&self.output)?,
         })
     }
 
-    pub(super) fn note(
+    pub(super) fn register_gradients(
         &self,
         gradient: lamogen_cpu::Stylization<Vec<f32>>,
-        notes: &mut GradientsParams,
+        gradients: &mut GradientsParams,
     ) {
-        cpu::note_norm(&self.norm, gradient.norm, notes);
-        cpu::note_linear(&self.output, gradient.output, notes);
+        cpu::register_norm_gradients(&self.norm, gradient.norm, gradients);
+        cpu::register_linear_gradients(&self.output, gradient.output, gradients);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Softmax attention over tokens, as `torch.nn.MultiheadAttention` stores it.
+//! Softmax attention over tokens, with the weights stored as in `torch.nn.MultiheadAttention`.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
@@ -25,6 +25,8 @@ impl TextAttention {
         }
     }
 
+    /// Applies the attention.
+    ///
     /// # Shapes
     ///
     /// - `x`: `[batch, tokens, width]`

@@ -1,4 +1,4 @@
-//! MotionDiffuse's text encoder: CLIP's token features, refined by a small transformer.
+//! MotionDiffuse's text encoder: a small transformer on CLIP's token features.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear, LinearConfig};
@@ -11,7 +11,7 @@ use super::text_attention::TextAttention;
 use crate::checkpoint::{Keyed, Keys};
 use crate::config::ModelConfig;
 
-/// Token ids to the projected sentence embedding and the token features.
+/// The text encoder, which turns token ids into the projected sentence embedding and the token features.
 #[derive(Module, Debug)]
 pub(super) struct TextEncoder {
     clip: ClipText,
@@ -21,7 +21,7 @@ pub(super) struct TextEncoder {
     project: Linear,
 }
 
-/// A transformer encoder layer that normalises after each part (`torch.nn.TransformerEncoderLayer`).
+/// A transformer encoder layer that normalises after each of its two parts (`torch.nn.TransformerEncoderLayer`).
 #[derive(Module, Debug)]
 struct TextLayer {
     attention: TextAttention,
@@ -52,6 +52,8 @@ impl TextEncoder {
         }
     }
 
+    /// Computes the token features.
+    ///
     /// # Shapes
     ///
     /// - `tokens`: `[batch, tokens]`
@@ -67,16 +69,17 @@ impl TextEncoder {
         self.norm.forward(x)
     }
 
-    /// The features of each sentence's end token, the largest id of its row: `[batch, text_latent_dim]`.
-    pub(super) fn sentences(features: &Tensor<3>, tokens: Tensor<2, Int>) -> Tensor<2> {
+    /// Returns the features of each sentence's end token, which has the largest id of its row: `[batch, text_latent_dim]`.
+    pub(super) fn sentence_features(features: &Tensor<3>, tokens: Tensor<2, Int>) -> Tensor<2> {
         let [batch, _, width] = features.dims();
         let end = tokens.argmax(1).reshape([batch, 1, 1]).repeat_dim(2, width);
         features.clone().gather(1, end).reshape([batch, width])
     }
 
-    /// The sentence embeddings, `[batch, d_condition]`.
+    /// Computes the sentence embeddings, `[batch, d_condition]`.
     pub(super) fn project(&self, features: &Tensor<3>, tokens: Tensor<2, Int>) -> Tensor<2> {
-        self.project.forward(Self::sentences(features, tokens))
+        self.project
+            .forward(Self::sentence_features(features, tokens))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Timesteps as vectors.
+//! The embedding of timesteps.
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use crate::checkpoint::{Keyed, Keys};
 
-/// Cosines and sines of the timestep, through two linear layers.
+/// Two linear layers after the cosines and sines of the timestep.
 #[derive(Module, Debug)]
 pub(super) struct TimeEmbedding {
     expand: Linear,
@@ -22,22 +22,28 @@ impl TimeEmbedding {
         }
     }
 
+    /// Embeds timesteps.
+    ///
     /// # Shapes
     ///
     /// - output: `[timesteps, d_condition]`
     pub(super) fn forward(&self, timesteps: &[usize]) -> Tensor<2> {
         let [latent, _] = self.expand.weight.dims();
-        let waves: Vec<f32> = timesteps.iter().flat_map(|&t| waves(t, latent)).collect();
-        let data = TensorData::new(waves, [timesteps.len(), latent]);
-        let waves = Tensor::from_data(data, &self.expand.weight.device());
-        self.mix.forward(silu(self.expand.forward(waves)))
+        let sinusoids: Vec<f32> = timesteps
+            .iter()
+            .flat_map(|&t| sinusoids(t, latent))
+            .collect();
+        let data = TensorData::new(sinusoids, [timesteps.len(), latent]);
+        let sinusoids = Tensor::from_data(data, &self.expand.weight.device());
+        self.mix.forward(silu(self.expand.forward(sinusoids)))
     }
 }
 
-/// Cosines, then sines, with periods up to 10000 · 2π (Vaswani et al. 2017, halves instead of
-/// alternating as in Ho et al. 2020). Rounded to 32 bits at each step, as the checkpoints were
-/// trained.
-fn waves(timestep: usize, width: usize) -> impl Iterator<Item = f32> {
+/// Computes the cosines, then the sines, of a timestep, with periods up to 10000 · 2π (Vaswani et al. 2017; in two halves
+/// instead of alternating, as in Ho et al. 2020).
+///
+/// Each intermediate result is rounded to 32 bits, as in the training of the checkpoints.
+fn sinusoids(timestep: usize, width: usize) -> impl Iterator<Item = f32> {
     let half = width / 2;
     let angle = move |i: usize| {
         let exponent = -(10000.0f64.ln() as f32) * i as f32 / half as f32;
@@ -61,10 +67,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn waves_start_at_one_and_zero() {
-        let start: Vec<f32> = waves(0, 6).collect();
+    fn sinusoids_start_at_one_and_zero() {
+        let start: Vec<f32> = sinusoids(0, 6).collect();
         assert_eq!(start, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
-        let later: Vec<f32> = waves(1, 4).collect();
+        let later: Vec<f32> = sinusoids(1, 4).collect();
         assert_eq!(later[0], 1f32.cos());
         assert!((later[3] - 0.01f32.sin()).abs() < 1e-8);
     }

@@ -1,7 +1,7 @@
 //! The gradients of all weights, for training.
 //!
-//! On the CPU the decoder is left to the kernels of `lamogen-cpu`, and only text encoder, timestep embedding and the text's side of
-//! the attention are followed by autodiff:
+//! On the CPU, the kernels of `lamogen-cpu` compute the decoder and its gradient. Autodiff tracks only the text encoder, the
+//! timestep embedding and the contexts of the attention to the text:
 //!
 //! ```text
 //! tokens, timesteps ──autodiff──▶ condition, context ──kernels──▶ output ──autodiff──▶ loss
@@ -15,60 +15,64 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Int, Tensor};
 
 #[cfg(feature = "flex")]
-use super::cpu::{self, Evaluation};
+use super::cpu::{self, CpuEvaluation};
 use super::cross_attention::CrossAttentionContext;
 use super::motion_diffuse::MotionDiffuse;
 use crate::config::LABAN_FEATURES;
 use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
 
-/// What a step of training shows to the network. Nothing of it is tracked by autodiff.
+/// The batch of one training step. None of its tensors is tracked by autodiff.
 #[derive(Clone, Debug)]
 pub struct TrainingBatch {
-    /// Token ids of captions, `[captions, tokens]`, the end token being the largest id of each row.
+    /// The token ids of captions, `[captions, tokens]`. The end token is the largest id of each row.
     pub tokens: Tensor<2, Int>,
-    /// Which of the captions belongs to each motion; several motions may share one, which is then encoded once.
+    /// The index of the caption of each motion. A caption that several motions share is encoded only once.
     pub captions: Vec<usize>,
-    /// Noisy motions, normalised, `[batch, frames, features]`.
+    /// The noisy motions, normalised, `[batch, frames, features]`.
     pub x_t: Tensor<3>,
     /// The timestep of each motion.
     pub timesteps: Vec<usize>,
-    /// Which frames are part of each motion.
+    /// The mask of the frames that are part of each motion.
     pub mask: FrameMask,
-    /// The means over time of each motion's Laban features, where they are told (see [`Denoiser::embed_laban`]); `None` where nothing is told of
-    /// any motion.
+    /// The means over time of each motion's Laban features, as far as they are given (see [`Denoiser::embed_laban`]). `None`
+    /// if no features are given for any motion.
     pub laban: Option<Vec<[Option<f32>; LABAN_FEATURES]>>,
-    /// What the text encoder learns beside the motions.
+    /// The sentences with similarities that the text encoder also learns.
     pub sentences: Option<SentenceSimilarity>,
 }
 
-/// Sentences and how alike they are: what a text encoder learns from a larger one (relational knowledge distillation, Park et al. 2019).
+/// Sentences and the similarity of each pair of them.
+///
+/// A text encoder learns these similarities from a larger encoder (relational knowledge distillation, Park et al. 2019).
 #[derive(Clone, Debug)]
 pub struct SentenceSimilarity {
-    /// Token ids, `[sentences, tokens]`, the end token being the largest id of each row.
+    /// The token ids, `[sentences, tokens]`. The end token is the largest id of each row.
     pub tokens: Tensor<2, Int>,
-    /// Cosine of the angle between each two of them, as the larger encoder has it, `[sentences, sentences]`.
+    /// The cosine similarities of all pairs of sentences in the larger encoder, `[sentences, sentences]`.
     pub cosines: Tensor<2>,
-    /// Weight of the loss: the mean squared difference of the cosines, over all pairs.
+    /// The weight of the loss, which is the mean squared difference of the cosines over all pairs.
     pub weight: f64,
 }
 
-/// What a step of training finds.
+/// The result of one training step.
 #[derive(Debug)]
 pub struct TrainingGradients {
-    /// What the loss function returned, not tracked.
+    /// The value of the loss function, not tracked by autodiff.
     pub loss: Tensor<1>,
-    /// The mean squared difference of the sentences' cosines, without its weight, not tracked; none without sentences.
+    /// The mean squared difference of the sentences' cosines, before it is multiplied by its weight, not tracked by autodiff.
+    /// `None` if the batch has no sentences.
     pub sentence_loss: Option<Tensor<1>>,
     /// The gradient of the loss with respect to each weight.
     pub gradients: GradientsParams,
 }
 
 impl MotionDiffuse {
-    /// The gradients of a loss of the network's output with respect to all weights. `loss` gets the output,
-    /// `[batch, frames, features]`, tracked by autodiff, and returns one number; what stands in the output past a motion's length
-    /// has no meaning and must not count.
+    /// Computes the gradients of a loss of the network's output with respect to all weights.
     ///
-    /// On the CPU (`flex`) results do not depend on the number of threads.
+    /// `loss` receives the output, `[batch, frames, features]`, tracked by autodiff, and returns one number. The output past
+    /// a motion's length has no meaning and must not influence the loss.
+    ///
+    /// On the CPU (`flex`), the results do not depend on the number of threads.
     ///
     /// # Panics
     ///
@@ -92,14 +96,14 @@ impl MotionDiffuse {
             ..batch
         });
         #[cfg(feature = "flex")]
-        if let Some(evaluation) = self.untracked(&input, &context) {
+        if let Some(evaluation) = self.untracked_cpu_evaluation(&input, &context) {
             let (output, tape) = evaluation.record_for_training();
-            let (loss, gradient) = gradient_of(output, loss);
+            let (loss, gradient) = loss_gradient(output, loss);
             let gradients = evaluation.gradients(tape, gradient);
             return TrainingGradients {
                 loss,
                 sentence_loss,
-                gradients: self.gradients_before(input, &context, sentences, gradients),
+                gradients: self.all_gradients(input, &context, sentences, gradients),
             };
         }
         let loss = loss(self.forward(input, &context));
@@ -114,7 +118,7 @@ impl MotionDiffuse {
         }
     }
 
-    /// The network's output for a batch, `[batch, frames, features]`, without gradients.
+    /// Computes the network's output for a batch, `[batch, frames, features]`, without gradients.
     ///
     /// # Panics
     ///
@@ -124,9 +128,9 @@ impl MotionDiffuse {
         self.denoise(input, &context)
     }
 
-    /// Each caption encoded once, for all motions that share it.
+    /// Prepares the input and context of the decoder. Each caption is encoded once for all motions that share it.
     fn prepare(&self, batch: TrainingBatch) -> (DenoiserInput, CrossAttentionContext) {
-        let prompt = shared(self.encode(batch.tokens), &batch.captions);
+        let prompt = select_prompts(self.encode(batch.tokens), &batch.captions);
         let laban = { batch.laban }.and_then(|means| self.embed_laban(&means));
         let input = DenoiserInput {
             x_t: batch.x_t,
@@ -141,9 +145,10 @@ impl MotionDiffuse {
         (input, prompt.context)
     }
 
-    /// The mean squared difference between the cosines of the encoder's sentences and given ones, over all pairs.
+    /// Computes the mean squared difference, over all pairs of sentences, between the cosines of this text encoder and the
+    /// given ones.
     fn sentence_loss(&self, similarity: &SentenceSimilarity) -> Tensor<1> {
-        let sentences = self.sentences(similarity.tokens.clone().autodiff());
+        let sentences = self.sentence_features(similarity.tokens.clone().autodiff());
         let lengths = sentences.clone().square().sum_dim(1).sqrt();
         let sentences = sentences / lengths;
         let cosines = sentences.clone().matmul(sentences.transpose());
@@ -155,12 +160,13 @@ impl MotionDiffuse {
 
 #[cfg(feature = "flex")]
 impl MotionDiffuse {
-    /// The evaluation by the CPU's kernels, where all that it needs lies in the CPU's memory.
-    fn untracked(
+    /// Prepares an evaluation by the CPU's kernels, without autodiff. Returns `None` if not all tensors lie in the CPU's
+    /// memory.
+    fn untracked_cpu_evaluation(
         &self,
         input: &DenoiserInput,
         context: &CrossAttentionContext,
-    ) -> Option<Evaluation> {
+    ) -> Option<CpuEvaluation> {
         let input = DenoiserInput {
             x_t: input.x_t.clone().inner(),
             time: input.time.clone().inner(),
@@ -170,54 +176,55 @@ impl MotionDiffuse {
         };
         let context = context.0.iter().map(|text| text.clone().inner());
         let context = CrossAttentionContext(context.collect());
-        Evaluation::new(|| self.valid().cpu(), &input, &context)
+        CpuEvaluation::new(|| self.valid().to_kernel(), &input, &context)
     }
 
-    /// The gradients of all weights from those of the decoder and of its inputs.
-    fn gradients_before(
+    /// Computes the gradients of all weights from the gradients of the decoder and of its inputs.
+    fn all_gradients(
         &self,
         input: DenoiserInput,
         context: &CrossAttentionContext,
         sentences: Option<Tensor<1>>,
-        found: lamogen_cpu::DecoderGradients,
+        decoder_gradients: lamogen_cpu::DecoderGradients,
     ) -> GradientsParams {
         let condition = input.time + input.embedding;
-        let gradient = cpu::tensor(found.condition, condition.dims());
-        let mut along = (condition * gradient).sum();
-        for (text, gradient) in context.0.iter().zip(found.text) {
+        let gradient = cpu::tensor(decoder_gradients.condition, condition.dims());
+        // A surrogate loss: its gradient with respect to the decoder's inputs is the given one.
+        let mut surrogate = (condition * gradient).sum();
+        for (text, gradient) in context.0.iter().zip(decoder_gradients.text) {
             let gradient = cpu::tensor(gradient, text.dims());
-            along = along + (text.clone() * gradient).sum();
+            surrogate = surrogate + (text.clone() * gradient).sum();
         }
         if let Some(sentences) = sentences {
-            along = along + sentences;
+            surrogate = surrogate + sentences;
         }
-        let mut gradients = GradientsParams::from_grads(along.backward(), self);
-        self.note(found.weights, &mut gradients);
+        let mut gradients = GradientsParams::from_grads(surrogate.backward(), self);
+        self.register_gradients(decoder_gradients.weights, &mut gradients);
         gradients
     }
 }
 
-/// The prompts of motions that share captions.
-fn shared(
+/// Selects the encoded caption of each motion.
+fn select_prompts(
     prompt: Prompt<CrossAttentionContext>,
     captions: &[usize],
 ) -> Prompt<CrossAttentionContext> {
     if captions.iter().copied().eq(0..prompt.embedding.dims()[0]) {
         return prompt;
     }
-    let places: Vec<i32> = captions.iter().map(|&caption| caption as i32).collect();
-    let places = Tensor::<1, Int>::from_data(&places[..], &prompt.embedding.device());
+    let rows: Vec<i32> = captions.iter().map(|&caption| caption as i32).collect();
+    let rows = Tensor::<1, Int>::from_data(&rows[..], &prompt.embedding.device());
     let texts = prompt.context.0.into_iter();
-    let texts = texts.map(|text| text.select(0, places.clone()));
+    let texts = texts.map(|text| text.select(0, rows.clone()));
     Prompt {
         context: CrossAttentionContext(texts.collect()),
-        embedding: prompt.embedding.select(0, places),
+        embedding: prompt.embedding.select(0, rows),
     }
 }
 
-/// A loss of an output, and its gradient.
+/// Computes a loss of an output and the gradient of the loss.
 #[cfg(feature = "flex")]
-fn gradient_of(
+fn loss_gradient(
     output: Tensor<3>,
     loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
 ) -> (Tensor<1>, Tensor<3>) {

@@ -1,19 +1,19 @@
-//! Encodings of one byte a character that UTF-8 is commonly misread in.
+//! The single-byte encodings that UTF-8 is often misread in.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
-/// One encoding.
+/// A single-byte encoding.
 pub(super) struct Charmap {
     bytes: HashMap<char, u8>,
-    /// Whether a space can stand for byte A0. In MacRoman that byte is a dagger.
+    /// Whether a space can stand for byte A0. In MacRoman, byte A0 is a dagger instead.
     pub(super) restores_spaces: bool,
-    /// Whether U+FFFD has a byte, 1A, as has a character that could not be decoded.
+    /// Whether U+FFFD is encoded as byte 1A. U+FFFD stands for a character that could not be decoded.
     pub(super) is_lossy: bool,
 }
 
-/// The encodings in the order in which they are tried. Windows leaves some bytes open; there they
-/// are those of Latin-1.
+/// The encodings in the order in which they are tried. Bytes that a Windows encoding does not define are decoded as in
+/// Latin-1.
 pub(super) static CHARMAPS: LazyLock<[Charmap; 10]> = LazyLock::new(|| {
     let latin_1: String = ('\u{80}'..='\u{ff}').collect();
     [
@@ -34,7 +34,7 @@ pub(super) static CHARMAPS: LazyLock<[Charmap; 10]> = LazyLock::new(|| {
 });
 
 impl Charmap {
-    /// `upper` has the characters of bytes 80 to FF.
+    /// Creates an encoding from `upper`, the characters of bytes 80 to FF.
     fn new(upper: &str) -> Self {
         let ascii = (0..0x80).map(|byte| (char::from(byte), byte));
         Charmap {
@@ -44,6 +44,7 @@ impl Charmap {
         }
     }
 
+    /// Creates an encoding in which U+FFFD is encoded as byte 1A.
     fn lossy(upper: &str) -> Self {
         let mut charmap = Charmap::new(upper);
         charmap.bytes.remove(&'\x1a');
@@ -52,7 +53,7 @@ impl Charmap {
         charmap
     }
 
-    /// The text's bytes, if the encoding has all of its characters.
+    /// Encodes the text, or returns `None` if the encoding lacks one of its characters.
     pub(super) fn encode(&self, text: &str) -> Option<Vec<u8>> {
         text.chars()
             .map(|character| self.bytes.get(&character).copied())
@@ -60,7 +61,7 @@ impl Charmap {
     }
 }
 
-/// Control characters U+0080 to U+009F as the characters of their byte in Windows-1252.
+/// Replaces a control character from U+0080 to U+009F by the character of the same byte in Windows-1252.
 pub(super) fn fix_c1(character: char) -> char {
     match character {
         '\u{80}'..='\u{9f}' => {

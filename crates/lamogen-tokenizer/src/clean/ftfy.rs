@@ -1,4 +1,4 @@
-//! Glitches of text, repaired as by ftfy's `fix_text` with its default options.
+//! Repair of broken text, as ftfy's `fix_text` does it with its default options.
 
 use std::borrow::Cow;
 use std::sync::LazyLock;
@@ -8,9 +8,9 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::{charmap, html, mojibake};
 
-/// Repairs every line on its own.
+/// Repairs a text line by line.
 pub(super) fn fix_text(text: &str) -> String {
-    // From the first "<" on, the text is taken for HTML and keeps its references.
+    // From the first line with "<" on, the text is treated as HTML and keeps its character references.
     let mut is_html = false;
     text.split_inclusive('\n')
         .map(|line| {
@@ -20,7 +20,7 @@ pub(super) fn fix_text(text: &str) -> String {
         .collect()
 }
 
-/// Repairs until there is nothing left to repair.
+/// Repairs a line until a repair changes nothing.
 fn fix_line(line: &str, is_html: bool) -> String {
     let mut text = line.to_owned();
     loop {
@@ -32,7 +32,7 @@ fn fix_line(line: &str, is_html: bool) -> String {
         fixed = fixed.chars().map(charmap::fix_c1).collect();
         fixed = split_ligatures(&fixed);
         fixed = fix_width(&fixed);
-        fixed = fixed.chars().map(uncurl).collect();
+        fixed = fixed.chars().map(straighten_quote).collect();
         fixed = fix_line_breaks(&fixed);
         fixed = TERMINAL_ESCAPE.replace_all(&fixed, "").into_owned();
         fixed.retain(|character| !is_control(character));
@@ -50,12 +50,12 @@ static REFERENCE: LazyLock<Regex> =
 static TERMINAL_ESCAPE: LazyLock<Regex> =
     LazyLock::new(|| Regex::new(r"\x1b\[[\d;]*[a-zA-Z]").expect("the pattern is constant"));
 
-/// Expands complete references only, and names of letters that were put in upper case as a whole:
-/// `&EACUTE;` is É.
+/// Expands complete character references, and also names of letters that were converted to upper case: `&EACUTE;`
+/// becomes É.
 fn unescape(text: &str) -> Cow<'_, str> {
     REFERENCE.replace_all(text, |found: &Captures| {
         let reference = &found[0];
-        if let Some(expansion) = html::named(reference) {
+        if let Some(expansion) = html::expand_named(reference) {
             return expansion.to_owned();
         }
         let unescaped = html::unescape(reference);
@@ -68,14 +68,14 @@ fn unescape(text: &str) -> Cow<'_, str> {
             };
         }
         let is_upper = !reference.contains(|character: char| character.is_ascii_lowercase());
-        match html::named(&reference.to_ascii_lowercase()) {
+        match html::expand_named(&reference.to_ascii_lowercase()) {
             Some(expansion) if is_upper && unescaped == reference => expansion.to_uppercase(),
             _ => reference.to_owned(),
         }
     })
 }
 
-/// Ligatures and digraphs of Latin letters as the letters they are made of.
+/// Replaces ligatures and digraphs of Latin letters by their separate letters.
 fn split_ligatures(text: &str) -> String {
     let mut split = String::with_capacity(text.len());
     for character in text.chars() {
@@ -111,7 +111,7 @@ fn split_ligatures(text: &str) -> String {
     split
 }
 
-/// Full-width and half-width forms as the characters they are forms of.
+/// Replaces full-width and half-width forms by the ordinary characters.
 fn fix_width(text: &str) -> String {
     let mut fixed = String::with_capacity(text.len());
     for character in text.chars() {
@@ -124,7 +124,8 @@ fn fix_width(text: &str) -> String {
     fixed
 }
 
-fn uncurl(character: char) -> char {
+/// Replaces a curly quotation mark by a straight one.
+fn straighten_quote(character: char) -> char {
     match character {
         '\u{2bc}' | '‘'..='‛' => '\'',
         '“'..='‟' => '"',
@@ -132,12 +133,13 @@ fn uncurl(character: char) -> char {
     }
 }
 
+/// Replaces all line breaks by `\n`.
 fn fix_line_breaks(text: &str) -> String {
     text.replace("\r\n", "\n")
         .replace(['\r', '\u{85}', '\u{2028}', '\u{2029}'], "\n")
 }
 
-/// Characters that show nothing and have no use in text.
+/// Returns whether a character is a control character that is invisible and has no use in text.
 fn is_control(character: char) -> bool {
     matches!(
         character,

@@ -1,4 +1,4 @@
-//! UTF-8 that was read in another encoding, read once more.
+//! Repair of mojibake: UTF-8 that was decoded in another encoding.
 
 use std::sync::LazyLock;
 
@@ -7,7 +7,7 @@ use regex::bytes;
 use super::badness::{is_bad, utf8_lookalikes};
 use super::charmap::{self, CHARMAPS, Charmap};
 
-/// Undoes every layer of wrong decoding that is found.
+/// Undoes all layers of wrong decoding.
 pub(super) fn fix_encoding(text: &str) -> String {
     let mut text = text.to_owned();
     loop {
@@ -18,13 +18,13 @@ pub(super) fn fix_encoding(text: &str) -> String {
     }
 }
 
-/// Undoes one layer, if the text looks as if it had one.
+/// Undoes one layer of wrong decoding, if the text looks as if it had one.
 fn fix_layer(text: &str) -> Option<String> {
     if text.is_ascii() || !is_bad(text) {
         return None;
     }
-    let reread = |charmap| read_again(text, charmap);
-    if let Some(fixed) = CHARMAPS.iter().find_map(reread) {
+    let fixed_by = |charmap| redecode(text, charmap);
+    if let Some(fixed) = CHARMAPS.iter().find_map(fixed_by) {
         return Some(fixed);
     }
     let fixed = fix_parts(text);
@@ -34,19 +34,21 @@ fn fix_layer(text: &str) -> Option<String> {
     Some(text.chars().map(charmap::fix_c1).collect())
 }
 
-/// The text's bytes in that encoding as UTF-8, if the encoding has the text and they are UTF-8.
-fn read_again(text: &str, charmap: &Charmap) -> Option<String> {
+/// Encodes the text in an encoding and decodes the bytes as UTF-8. Returns `None` if one of these steps is not possible.
+fn redecode(text: &str, charmap: &Charmap) -> Option<String> {
     let mut bytes = charmap.encode(text)?;
     if charmap.restores_spaces {
         bytes = restore_spaces(&bytes);
     }
     if charmap.is_lossy {
-        bytes = LOST.replace_all(&bytes, "\u{fffd}".as_bytes()).into_owned();
+        bytes = LOST_BYTES
+            .replace_all(&bytes, "\u{fffd}".as_bytes())
+            .into_owned();
     }
     decode(&bytes)
 }
 
-/// Fixes the parts of the text that look like UTF-8 read in another encoding, each on its own.
+/// Fixes, one by one, the parts of the text that look like UTF-8 read in another encoding.
 fn fix_parts(text: &str) -> String {
     let mut fixed = String::with_capacity(text.len());
     let mut done = 0;
@@ -54,7 +56,7 @@ fn fix_parts(text: &str) -> String {
         fixed.push_str(&text[done..part.start]);
         done = part.end;
         let part = &text[part];
-        // The whole text would come here again.
+        // A part that is the whole text would lead to an endless recursion.
         if part.len() < text.len() && is_bad(part) {
             fixed.push_str(&fix_encoding(part));
         } else {
@@ -64,9 +66,9 @@ fn fix_parts(text: &str) -> String {
     fixed + &text[done..]
 }
 
-/// Sequences of UTF-8 in which byte A0, a space that does not break, became a space. Sequences for
-/// unlikely characters are left out.
-static SPACED: LazyLock<bytes::Regex> = LazyLock::new(|| {
+/// Sequences of UTF-8 in which byte A0, a no-break space, was replaced by a space. Sequences for unlikely characters are
+/// left out.
+static SPACED_SEQUENCE: LazyLock<bytes::Regex> = LazyLock::new(|| {
     pattern(&[
         r"[\xc2\xc3\xc5\xce\xd0\xd9]\x20",
         r"[\xe2\xe3]\x20[\x80-\x84\x86-\x9f\xa1-\xbf]",
@@ -77,13 +79,13 @@ static SPACED: LazyLock<bytes::Regex> = LazyLock::new(|| {
     ])
 });
 
-/// The word à, which takes its space along, unless it begins another word of Portuguese.
+/// The word à with the space after it, unless à is the beginning of another Portuguese word.
 static A_GRAVE: LazyLock<bytes::Regex> =
     LazyLock::new(|| pattern(&[r"\xc3\x20(\x20|quele|quela|quilo|s\x20)?"]));
 
-/// Sequences of UTF-8, or of surrogates in it, with bytes that were lost: 1A stands for U+FFFD, and
-/// once a sequence for a question mark.
-static LOST: LazyLock<bytes::Regex> = LazyLock::new(|| {
+/// Sequences of UTF-8, or of surrogates in UTF-8, with lost bytes. A lost byte appears as 1A, which stands for U+FFFD, and
+/// in some sequences as a question mark.
+static LOST_BYTES: LazyLock<bytes::Regex> = LazyLock::new(|| {
     pattern(&[
         r"[\xc2-\xdf]\x1a",
         r"[\xc2-\xc3]\?",
@@ -109,37 +111,37 @@ fn restore_spaces(text: &[u8]) -> Vec<u8> {
         Some(_) => found[0].to_vec(),
     });
     let restore = |byte: &u8| if *byte == b' ' { 0xa0 } else { *byte };
-    SPACED
+    SPACED_SEQUENCE
         .replace_all(&text, |found: &bytes::Captures| {
             found[0].iter().map(restore).collect::<Vec<_>>()
         })
         .into_owned()
 }
 
-/// UTF-8, in which a character may also stand as two surrogates (CESU-8), and U+0000 as C0 80
-/// (Java).
+/// Decodes UTF-8, in which a character may also be written as two surrogates (CESU-8), and U+0000 as C0 80 (Java).
 fn decode(bytes: &[u8]) -> Option<String> {
     let mut text = String::with_capacity(bytes.len());
     let mut rest = bytes;
-    let mut at = 0;
-    while at < rest.len() {
-        match variant(&rest[at..]) {
-            None => at += 1,
+    let mut index = 0;
+    while index < rest.len() {
+        match decode_variant(&rest[index..]) {
+            None => index += 1,
             Some((character, length)) => {
-                text.push_str(str::from_utf8(&rest[..at]).ok()?);
+                text.push_str(str::from_utf8(&rest[..index]).ok()?);
                 text.push(character);
-                rest = &rest[at + length..];
-                at = 0;
+                rest = &rest[index + length..];
+                index = 0;
             }
         }
     }
     Some(text + str::from_utf8(rest).ok()?)
 }
 
-/// The character at the beginning and its length in bytes, if UTF-8 does not write it so.
-fn variant(bytes: &[u8]) -> Option<(char, usize)> {
+/// Decodes the character at the beginning, if it is written in a way that standard UTF-8 does not allow. Returns the
+/// character and its length in bytes.
+fn decode_variant(bytes: &[u8]) -> Option<(char, usize)> {
     match *bytes {
-        // "$" in ftfy's patterns lets the newline that ends a line be the last byte.
+        // The "$" in ftfy's patterns also matches the newline at the end of a line in place of the last byte.
         [0xc0, 0x80, ..] | [0xc0, b'\n'] => Some(('\0', 2)),
         [
             0xed,
