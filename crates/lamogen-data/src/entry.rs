@@ -23,8 +23,8 @@ pub struct Entry {
     pub source: Option<String>,
     /// The recording that the motion was cut from. Entries of one trial belong in one split.
     pub trial: Option<String>,
-    /// The entry that this one is a variation of. A variation is a computed motion that nobody performed; training can
-    /// learn from it what moving in another manner is. See
+    /// The entry that this one is a variation of. A variation is a computed motion that nobody performed; it can show
+    /// training how the same movement looks in another manner. See
     /// [`Dataset::with_variations`](crate::Dataset::with_variations).
     pub variation_of: Option<String>,
     /// A remark for readers, such as what was changed in the motion.

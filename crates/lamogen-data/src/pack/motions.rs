@@ -63,7 +63,7 @@ pub(super) fn read(
         }
     }
 
-    // A file is read once, even if several parts of it are listed: the indices of these are beside its name.
+    // A file is read once, even if several parts of it are listed. Each file has the indices of its listed motions.
     let mut files: Vec<(&str, Vec<usize>)> = Vec::new();
     let mut file_indices = HashMap::new();
     for (index, motion) in motions.iter().enumerate() {
