@@ -9,7 +9,7 @@ use lamogen_motion::{FeatureGroup, Motion, MotionError, Normalization, POSE_FEAT
 
 use crate::entry::Entry;
 use crate::error::DataError;
-use crate::form::Form;
+use crate::form::FolderFormat;
 use crate::mirror::Mirror;
 use crate::options::{LoadOptions, Progress};
 use crate::problems::Problems;
@@ -18,9 +18,10 @@ use crate::split::Split;
 use crate::statistics::Statistics;
 use crate::{humanml3d, packed};
 
-/// Motions with captions, their rows of pose features, and the statistics that networks are trained with.
+/// A data set in memory: motions with captions, their rows of pose features, and mean and standard deviation of the
+/// features, which networks are trained with.
 ///
-/// All rows are in memory, 16 bits a number: 0.5 kB a frame, about 2 GB for HumanML3D.
+/// All rows are in memory, 16 bits per number: 0.5 kB per frame, about 2 GB for HumanML3D.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     pub(crate) folder: PathBuf,
@@ -32,14 +33,14 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Opens a folder of either form: the packed one, or HumanML3D's. `observer` is told how far reading is.
+    /// Opens a folder in the packed form or in HumanML3D's form. `observer` gets the progress of reading.
     ///
     /// Motions that cannot be used are left out and listed in [`problems`](Self::problems).
     ///
     /// # Errors
     ///
-    /// If the options allow no length, the folder has neither form, a file that stands for all motions is damaged, no motion is left, or there
-    /// are no statistics and none can be computed.
+    /// If the options allow no length, the folder has neither form, a file that all motions depend on is damaged, no
+    /// usable motion is left, or the folder has no statistics and they cannot be computed.
     pub fn open(
         folder: impl AsRef<Path>,
         options: &LoadOptions,
@@ -47,13 +48,13 @@ impl Dataset {
     ) -> Result<Dataset, DataError> {
         let folder = folder.as_ref();
         options.check()?;
-        match Form::of(folder)? {
-            Form::Packed => packed::open(folder, options, observer),
-            Form::HumanMl3d => humanml3d::open(folder, options, observer),
+        match FolderFormat::of(folder)? {
+            FolderFormat::Packed => packed::open(folder, options, observer),
+            FolderFormat::HumanMl3d => humanml3d::open(folder, options, observer),
         }
     }
 
-    /// A data set of what was read.
+    /// Returns a data set of entries and their rows. Without `statistics` it computes them.
     ///
     /// # Errors
     ///
@@ -90,12 +91,12 @@ impl Dataset {
         })
     }
 
-    /// All motions of several data sets as one, with statistics over all of them. A motion whose name another data set before has gets the name of
-    /// its data set's folder in front.
+    /// Joins several data sets into one, with statistics over all motions. Where an earlier data set already has a
+    /// motion of the same name, the later motion's name gets its folder's name as a prefix.
     ///
     /// # Errors
     ///
-    /// If there is no data set, their mirror images are made in different ways, or statistics cannot be computed.
+    /// If there is no data set, the data sets define mirror images differently, or statistics cannot be computed.
     pub fn join(datasets: Vec<Dataset>) -> Result<Dataset, DataError> {
         let mut datasets = datasets.into_iter();
         let mut joined = datasets.next().ok_or(DataError::NoSource)?;
@@ -116,7 +117,7 @@ impl Dataset {
             );
             for mut entry in other.entries {
                 if names.contains(&entry.name) {
-                    // Mirror images keep their M in front.
+                    // The names of mirror images still begin with M.
                     entry.name = match entry.name.strip_prefix('M').filter(|_| entry.mirror) {
                         Some(name) => format!("M{folder}_{name}"),
                         None => format!("{folder}_{}", entry.name),
@@ -139,69 +140,75 @@ impl Dataset {
         )
     }
 
-    /// Writes it in the packed form: `motions.safetensors` and `captions.jsonl`. The folder appears whole or not at
-    /// all. Rows that no entry uses are left out.
+    /// Writes the data set in the packed form: `motions.safetensors` and `captions.jsonl`. The folder appears with
+    /// both files or not at all. Rows that no entry uses are left out.
     ///
     /// # Errors
     ///
-    /// If there is anything in the folder but, with `force`, a packed data set; or it cannot be written.
+    /// If the folder is not empty, unless `force` is set and it holds only a packed data set; or if it cannot be
+    /// written.
     pub fn save(&self, folder: impl AsRef<Path>, force: bool) -> Result<(), DataError> {
         packed::write(self, folder.as_ref(), force)
     }
 
-    /// Whether [`save`](Self::save) may write a folder, to be asked before long work.
+    /// Checks that [`save`](Self::save) may write to a folder. Call it before long work.
     ///
     /// # Errors
     ///
-    /// If there is anything in it but, with `force`, a packed data set.
+    /// If the folder is not empty, unless `force` is set and it holds only a packed data set.
     pub fn check_free(folder: impl AsRef<Path>, force: bool) -> Result<(), DataError> {
         packed::check_free(folder.as_ref(), force)
     }
 
-    /// The folder that it was read from.
+    /// Returns the folder that the data set was read from.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Every entry, in the order of the files.
+    /// Returns all entries, in the order of the files.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// The entries of a split.
+    /// Returns the entries of a split.
     pub fn split(&self, split: Split) -> impl Iterator<Item = &Entry> {
         let entries = self.entries.iter();
         entries.filter(move |entry| entry.split == split)
     }
 
-    /// Where the entries of a split are among [`entries`](Self::entries).
+    /// Returns the indices of a split's entries in [`entries`](Self::entries).
     pub fn indices(&self, split: Split) -> impl Iterator<Item = usize> + '_ {
         let entries = self.entries.iter().enumerate();
         entries.filter_map(move |(index, entry)| (entry.split == split).then_some(index))
     }
 
-    /// The mean of every feature over the training split, `[263]`, unless others were [given](Self::with_normalization).
+    /// Returns the mean of every feature, `[263]`: over the training split, unless other statistics were
+    /// [given](Self::with_normalization).
     pub fn mean(&self) -> &[f32] {
         &self.statistics.mean
     }
 
-    /// The standard deviation of every feature over the training split, `[263]`, above 0. Where it was computed it is one
-    /// number within each [`FeatureGroup`], the mean of its features' own, and 1 for a group that never changes.
+    /// Returns the standard deviation of every feature over the training split, `[263]`, above 0.
+    ///
+    /// A computed deviation is the same for all features of a [`FeatureGroup`]: the mean of their own deviations, or 1
+    /// for a group that never changes.
     pub fn std(&self) -> &[f32] {
         &self.statistics.std
     }
 
-    /// Groups of features whose deviation is 1 because they never change in the frames for training. Usually none.
+    /// Returns the groups of features that never change in the training frames, so that their deviation is 1. There are
+    /// usually none.
     pub fn unchanging(&self) -> impl Iterator<Item = FeatureGroup> + '_ {
         let groups = FeatureGroup::ALL.into_iter();
         groups.filter(|group| self.std()[group.range()].iter().all(|std| *std == 1.0))
     }
 
-    /// The same motions, normalised by other statistics: those of a network that was trained on other data.
+    /// Replaces the statistics that motions are normalised with, for example by those of a network that was trained on
+    /// other data.
     ///
     /// # Panics
     ///
-    /// If they are not of 263 features.
+    /// If the statistics are not of 263 features.
     pub fn with_normalization(self, normalization: &Normalization) -> Self {
         assert_eq!(
             normalization.features(),
@@ -213,44 +220,46 @@ impl Dataset {
         Dataset { statistics, ..self }
     }
 
-    /// Mean and standard deviation as tensors.
+    /// Returns mean and standard deviation as tensors on a device.
     pub fn normalization(&self, device: &Device) -> Normalization {
         let checked = "statistics are finite and above 0 since the data set was opened";
         Normalization::from_slices(self.mean(), self.std(), device).expect(checked)
     }
 
-    /// Appends frames of an entry to `out`, 263 numbers each, as they are: metres, radians, 20 frames a second.
+    /// Appends the pose features of an entry's frames to `out`, 263 numbers per frame. They are not normalised: metres,
+    /// radians, 20 frames per second.
     ///
     /// # Panics
     ///
-    /// If the frames are not within the entry, or it is of another data set.
+    /// If the frames are not within the entry, or the entry belongs to another data set.
     pub fn features(&self, entry: &Entry, frames: Range<usize>, out: &mut Vec<f32>) {
-        self.append(entry, frames, out, |row| row);
+        self.append_rows(entry, frames, out, |row| row);
     }
 
-    /// An entry as a motion.
+    /// Converts an entry to a motion.
     ///
     /// # Errors
     ///
-    /// If its rows give positions that are not finite.
+    /// If the entry's rows give positions that are not finite.
     ///
     /// # Panics
     ///
-    /// If it is of another data set.
+    /// If the entry belongs to another data set.
     pub fn motion(&self, entry: &Entry) -> Result<Motion, MotionError> {
         let mut rows = Vec::new();
         self.features(entry, 0..entry.frames, &mut rows);
         Motion::from_pose_features(rows.as_chunks().0.to_vec())
     }
 
-    /// As [`features`](Self::features), normalised: `(x - mean) / std`.
+    /// Appends the normalised pose features of an entry's frames to `out`: `(x - mean) / std` of each number that
+    /// [`features`](Self::features) appends.
     ///
     /// # Panics
     ///
     /// As [`features`](Self::features).
     pub fn normalized(&self, entry: &Entry, frames: Range<usize>, out: &mut Vec<f32>) {
         let (mean, std) = (self.mean(), self.std());
-        self.append(entry, frames, out, |mut row| {
+        self.append_rows(entry, frames, out, |mut row| {
             for ((value, mean), std) in row.iter_mut().zip(mean).zip(std) {
                 *value = (*value - mean) / std;
             }
@@ -258,12 +267,13 @@ impl Dataset {
         });
     }
 
-    fn append(
+    /// Appends an entry's rows to `out`, mirrored if the entry is a mirror image, each changed by `transform`.
+    fn append_rows(
         &self,
         entry: &Entry,
         frames: Range<usize>,
         out: &mut Vec<f32>,
-        of: impl Fn([f32; POSE_FEATURES]) -> [f32; POSE_FEATURES],
+        transform: impl Fn([f32; POSE_FEATURES]) -> [f32; POSE_FEATURES],
     ) {
         assert!(
             frames.start <= frames.end && frames.end <= entry.frames,
@@ -278,16 +288,16 @@ impl Dataset {
                 true => self.mirror.apply(&row),
                 false => row,
             };
-            out.extend(of(row));
+            out.extend(transform(row));
         }
     }
 
-    /// How a mirrored entry comes from its rows.
+    /// Returns the mapping from the stored rows of a mirrored entry to its features.
     pub fn mirror(&self) -> &Mirror {
         &self.mirror
     }
 
-    /// What was left out, and why.
+    /// Returns the motions that were left out, with the reasons.
     pub fn problems(&self) -> &Problems {
         &self.problems
     }

@@ -1,4 +1,4 @@
-//! Motions that are computed from others of a data set.
+//! Motions that are computed from other motions of a data set.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -10,36 +10,40 @@ use crate::entry::Entry;
 use crate::problems::ProblemKind;
 use crate::rows::to_half;
 
-/// Which entries lie on the same rows: a motion and its mirror image.
-pub(crate) struct Siblings(HashMap<Range<usize>, Vec<usize>>);
+/// The indices of the entries that use the same rows, by these rows: a motion and its mirror image share them.
+///
+/// Variations are not among them.
+pub(crate) struct EntriesByRows(HashMap<Range<usize>, Vec<usize>>);
 
-impl Siblings {
-    pub(crate) fn of(entries: &[Entry]) -> Siblings {
-        let mut siblings: HashMap<_, Vec<usize>> = HashMap::new();
-        for (place, entry) in entries.iter().enumerate() {
+impl EntriesByRows {
+    pub(crate) fn of(entries: &[Entry]) -> EntriesByRows {
+        let mut by_rows: HashMap<_, Vec<usize>> = HashMap::new();
+        for (index, entry) in entries.iter().enumerate() {
             if entry.variation_of.is_none() {
-                siblings.entry(entry.rows()).or_default().push(place);
+                by_rows.entry(entry.rows()).or_default().push(index);
             }
         }
-        Siblings(siblings)
+        EntriesByRows(by_rows)
     }
 }
 
 impl Dataset {
-    /// Adds a motion that was computed from an entry, as an entry of its own for that one and for each that lies on the same rows. They are
-    /// named with `ending` behind, and are otherwise what `change` makes of their originals. A motion with numbers beyond 16 bits is left
-    /// out and listed.
+    /// Adds a motion that was computed from the entry with the index `original`.
+    ///
+    /// It adds one entry for the original and one for every other entry with the same rows. The new entry's name is the
+    /// old one with `suffix`; its other fields are those that `change` returns. A motion with a number that 16 bits
+    /// cannot hold is left out and listed as a problem.
     pub(crate) fn add_derived(
         &mut self,
-        (original, siblings): (usize, &Siblings),
+        (original, by_rows): (usize, &EntriesByRows),
         rows: &[[f32; POSE_FEATURES]],
-        ending: &str,
+        suffix: &str,
         change: impl Fn(&Entry) -> Entry,
     ) {
         let halves = match to_half(rows.as_flattened()) {
             Ok(halves) => halves,
             Err(place) => {
-                let name = format!("{}{ending}", self.entries[original].name);
+                let name = format!("{}{suffix}", self.entries[original].name);
                 let reason = format!("row {} is beyond 16 bits", place / POSE_FEATURES);
                 self.problems.add(name, ProblemKind::NotFinite, reason);
                 return;
@@ -47,10 +51,10 @@ impl Dataset {
         };
         let (clip, start) = (self.rows.clips(), self.rows.len());
         self.rows.push(&halves);
-        for &place in &siblings.0[&self.entries[original].rows()] {
-            let entry = &self.entries[place];
+        for &index in &by_rows.0[&self.entries[original].rows()] {
+            let entry = &self.entries[index];
             let derived = Entry {
-                name: format!("{}{ending}", entry.name),
+                name: format!("{}{suffix}", entry.name),
                 frames: rows.len(),
                 clip,
                 start,

@@ -1,4 +1,4 @@
-//! One motion of a data set, with what is said of it.
+//! A data set's entry: one motion with its captions.
 
 use std::ops::Range;
 
@@ -7,32 +7,33 @@ use crate::split::Split;
 /// A motion with its captions. Its rows are in the [`Dataset`](crate::Dataset) that it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Its name, the only one of the kind in the data set.
+    /// The name, unique in the data set.
     pub name: String,
-    /// What it is for.
+    /// The split that the entry belongs to.
     pub split: Split,
-    /// Its length in frames, at 20 a second.
+    /// The length in frames, at 20 frames per second.
     pub frames: usize,
-    /// Whether it is the mirror image of the rows that are stored.
+    /// Whether the entry is the mirror image of the stored rows.
     pub mirror: bool,
-    /// What is done, in a word such as `walk-turn-left`, where the source says so.
+    /// The action in a word such as `walk-turn-left`, where the source has one.
     pub content: Option<String>,
-    /// How it is done, in a word such as `tired`, where the source says so.
+    /// The style of the action in a word such as `tired`, where the source has one.
     pub style: Option<String>,
-    /// Where it is from.
+    /// The origin of the motion.
     pub source: Option<String>,
-    /// The recording that it was cut from; entries of one trial belong into one split.
+    /// The recording that the motion was cut from. Entries of one trial belong in one split.
     pub trial: Option<String>,
-    /// The entry that it is a variation of: a motion that nobody made, with which training may show what it is to move otherwise. See
+    /// The entry that this one is a variation of. A variation is a computed motion that nobody performed; it can show
+    /// training how the same movement looks in another manner. See
     /// [`Dataset::with_variations`](crate::Dataset::with_variations).
     pub variation_of: Option<String>,
-    /// What is good to know of it.
+    /// A remark for readers, such as what was changed in the motion.
     pub note: Option<String>,
-    /// What is said of it; at least one.
+    /// The captions; at least one.
     pub captions: Vec<Caption>,
-    /// Which clip of the data set its rows lie in.
+    /// The clip of the data set that holds the entry's rows.
     pub(crate) clip: usize,
-    /// Its first row, counted over the whole data set.
+    /// The entry's first row, counted over the whole data set.
     pub(crate) start: usize,
 }
 
@@ -41,17 +42,18 @@ pub struct Entry {
 pub struct Caption {
     /// The sentence.
     pub text: String,
-    /// Its words with their parts of speech, such as `a/DET man/NOUN walk/VERB`, where the source has them.
+    /// The words with their parts of speech, such as `a/DET man/NOUN walk/VERB`, where the source has them.
     pub tokens: Option<String>,
 }
 
 impl Entry {
-    /// Which clip of the data set its rows lie in: that of its mirror image, and of other parts of the same clip.
+    /// Returns the index of the clip that holds the entry's rows. A mirror image and other parts of the clip have the
+    /// same index.
     pub fn clip(&self) -> usize {
         self.clip
     }
 
-    /// Its rows, counted over the whole data set.
+    /// Returns the entry's rows, counted over the whole data set.
     pub(crate) fn rows(&self) -> Range<usize> {
         self.start..self.start + self.frames
     }

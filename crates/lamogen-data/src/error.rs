@@ -1,12 +1,11 @@
-//! What can go wrong with a whole data set. What is wrong with single motions is in
-//! [`Problems`](crate::Problems).
+//! Errors that concern a whole data set. Problems with single motions are in [`Problems`](crate::Problems).
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use lamogen_motion::npy::NpyError;
 
-/// Why a data set cannot be opened or written.
+/// An error when a data set is opened, packed or written.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A file or folder cannot be read.
@@ -17,18 +16,18 @@ pub enum DataError {
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
     Write { path: PathBuf, reason: io::Error },
-    /// The folder has none of the known forms.
+    /// The folder is in none of the known forms.
     #[error(
         "{folder}: expected motions.safetensors and captions.jsonl (the packed form), or new_joint_vecs, texts \
          and train.txt, val.txt or test.txt (HumanML3D's); found {found}"
     )]
     #[allow(missing_docs)]
     Form { folder: PathBuf, found: String },
-    /// The motions' file is no safetensors, or is cut short.
+    /// The file of the motions is not a safetensors file, or is cut short.
     #[error("{path}: not a readable safetensors file: {problem}")]
     #[allow(missing_docs)]
     Format { path: PathBuf, problem: String },
-    /// A tensor is missing, or is none that can be used.
+    /// A tensor is missing or cannot be used.
     #[error("{path}: tensor `{tensor}`: expected {expected}, found {found}")]
     #[allow(missing_docs)]
     Tensor {
@@ -37,10 +36,10 @@ pub enum DataError {
         expected: String,
         found: String,
     },
-    /// An array of statistics.
+    /// A `.npy` file of the statistics cannot be read.
     #[error(transparent)]
     Npy(#[from] NpyError),
-    /// An array of another shape.
+    /// An array has an unexpected shape.
     #[error("{path}: expected the shape {expected}, found {found:?}")]
     #[allow(missing_docs)]
     Shape {
@@ -48,7 +47,7 @@ pub enum DataError {
         expected: String,
         found: Vec<usize>,
     },
-    /// A value that can be no mean or standard deviation.
+    /// A value cannot be a mean or a standard deviation.
     #[error("{path}: expected {expected} for feature {feature} ({group}), found {found}")]
     #[allow(missing_docs)]
     Statistic {
@@ -62,20 +61,20 @@ pub enum DataError {
     #[error("{folder}: mean and standard deviation cannot be computed: {problem}")]
     #[allow(missing_docs)]
     Statistics { folder: PathBuf, problem: String },
-    /// Nothing to pack.
+    /// There is no folder to pack.
     #[error("expected at least one folder to read")]
     NoSource,
-    /// Data sets that cannot be one, because their mirror images are made in different ways.
+    /// Data sets cannot be joined because they define mirror images differently.
     #[error("{other}: expected features that are mirrored as in {folder}, found others")]
     #[allow(missing_docs)]
     Mirrors { folder: PathBuf, other: PathBuf },
-    /// Several sources of which one is no data set.
+    /// One of several sources is not a data set.
     #[error(
         "{folder}: expected a data set (the packed form, or HumanML3D's), since several are packed into one; found motion files or others. Pack them first"
     )]
     #[allow(missing_docs)]
     NotADataset { folder: PathBuf },
-    /// The options allow no length.
+    /// The options allow no length of a motion.
     #[error(
         "expected a shortest length from 1 frame to the longest, found {min_frames} and {max_frames}"
     )]
@@ -84,7 +83,7 @@ pub enum DataError {
         min_frames: usize,
         max_frames: usize,
     },
-    /// A line about motion files makes no sense.
+    /// A line of a captions file is invalid.
     #[error("{path}, line {line}: {problem}")]
     #[allow(missing_docs)]
     Captions {
@@ -92,38 +91,38 @@ pub enum DataError {
         line: usize,
         problem: String,
     },
-    /// Further captions of other motions.
+    /// A file of further captions names no motion of the data set.
     #[error("{path}: expected captions of motions in {folder}, found none of these")]
     #[allow(missing_docs)]
     NoneNamed { path: PathBuf, folder: PathBuf },
-    /// Motion files without any captions.
+    /// Motion files are to be packed without a captions file.
     #[error("{folder}: expected a data set, or a file of captions for motion files; found neither")]
     #[allow(missing_docs)]
     Uncaptioned { folder: PathBuf },
-    /// A file of captions for a data set that has its own.
+    /// A captions file is given for a data set that has captions of its own.
     #[error(
         "{folder}: a data set with captions of its own; expected no file of captions beside it"
     )]
     #[allow(missing_docs)]
     Superfluous { folder: PathBuf },
-    /// The folder to write is not free.
+    /// The output folder is not empty.
     #[error("{folder}: expected an empty folder or none, found {found}")]
     #[allow(missing_docs)]
     Occupied { folder: PathBuf, found: String },
-    /// No motion is left.
+    /// No usable motion is left.
     #[error("{folder}: expected at least one motion that can be used: {problems}")]
     #[allow(missing_docs)]
     Nothing { folder: PathBuf, problems: String },
 }
 
 impl DataError {
-    /// For `map_err` of what the file system reports of reading.
+    /// Returns a function for `map_err` that turns an I/O error of reading `path` into a [`DataError`].
     pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
         let path = path.to_owned();
         move |reason| DataError::Read { path, reason }
     }
 
-    /// The same of writing.
+    /// Returns a function for `map_err` that turns an I/O error of writing `path` into a [`DataError`].
     pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> DataError + use<> {
         let path = path.to_owned();
         move |reason| DataError::Write { path, reason }

@@ -1,4 +1,4 @@
-//! The forms of a data set on disk.
+//! The forms that a data set can have on disk.
 
 use std::path::Path;
 
@@ -6,55 +6,59 @@ use crate::error::DataError;
 use crate::split::Split;
 use crate::{humanml3d, packed};
 
-/// How a data set lies in a folder.
+/// The form of a data set's folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Form {
+pub(crate) enum FolderFormat {
     /// `motions.safetensors` and `captions.jsonl`.
     Packed,
-    /// `new_joint_vecs`, `texts` and lists of names.
+    /// `new_joint_vecs`, `texts` and the lists of names of the splits.
     HumanMl3d,
 }
 
-impl Form {
-    /// The form of a folder.
+impl FolderFormat {
+    /// Returns the form of a folder.
     ///
     /// # Errors
     ///
-    /// If there is no such folder, or it has none of the forms; the error names what was looked for.
-    pub fn of(folder: &Path) -> Result<Form, DataError> {
-        Form::recognise(folder)?.ok_or_else(|| {
-            let lists = Split::ALL.map(humanml3d::list);
+    /// If there is no such folder, or it has none of the forms; the error names the files that were looked for.
+    pub fn of(folder: &Path) -> Result<FolderFormat, DataError> {
+        FolderFormat::recognise(folder)?.ok_or_else(|| {
+            let lists = Split::ALL.map(humanml3d::list_file);
             let parts = [
                 packed::MOTIONS,
                 packed::CAPTIONS,
                 humanml3d::VECTORS,
                 humanml3d::TEXTS,
             ];
-            let there: Vec<&str> = { parts.into_iter().chain(lists) }
+            let present: Vec<&str> = { parts.into_iter().chain(lists) }
                 .filter(|part| folder.join(part).exists())
                 .collect();
             DataError::Form {
                 folder: folder.to_owned(),
-                found: match there.is_empty() {
+                found: match present.is_empty() {
                     true => "none of these".into(),
-                    false => format!("only {}", there.join(", ")),
+                    false => format!("only {}", present.join(", ")),
                 },
             }
         })
     }
 
-    /// The same, where a folder of another kind is no error.
-    pub fn recognise(folder: &Path) -> Result<Option<Form>, DataError> {
-        // A missing folder should be said so, not that files are missing in it.
+    /// Returns the form of a folder, or `None` if the folder exists but has none of the forms.
+    ///
+    /// # Errors
+    ///
+    /// If the folder cannot be read.
+    pub fn recognise(folder: &Path) -> Result<Option<FolderFormat>, DataError> {
+        // If the folder itself is missing, the error should say so, not that files are missing in it.
         std::fs::read_dir(folder).map_err(DataError::read(folder))?;
-        let there = |parts: &[&str]| parts.iter().all(|part| folder.join(part).exists());
-        let listed = Split::ALL
+        let has_all = |parts: &[&str]| parts.iter().all(|part| folder.join(part).exists());
+        let has_list = Split::ALL
             .iter()
-            .any(|split| there(&[humanml3d::list(*split)]));
-        if there(&[packed::MOTIONS, packed::CAPTIONS]) {
-            return Ok(Some(Form::Packed));
+            .any(|split| has_all(&[humanml3d::list_file(*split)]));
+        if has_all(&[packed::MOTIONS, packed::CAPTIONS]) {
+            return Ok(Some(FolderFormat::Packed));
         }
-        let humanml3d = listed && there(&[humanml3d::VECTORS, humanml3d::TEXTS]);
-        Ok(humanml3d.then_some(Form::HumanMl3d))
+        let is_humanml3d = has_list && has_all(&[humanml3d::VECTORS, humanml3d::TEXTS]);
+        Ok(is_humanml3d.then_some(FolderFormat::HumanMl3d))
     }
 }

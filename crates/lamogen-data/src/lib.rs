@@ -1,4 +1,4 @@
-//! Motion capture with captions, as training and evaluation need it.
+//! Motion capture data sets with captions, for training and evaluation.
 //!
 //! ```text
 //! HumanML3D's folder ──┐
@@ -7,8 +7,8 @@
 //! motion files, captions ─────┴─pack──▶ packed folder
 //! ```
 //!
-//! A [`Dataset`] holds all rows in memory, 16 bits a number. What cannot be used is left out and listed in
-//! [`Dataset::problems`]. Features are those of [`lamogen_motion`]: 263 a frame, 20 frames a second, metres.
+//! A [`Dataset`] holds all rows in memory, 16 bits per number. Motions that cannot be used are left out and listed in
+//! [`Dataset::problems`]. The features are those of [`lamogen_motion`]: 263 per frame, 20 frames per second, metres.
 
 mod checksum;
 mod dataset;

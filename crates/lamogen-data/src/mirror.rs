@@ -1,18 +1,19 @@
-//! The mirror image of pose features.
+//! Mirror images of pose features.
 
 use lamogen_motion::{FOOT_CONTACT_JOINTS, FeatureGroup, Joint, POSE_FEATURES};
 
-/// How a row of pose features becomes that of the mirrored motion: left and right change places, x points the
-/// other way. `mirrored[i] = row[source[i]] * sign[i]`.
+/// The mapping from a row of pose features to the row of the mirrored motion, in which left and right are exchanged
+/// and x is negated: `mirrored[i] = row[source[i]] * sign[i]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirror {
     source: [usize; POSE_FEATURES],
     sign: [f32; POSE_FEATURES],
 }
 
-/// What a mirror in x does to a point.
+/// The signs by which mirroring in x multiplies the coordinates of a point.
 const POINT: [f32; 3] = [-1.0, 1.0, 1.0];
-/// What it does to the first two columns of a rotation: R becomes M R M, with M = diag(-1, 1, 1).
+/// The signs by which mirroring in x multiplies the first two columns of a rotation: R becomes M R M, with
+/// M = diag(-1, 1, 1).
 const COLUMNS: [f32; 6] = [1.0, -1.0, -1.0, -1.0, 1.0, 1.0];
 
 impl Default for Mirror {
@@ -22,30 +23,31 @@ impl Default for Mirror {
 }
 
 impl Mirror {
-    /// That of HumanML3D's features.
+    /// Returns the mirror mapping of HumanML3D's features.
     pub fn new() -> Mirror {
         let mut mirror = Mirror {
             source: std::array::from_fn(|feature| feature),
             sign: [1.0; POSE_FEATURES],
         };
-        // Turning left becomes turning right; x of the velocity, not z.
+        // A turn to the left becomes a turn to the right; of the velocity, x changes its sign and z does not.
         mirror.sign[FeatureGroup::RootYaw.range().start] = -1.0;
         mirror.sign[FeatureGroup::RootVelocity.range().start] = -1.0;
-        mirror.joints(FeatureGroup::LocalPositions, &Joint::ALL[1..], &POINT);
-        mirror.joints(FeatureGroup::Rotations, &Joint::ALL[1..], &COLUMNS);
-        mirror.joints(FeatureGroup::Velocities, &Joint::ALL, &POINT);
-        mirror.joints(FeatureGroup::FootContact, &FOOT_CONTACT_JOINTS, &[1.0]);
+        mirror.map_joints(FeatureGroup::LocalPositions, &Joint::ALL[1..], &POINT);
+        mirror.map_joints(FeatureGroup::Rotations, &Joint::ALL[1..], &COLUMNS);
+        mirror.map_joints(FeatureGroup::Velocities, &Joint::ALL, &POINT);
+        mirror.map_joints(FeatureGroup::FootContact, &FOOT_CONTACT_JOINTS, &[1.0]);
         mirror
     }
 
-    /// The mirror of a file, if it is one: every feature once, signs 1 or -1.
-    pub(crate) fn of(source: &[i32], sign: &[f32]) -> Option<Mirror> {
+    /// Returns the mirror mapping that a file holds. It is `None` unless every feature occurs once in `source` and
+    /// every sign is 1 or -1.
+    pub(crate) fn from_arrays(source: &[i32], sign: &[f32]) -> Option<Mirror> {
         let source: Vec<usize> = source.iter().map(|&i| i as usize).collect();
         let mut sorted = source.clone();
         sorted.sort_unstable();
-        let whole = sorted.into_iter().eq(0..POSE_FEATURES);
-        let signs = sign.iter().all(|sign| sign.abs() == 1.0);
-        match whole && signs {
+        let is_permutation = sorted.into_iter().eq(0..POSE_FEATURES);
+        let are_signs = sign.iter().all(|sign| sign.abs() == 1.0);
+        match is_permutation && are_signs {
             true => Some(Mirror {
                 source: source.try_into().ok()?,
                 sign: sign.try_into().ok()?,
@@ -54,29 +56,29 @@ impl Mirror {
         }
     }
 
-    /// Where every feature of the mirror image comes from.
+    /// Returns, for every feature of the mirror image, the index of the original feature that it is computed from.
     pub fn source(&self) -> &[usize; POSE_FEATURES] {
         &self.source
     }
 
-    /// By what it is multiplied there: 1 or -1.
+    /// Returns the factor of every feature of the mirror image: 1 or -1.
     pub fn sign(&self) -> &[f32; POSE_FEATURES] {
         &self.sign
     }
 
-    /// The mirror image of a row.
+    /// Returns the mirror image of a row.
     pub fn apply(&self, row: &[f32; POSE_FEATURES]) -> [f32; POSE_FEATURES] {
         std::array::from_fn(|feature| row[self.source[feature]] * self.sign[feature])
     }
 
-    /// A group that has as many values for each of some joints as there are signs.
-    fn joints(&mut self, group: FeatureGroup, joints: &[Joint], signs: &[f32]) {
+    /// Sets the mapping of a feature group that has `signs.len()` values for each of `joints`.
+    fn map_joints(&mut self, group: FeatureGroup, joints: &[Joint], signs: &[f32]) {
         let start = group.range().start;
-        for (place, joint) in joints.iter().enumerate() {
+        for (index, joint) in joints.iter().enumerate() {
             let other = joints.iter().position(|other| *other == joint.mirrored());
             let other = other.expect("a group has both sides of the body");
             for (value, &sign) in signs.iter().enumerate() {
-                let feature = start + place * signs.len() + value;
+                let feature = start + index * signs.len() + value;
                 self.source[feature] = start + other * signs.len() + value;
                 self.sign[feature] = sign;
             }
@@ -130,15 +132,18 @@ mod tests {
     fn a_mirror_of_a_file_takes_every_feature_once() {
         let mirror = Mirror::new();
         let source: Vec<i32> = mirror.source.iter().map(|&i| i as i32).collect();
-        assert_eq!(Mirror::of(&source, &mirror.sign), Some(mirror.clone()));
+        assert_eq!(
+            Mirror::from_arrays(&source, &mirror.sign),
+            Some(mirror.clone())
+        );
         let mut twice = source.clone();
         twice[3] = 4;
-        assert_eq!(Mirror::of(&twice, &mirror.sign), None);
+        assert_eq!(Mirror::from_arrays(&twice, &mirror.sign), None);
         let mut scaled = mirror.sign;
         scaled[3] = 0.5;
-        assert_eq!(Mirror::of(&source, &scaled), None);
-        assert_eq!(Mirror::of(&source[1..], &mirror.sign), None);
+        assert_eq!(Mirror::from_arrays(&source, &scaled), None);
+        assert_eq!(Mirror::from_arrays(&source[1..], &mirror.sign), None);
         let negative: Vec<i32> = source.iter().map(|i| -i).collect();
-        assert_eq!(Mirror::of(&negative, &mirror.sign), None);
+        assert_eq!(Mirror::from_arrays(&negative, &mirror.sign), None);
     }
 }

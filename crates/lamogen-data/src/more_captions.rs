@@ -1,4 +1,4 @@
-//! Further sentences about motions that have captions already.
+//! Further captions for motions that already have some.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -8,24 +8,26 @@ use serde::Deserialize;
 use crate::dataset::Dataset;
 use crate::entry::Caption;
 use crate::error::DataError;
-use crate::sides::swap;
+use crate::sides::swap_sides;
 
-/// A line of the file.
+/// A line of the file: a motion's name and its further captions.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Line {
+struct MotionCaptions {
     name: String,
     captions: Vec<String>,
 }
 
 impl Dataset {
-    /// Adds sentences to the captions of motions: a file with one motion a line, in JSON such as
-    /// `{"name": "run_3", "captions": ["a kid dashes off"]}`. Mirror images get theirs with left and right exchanged. Returns the names of
-    /// which there is no motion.
+    /// Adds the captions of a file to motions and returns the names in the file that no motion has.
+    ///
+    /// Every line of the file is JSON such as `{"name": "run_3", "captions": ["a kid dashes off"]}`, one motion per
+    /// line. A mirror image gets the captions of its original with left and right exchanged.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, a line makes no sense or names a motion a second time, or none of its motions is there.
+    /// If the file cannot be read, a line is invalid or names a motion a second time, or the data set has none of the
+    /// named motions.
     pub fn add_captions(&mut self, path: impl AsRef<Path>) -> Result<Vec<String>, DataError> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(DataError::read(path))?;
@@ -35,22 +37,22 @@ impl Dataset {
             problem,
         })?;
         let mut known = vec![false; lines.len()];
-        let places: HashMap<&str, usize> = { lines.iter().enumerate() }
-            .map(|(place, line)| (&*line.name, place))
+        let line_of: HashMap<&str, usize> = { lines.iter().enumerate() }
+            .map(|(index, line)| (&*line.name, index))
             .collect();
         for entry in &mut self.entries {
             // Mirror images are named like their originals, with an M in front.
             let original = entry.name.strip_prefix('M').filter(|_| entry.mirror);
-            let Some(&place) = places.get(original.unwrap_or(&entry.name)) else {
+            let Some(&index) = line_of.get(original.unwrap_or(&entry.name)) else {
                 continue;
             };
-            known[place] = true;
+            known[index] = true;
             let is_mirrored = original.is_some();
             entry
                 .captions
-                .extend(lines[place].captions.iter().map(|text| Caption {
+                .extend(lines[index].captions.iter().map(|text| Caption {
                     text: if is_mirrored {
-                        swap(text)
+                        swap_sides(text)
                     } else {
                         text.clone()
                     },
@@ -68,16 +70,16 @@ impl Dataset {
     }
 }
 
-/// The lines, or the number of the first bad one, from 1, and what is wrong with it.
-fn parse(text: &str) -> Result<Vec<Line>, (usize, String)> {
-    let mut lines: Vec<Line> = Vec::new();
-    let mut numbers: HashMap<String, usize> = HashMap::new();
-    for (place, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+/// Parses the lines. The error is the number of the first invalid line, counted from 1, and what is wrong with it.
+fn parse(text: &str) -> Result<Vec<MotionCaptions>, (usize, String)> {
+    let mut lines: Vec<MotionCaptions> = Vec::new();
+    let mut first_lines: HashMap<String, usize> = HashMap::new();
+    for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         if line.trim().is_empty() {
             continue;
         }
-        let number = place + 1;
-        let mut line: Line =
+        let number = index + 1;
+        let mut line: MotionCaptions =
             serde_json::from_str(line).map_err(|error| (number, error.to_string()))?;
         for caption in &mut line.captions {
             *caption = caption.trim().to_owned();
@@ -86,7 +88,7 @@ fn parse(text: &str) -> Result<Vec<Line>, (usize, String)> {
             let problem = format!("expected captions, found {:?}", line.captions);
             return Err((number, problem));
         }
-        if let Some(first) = numbers.insert(line.name.clone(), number) {
+        if let Some(first) = first_lines.insert(line.name.clone(), number) {
             return Err((number, format!("{} has line {first} already", line.name)));
         }
         lines.push(line);

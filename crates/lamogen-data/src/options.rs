@@ -1,13 +1,13 @@
-//! What is read, and how far reading is.
+//! Options of reading, and progress.
 
 use crate::error::DataError;
 
-/// Which motions are used.
+/// The lengths of motions that are loaded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// The shortest motion, in frames; 40 as in the public text-to-motion code.
+    /// The least length in frames; 40 by default, as in the public text-to-motion code.
     pub min_frames: usize,
-    /// The longest motion, in frames; 199, because that code leaves out 200 and more.
+    /// The greatest length in frames; 199 by default, because the public code leaves out motions of 200 frames or more.
     pub max_frames: usize,
 }
 
@@ -21,7 +21,11 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Whether any length is within the limits.
+    /// Checks that a length can be within the limits.
+    ///
+    /// # Errors
+    ///
+    /// If the limits allow no length.
     pub(crate) fn check(&self) -> Result<(), DataError> {
         let LoadOptions {
             min_frames,
@@ -37,11 +41,11 @@ impl LoadOptions {
     }
 }
 
-/// How far a long work is.
+/// The progress of reading or packing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// How many clips or files are done.
+    /// The number of clips, files or rows that are done.
     pub done: usize,
-    /// How many there are.
+    /// The number of clips, files or rows in all.
     pub all: usize,
 }

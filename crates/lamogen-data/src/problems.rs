@@ -1,4 +1,4 @@
-//! What was left out, and why.
+//! The motions that were left out of a data set, with the reasons.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -8,44 +8,44 @@ use crate::options::LoadOptions;
 /// A motion that is not in the data set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// Its name, or its place in a file.
+    /// The name of the motion, or the place of its line in a file.
     pub name: String,
-    /// What is the matter.
+    /// The kind of problem.
     pub kind: ProblemKind,
-    /// The same in words: what was expected, what was found.
+    /// The problem in words: what was expected and what was found.
     pub reason: String,
 }
 
-/// Why a motion is not in the data set.
+/// The kinds of reasons why a motion is not in the data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ProblemKind {
-    /// It has fewer frames than the options ask for.
+    /// The motion has fewer frames than the options require.
     TooShort,
-    /// It has more frames than the options allow.
+    /// The motion has more frames than the options allow.
     TooLong,
-    /// It is listed, but its file is missing; or there are captions of it and nothing else.
+    /// The motion is listed but its file is missing, or it has captions but no motion.
     Missing,
-    /// Its file cannot be read as a motion.
+    /// The motion's file cannot be read.
     Unreadable,
-    /// Its array has another shape.
+    /// The motion's array has an unexpected shape.
     Shape,
     /// A number is not finite, or too large for 16 bits.
     NotFinite,
-    /// Nothing is said of it.
+    /// The motion has no caption.
     NoCaption,
-    /// A line about it makes no sense.
+    /// A line about the motion is invalid.
     Line,
-    /// It is there twice.
+    /// The motion occurs twice.
     Twice,
 }
 
 impl ProblemKind {
-    /// Whether the motion is well and only out of the options' limits.
+    /// Returns whether the motion itself is valid and only its length is out of the options' limits.
     pub fn is_limit(self) -> bool {
         matches!(self, ProblemKind::TooShort | ProblemKind::TooLong)
     }
 
-    /// In words, such as `too short`.
+    /// Returns the kind in words, such as `too short`.
     pub const fn name(self) -> &'static str {
         match self {
             ProblemKind::TooShort => "too short",
@@ -67,34 +67,34 @@ impl fmt::Display for ProblemKind {
     }
 }
 
-/// Everything that was left out of a data set.
+/// All motions that were left out of a data set, with the reasons.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Problems {
     list: Vec<Problem>,
 }
 
 impl Problems {
-    /// Everything, in the order in which it was met.
+    /// Returns all problems, in the order in which they were found.
     pub fn iter(&self) -> impl Iterator<Item = &Problem> {
         self.list.iter()
     }
 
-    /// How many motions were left out.
+    /// Returns the number of motions that were left out.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    /// Whether nothing was left out.
+    /// Returns whether no motion was left out.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// How many of a kind.
+    /// Returns the number of problems of a kind.
     pub fn count(&self, kind: ProblemKind) -> usize {
         self.iter().filter(|problem| problem.kind == kind).count()
     }
 
-    /// How many of every kind that there is.
+    /// Returns the number of problems of every kind that occurs.
     pub fn counts(&self) -> BTreeMap<ProblemKind, usize> {
         let mut counts = BTreeMap::new();
         for problem in &self.list {
@@ -103,11 +103,12 @@ impl Problems {
         counts
     }
 
-    /// What is broken: everything but motions that are merely out of the options' limits.
+    /// Returns all problems but those of motions that are only too short or too long for the options.
     pub fn broken(&self) -> impl Iterator<Item = &Problem> {
         self.iter().filter(|problem| !problem.kind.is_limit())
     }
 
+    /// Adds a problem.
     pub(crate) fn add(
         &mut self,
         name: impl Into<String>,
@@ -125,7 +126,7 @@ impl Problems {
         self.list.extend(problems);
     }
 
-    /// The counts as a sentence, with the first reason of every kind.
+    /// Returns the counts as a sentence, with the first problem of every kind.
     pub(crate) fn summary(&self) -> String {
         let mut first = HashMap::new();
         for problem in &self.list {
@@ -142,7 +143,7 @@ impl Problems {
     }
 }
 
-/// Whether a length is within the limits, and if not, what to say of it.
+/// Checks that a length is within the limits. The error is the kind of problem and its reason.
 pub(crate) fn check_length(
     frames: usize,
     options: &LoadOptions,

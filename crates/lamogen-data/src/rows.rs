@@ -1,19 +1,19 @@
-//! Rows of pose features, 16 bits a number.
+//! Rows of pose features, 16 bits per number.
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use lamogen_motion::POSE_FEATURES;
 
-/// The rows of all clips, one after the other.
+/// The rows of all clips, one clip after another.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
     values: Vec<f16>,
-    /// Where each clip begins, and last where all end.
+    /// The first row of each clip, and at the end the number of all rows.
     offsets: Vec<usize>,
 }
 
 impl Rows {
-    /// No clip yet.
+    /// Returns rows without any clip.
     pub fn new() -> Rows {
         Rows {
             values: Vec::new(),
@@ -21,7 +21,7 @@ impl Rows {
         }
     }
 
-    /// Rows that are already in one piece.
+    /// Returns rows from all numbers and the offsets of the clips: the first row of each, and the number of all rows.
     ///
     /// # Panics
     ///
@@ -42,40 +42,40 @@ impl Rows {
         self.offsets.push(self.len());
     }
 
-    /// Makes room for rows, so that a large data set does not move as it grows.
+    /// Reserves memory for more rows, so that a large data set is not copied as it grows.
     pub fn reserve(&mut self, rows: usize) {
         self.values.reserve(rows * POSE_FEATURES);
     }
 
-    /// Adds all clips of others.
+    /// Adds all clips of other rows.
     pub fn append(&mut self, others: &Rows) {
-        let before = self.len();
+        let first = self.len();
         self.values.extend_from_slice(&others.values);
         let ends = others.offsets.iter().skip(1);
-        self.offsets.extend(ends.map(|end| before + end));
+        self.offsets.extend(ends.map(|end| first + end));
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.values.len() / POSE_FEATURES
     }
 
-    /// Number of clips.
+    /// Returns the number of clips.
     pub fn clips(&self) -> usize {
         self.offsets.len() - 1
     }
 
-    /// The rows of a clip.
+    /// Returns the rows of a clip.
     pub fn clip(&self, clip: usize) -> std::ops::Range<usize> {
         self.offsets[clip]..self.offsets[clip + 1]
     }
 
-    /// The numbers of some rows.
+    /// Returns the numbers of a range of rows.
     pub fn values(&self, rows: std::ops::Range<usize>) -> &[f16] {
         &self.values[rows.start * POSE_FEATURES..rows.end * POSE_FEATURES]
     }
 
-    /// A row in 32 bits.
+    /// Returns a row as 32-bit numbers.
     pub fn row(&self, row: usize) -> [f32; POSE_FEATURES] {
         let mut values = [0.0; POSE_FEATURES];
         self.values(row..row + 1).convert_to_f32_slice(&mut values);
@@ -83,7 +83,7 @@ impl Rows {
     }
 }
 
-/// Numbers in 16 bits, or the first place of one that is not finite there.
+/// Converts numbers to 16 bits. The error is the index of the first number that is not finite in 16 bits.
 pub(crate) fn to_half(values: &[f32]) -> Result<Vec<f16>, usize> {
     let mut halves = vec![f16::ZERO; values.len()];
     halves.convert_from_f32_slice(values);
@@ -93,7 +93,7 @@ pub(crate) fn to_half(values: &[f32]) -> Result<Vec<f16>, usize> {
     }
 }
 
-/// The place of the first number that is not finite.
+/// Returns the index of the first number that is not finite.
 pub(crate) fn first_not_finite(values: &[f16]) -> Option<usize> {
     values.iter().position(|value| !value.is_finite())
 }

@@ -1,13 +1,14 @@
-//! What is said of a motion, said of its mirror image.
+//! Captions of mirror images: left and right exchanged in texts.
 
-/// What may follow `left` and `right` in a word that names a side.
-const ENDINGS: [&str; 11] = [
+/// The suffixes of `left` and `right` in words that name a side.
+const SIDE_SUFFIXES: [&str; 11] = [
     "", "s", "ward", "wards", "most", "hand", "handed", "side", "foot", "footed", "sided",
 ];
 
-/// A sentence with left and right, clockwise and counterclockwise exchanged. Words that only contain them, such as
-/// `upright`, stay; a verb such as in "he left" is taken for a side.
-pub(crate) fn swap(text: &str) -> String {
+/// Exchanges left and right, and clockwise and counterclockwise, in a sentence.
+///
+/// Words that only contain these, such as `upright`, are not changed. A verb as in "he left" is treated as a side.
+pub(crate) fn swap_sides(text: &str) -> String {
     let mut swapped = String::with_capacity(text.len() + 8);
     let mut rest = text;
     while let Some(start) = rest.find(char::is_alphabetic) {
@@ -18,16 +19,16 @@ pub(crate) fn swap(text: &str) -> String {
         let (word, after) = words.split_at(end);
         swapped.push_str(between);
         match word.to_ascii_lowercase().as_str() {
-            // Counter-clockwise, in two words.
+            // "counter-clockwise" or "counter clockwise" becomes "clockwise".
             "counter" | "anti" if is_clockwise(after) => {
                 let start = after.find(char::is_alphabetic).unwrap_or(0);
                 let (_, clockwise) = after.split_at(start);
                 let (clockwise, after) = clockwise.split_at("clockwise".len());
-                swapped.push_str(&cased(clockwise, word));
+                swapped.push_str(&match_case(clockwise, word));
                 rest = after;
             }
             _ => {
-                swapped.push_str(&swap_word(word));
+                swapped.push_str(&swap_sides_in_word(word));
                 rest = after;
             }
         }
@@ -35,8 +36,8 @@ pub(crate) fn swap(text: &str) -> String {
     swapped + rest
 }
 
-/// The same for words with their parts of speech, such as `turn/VERB left/ADV`.
-pub(crate) fn swap_tokens(tokens: &str) -> String {
+/// Exchanges the same words in a list of words with their parts of speech, such as `turn/VERB left/ADV`.
+pub(crate) fn swap_sides_in_tokens(tokens: &str) -> String {
     let mut swapped: Vec<String> = Vec::new();
     let mut tokens = tokens.split(' ').peekable();
     while let Some(token) = tokens.next() {
@@ -49,13 +50,13 @@ pub(crate) fn swap_tokens(tokens: &str) -> String {
             swapped.extend(tokens.next().map(str::to_owned));
             continue;
         }
-        let word = swap(word);
+        let word = swap_sides(word);
         swapped.push(speech.map_or(word.clone(), |speech| format!("{word}/{speech}")));
     }
     swapped.join(" ")
 }
 
-/// Whether a text goes on with clockwise, after a blank or a hyphen.
+/// Returns whether a text begins with `clockwise` after at least one space or hyphen.
 fn is_clockwise(text: &str) -> bool {
     let words = text.trim_start_matches([' ', '-']);
     let end = words
@@ -64,7 +65,8 @@ fn is_clockwise(text: &str) -> bool {
     text.len() > words.len() && words[..end].eq_ignore_ascii_case("clockwise")
 }
 
-fn swap_word(word: &str) -> String {
+/// Exchanges the side or the direction that a word names; another word is returned as it is.
+fn swap_sides_in_word(word: &str) -> String {
     let lower = word.to_ascii_lowercase();
     let other = match lower.as_str() {
         "clockwise" => Some("counterclockwise".to_owned()),
@@ -73,16 +75,16 @@ fn swap_word(word: &str) -> String {
             .into_iter()
             .find_map(|(side, other)| {
                 let ending = lower.strip_prefix(side)?;
-                ENDINGS
+                SIDE_SUFFIXES
                     .contains(&ending)
                     .then(|| format!("{other}{ending}"))
             }),
     };
-    other.map_or(word.to_owned(), |other| cased(&other, word))
+    other.map_or(word.to_owned(), |other| match_case(&other, word))
 }
 
-/// A word, with capitals as another has them.
-fn cased(word: &str, like: &str) -> String {
+/// Returns a word in the case of another one: lower case, first letter capital, or all capitals.
+fn match_case(word: &str, like: &str) -> String {
     let capitals = like.chars().filter(|c| c.is_uppercase()).count();
     match like.chars().next() {
         Some(first) if first.is_uppercase() && capitals > 1 => word.to_ascii_uppercase(),
@@ -98,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sides_are_exchanged_and_other_words_kept() {
+    fn sides_are_exchanged_and_other_words_are_kept() {
         for (text, mirrored) in [
             ("Left foot, then the right.", "Right foot, then the left."),
             (
@@ -118,7 +120,7 @@ mod tests {
             ("raise_left_hand2", "raise_right_hand2"),
             ("", ""),
         ] {
-            assert_eq!(swap(text), mirrored);
+            assert_eq!(swap_sides(text), mirrored);
         }
     }
 
@@ -128,17 +130,20 @@ mod tests {
             "the left-most of both Right hands",
             "clockwise, then counterclockwise",
         ] {
-            assert_ne!(swap(text), text);
-            assert_eq!(swap(&swap(text)), text);
+            assert_ne!(swap_sides(text), text);
+            assert_eq!(swap_sides(&swap_sides(text)), text);
         }
     }
 
     #[test]
     fn tokens_keep_their_parts_of_speech() {
         assert_eq!(
-            swap_tokens("turn/VERB left/ADV counter/NOUN clockwise/ADV x"),
+            swap_sides_in_tokens("turn/VERB left/ADV counter/NOUN clockwise/ADV x"),
             "turn/VERB right/ADV clockwise/ADV x"
         );
-        assert_eq!(swap_tokens("clockwise/ADV"), "counterclockwise/ADV");
+        assert_eq!(
+            swap_sides_in_tokens("clockwise/ADV"),
+            "counterclockwise/ADV"
+        );
     }
 }

@@ -1,27 +1,29 @@
-//! The same movement faster or slower.
+//! Copies of motions that are faster or slower.
 
 use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, POSE_FEATURES, encode_every_frame};
 use rayon::prelude::*;
 
 use crate::dataset::Dataset;
-use crate::derived::Siblings;
+use crate::derived::EntriesByRows;
 use crate::entry::Entry;
 use crate::options::LoadOptions;
 use crate::split::Split;
 
-/// Beginnings of words that say how fast something is done.
-const HASTE: [&str; 22] = [
+/// The first letters of words that say how fast an action is.
+const SPEED_WORD_STEMS: [&str; 22] = [
     "slow", "fast", "quick", "rapid", "swift", "brisk", "speed", "pace", "hurr", "hast", "rush",
     "leisure", "gradual", "sudden", "abrupt", "gentl", "careful", "lazi", "lazy", "dash", "sprint",
     "unhurr",
 ];
 
 impl Dataset {
-    /// Adds motions for training at other speeds: 0.8 takes a quarter longer. Each becomes an entry of its own with the captions of its
-    /// original, named after it with the speed behind, as does its mirror image.
+    /// Adds copies of the training motions at other speeds. At speed 0.8, for example, a motion takes a quarter longer.
     ///
-    /// Left alone are motions whose captions say how fast they are, and those that leave the ground, because gravity sets their speed; and what
-    /// would become shorter or longer than `limits` allow.
+    /// Every copy is an entry of its own with the captions of its original, and so is the copy's mirror image. Its name
+    /// is that of the original with the speed appended, such as `000001@0.8`.
+    ///
+    /// There are no copies of motions that have a caption about their speed, nor of motions that leave the ground,
+    /// because gravity sets their speed. Copies that would be shorter or longer than `limits` allow are not added.
     ///
     /// # Panics
     ///
@@ -32,25 +34,25 @@ impl Dataset {
             "expected speeds from 0.1 to 10, found {speeds:?}"
         );
         let originals: Vec<usize> = { self.indices(Split::Train) }
-            .filter(|&place| {
-                let entry = &self.entries[place];
+            .filter(|&index| {
+                let entry = &self.entries[index];
                 let is_original = !entry.mirror && entry.variation_of.is_none();
-                is_original && !says_how_fast(entry) && !self.leaves_the_ground(entry)
+                is_original && !mentions_speed(entry) && !self.leaves_the_ground(entry)
             })
             .collect();
-        let work: Vec<(usize, f32)> = { originals.iter() }
-            .flat_map(|&place| speeds.iter().map(move |&speed| (place, speed)))
+        let pairs: Vec<(usize, f32)> = { originals.iter() }
+            .flat_map(|&index| speeds.iter().map(move |&speed| (index, speed)))
             .collect();
-        let made: Vec<Vec<[f32; POSE_FEATURES]>> = { work.par_iter() }
-            .map(|&(place, speed)| self.at_speed(&self.entries[place], speed))
+        let copies: Vec<Vec<[f32; POSE_FEATURES]>> = { pairs.par_iter() }
+            .map(|&(index, speed)| self.rows_at_speed(&self.entries[index], speed))
             .collect();
-        let siblings = Siblings::of(&self.entries);
-        for ((place, speed), rows) in work.into_iter().zip(made) {
+        let by_rows = EntriesByRows::of(&self.entries);
+        for ((index, speed), rows) in pairs.into_iter().zip(copies) {
             if !(limits.min_frames..=limits.max_frames).contains(&rows.len()) {
                 continue;
             }
-            let ending = format!("@{speed}");
-            self.add_derived((place, &siblings), &rows, &ending, |entry| Entry {
+            let suffix = format!("@{speed}");
+            self.add_derived((index, &by_rows), &rows, &suffix, |entry| Entry {
                 note: Some(format!("{speed} times as fast")),
                 ..entry.clone()
             });
@@ -58,24 +60,24 @@ impl Dataset {
         self
     }
 
-    /// Whether both feet are off the ground at once, for two frames or more.
+    /// Returns whether both feet are off the ground at once for two frames or more.
     fn leaves_the_ground(&self, entry: &Entry) -> bool {
         const FRAMES: usize = 2;
         let mut rows = Vec::new();
         self.features(entry, 0..entry.frames, &mut rows);
-        let mut flying = 0;
+        let mut airborne = 0;
         rows.as_chunks::<POSE_FEATURES>().0.iter().any(|row| {
             let contacts = &row[FeatureGroup::FootContact.range()];
-            flying = match contacts.iter().all(|contact| *contact < 0.5) {
-                true => flying + 1,
+            airborne = match contacts.iter().all(|contact| *contact < 0.5) {
+                true => airborne + 1,
                 false => 0,
             };
-            flying >= FRAMES
+            airborne >= FRAMES
         })
     }
 
-    /// The rows of a motion at another speed; none where it is no motion.
-    fn at_speed(&self, entry: &Entry, speed: f32) -> Vec<[f32; POSE_FEATURES]> {
+    /// Returns the rows of a motion at another speed; no rows if the entry cannot be converted to a motion.
+    fn rows_at_speed(&self, entry: &Entry, speed: f32) -> Vec<[f32; POSE_FEATURES]> {
         self.motion(entry).map_or_else(
             |_| Vec::new(),
             |motion| {
@@ -86,11 +88,11 @@ impl Dataset {
     }
 }
 
-/// Whether a caption says how fast a motion is.
-fn says_how_fast(entry: &Entry) -> bool {
+/// Returns whether a caption of an entry says how fast the motion is.
+fn mentions_speed(entry: &Entry) -> bool {
     entry.captions.iter().any(|caption| {
         let text = caption.text.to_lowercase();
         let mut words = text.split(|c: char| !c.is_alphabetic());
-        words.any(|word| HASTE.iter().any(|start| word.starts_with(start)))
+        words.any(|word| SPEED_WORD_STEMS.iter().any(|stem| word.starts_with(stem)))
     })
 }

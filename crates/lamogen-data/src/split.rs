@@ -1,32 +1,32 @@
-//! The three parts of a data set.
+//! The splits of a data set: training, validation and test.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::checksum::Checksum;
 
-/// What an entry is for.
+/// A split of a data set: the purpose of its entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Split {
-    /// To train on; `train` in files.
+    /// Entries for training; `train` in files.
     Train,
-    /// To choose settings by; `val` in files.
+    /// Entries for choosing settings; `val` in files.
     Validation,
-    /// To measure on; `test` in files.
+    /// Entries for final measurements; `test` in files.
     Test,
 }
 
 impl Split {
-    /// Every split, in the order that training, choosing and measuring have.
+    /// All splits: training, validation, test.
     pub const ALL: [Split; 3] = [Split::Train, Split::Validation, Split::Test];
 
-    /// The split of a recording by its name alone: 80 % of names are for training, 5 % for validation, 15 % for
-    /// tests, as in HumanML3D. Other names do not change it.
+    /// Returns the split of a recording, which depends on its name and the seed only: 80 % of names are for training,
+    /// 5 % for validation and 15 % for tests, as in HumanML3D.
     pub(crate) fn by_hash(trial: &str, seed: u64) -> Split {
         let mut sum = Checksum::new(seed);
         sum.add(trial.as_bytes());
         let mut hash = sum.value();
-        // The finish of SplitMix64, which spreads names that differ in one letter.
+        // The final mixing of SplitMix64; without it, names that differ in one letter would have similar hashes.
         hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         match (hash ^ (hash >> 31)) % 100 {
@@ -36,7 +36,7 @@ impl Split {
         }
     }
 
-    /// The name in files.
+    /// Returns the name in files: `train`, `val` or `test`.
     pub const fn name(self) -> &'static str {
         match self {
             Split::Train => "train",
@@ -52,7 +52,7 @@ impl fmt::Display for Split {
     }
 }
 
-/// A word that is no split.
+/// The error for a word that is not the name of a split. It holds the word.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a split (train, val or test), found {0:?}")]
 pub struct SplitError(pub String);
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_dealt_out_in_the_proportions_of_humanml3d() {
+    fn names_are_assigned_in_the_proportions_of_humanml3d() {
         let share = |split: Split, seed: u64| {
             let names = (0..10_000).map(|i| format!("walk_{i}.bvh"));
             names

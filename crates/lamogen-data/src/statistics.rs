@@ -1,4 +1,4 @@
-//! Mean and standard deviation over the training split, as HumanML3D has them.
+//! Mean and standard deviation of the features over the training split, as HumanML3D computes them.
 
 use std::ops::Range;
 
@@ -10,23 +10,26 @@ use crate::mirror::Mirror;
 use crate::rows::Rows;
 use crate::split::Split;
 
-/// Mean and standard deviation of every feature; within a [`FeatureGroup`] the deviation is one number, the mean of
-/// the features' own (Guo et al. 2022, `cal_mean_variance`). A group that never changes, such as the contacts of
-/// people who all stand still, has the deviation 1: its features are normalised to 0.
+/// Mean and standard deviation of every feature, `[263]` each.
+///
+/// All features of a [`FeatureGroup`] have the same deviation, the mean of their own deviations (Guo et al. 2022,
+/// `cal_mean_variance`). A group that never changes, such as the foot contacts of people who all stand still, has the
+/// deviation 1, so that its features are normalised to 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Statistics {
     pub mean: Vec<f32>,
     pub std: Vec<f32>,
 }
 
-/// What deviates less than this, in metres or radians, is taken for rounding.
+/// A smaller deviation, in metres or radians, counts as a rounding error: the feature does not change.
 const UNCHANGING: f64 = 1e-5;
 
-/// Rows that one task sums up; fixed, so that sums do not depend on the number of threads.
+/// The number of rows that one task sums. It is fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 4096;
 
 impl Statistics {
-    /// Those of the training entries but for variations, every row once, and once mirrored where an entry is.
+    /// Computes the statistics of the training entries without variations. Every row counts once, and once more
+    /// mirrored if a mirror image uses it.
     ///
     /// # Errors
     ///
@@ -34,7 +37,7 @@ impl Statistics {
     pub fn of(entries: &[Entry], rows: &Rows, mirror: &Mirror) -> Result<Statistics, String> {
         let mut moments = Moments::default();
         for mirrored in [false, true] {
-            let ranges = covered(entries, mirrored);
+            let ranges = training_ranges(entries, mirrored);
             let chunks: Vec<Range<usize>> = ranges.into_iter().flat_map(chunks).collect();
             let parts: Vec<Moments> = { chunks.into_par_iter() }
                 .map(|chunk| Moments::of(rows, chunk))
@@ -65,31 +68,35 @@ impl Statistics {
         })
     }
 
-    /// The first value that can be no mean or standard deviation: in which of the two (`mean` or `std`), what is
-    /// expected, of which feature, and the value.
-    pub fn first_wrong(&self) -> Option<(&'static str, &'static str, usize, f32)> {
-        let finite = |value: &f32| value.is_finite();
-        let positive = |value: &f32| value.is_finite() && *value > 0.0;
-        let wrong = |values: &[f32], right: &dyn Fn(&f32) -> bool| {
-            let place = values.iter().position(|value| !right(value));
-            place.map(|place| (place, values[place]))
+    /// Returns the first value that cannot be a mean or a standard deviation: the name of its array (`mean` or `std`),
+    /// what was expected, the feature's index, and the value.
+    pub fn first_invalid(&self) -> Option<(&'static str, &'static str, usize, f32)> {
+        let is_finite = |value: &f32| value.is_finite();
+        let is_positive = |value: &f32| value.is_finite() && *value > 0.0;
+        let first = |values: &[f32], is_valid: &dyn Fn(&f32) -> bool| {
+            let index = values.iter().position(|value| !is_valid(value));
+            index.map(|index| (index, values[index]))
         };
-        let mean = wrong(&self.mean, &finite).map(|(i, value)| ("mean", "a finite mean", i, value));
+        let mean =
+            first(&self.mean, &is_finite).map(|(i, value)| ("mean", "a finite mean", i, value));
         mean.or_else(|| {
-            let (i, value) = wrong(&self.std, &positive)?;
+            let (i, value) = first(&self.std, &is_positive)?;
             Some(("std", "a standard deviation above 0", i, value))
         })
     }
 }
 
-/// The rows of the training entries that are, or are not, mirrored: without overlaps, in order.
-fn covered(entries: &[Entry], mirrored: bool) -> Vec<Range<usize>> {
-    let wanted = |entry: &&Entry| {
+/// Returns the rows of the training entries that are mirror images, or of those that are not. The ranges are sorted and
+/// do not overlap.
+fn training_ranges(entries: &[Entry], mirrored: bool) -> Vec<Range<usize>> {
+    let is_included = |entry: &&Entry| {
         let is_original = entry.variation_of.is_none();
         entry.split == Split::Train && entry.mirror == mirrored && is_original
     };
-    let mut ranges: Vec<Range<usize>> =
-        { entries.iter() }.filter(wanted).map(Entry::rows).collect();
+    let mut ranges: Vec<Range<usize>> = { entries.iter() }
+        .filter(is_included)
+        .map(Entry::rows)
+        .collect();
     ranges.sort_by_key(|range| range.start);
     let mut joined: Vec<Range<usize>> = Vec::new();
     for range in ranges {
@@ -101,6 +108,7 @@ fn covered(entries: &[Entry], mirrored: bool) -> Vec<Range<usize>> {
     joined
 }
 
+/// Cuts a range of rows into chunks of [`CHUNK`] rows; the last one may be shorter.
 fn chunks(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let end = range.end;
     range
@@ -108,7 +116,7 @@ fn chunks(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
         .map(move |start| start..end.min(start + CHUNK))
 }
 
-/// How many rows, their mean, and the sum of squared distances from it.
+/// The number of rows, their mean, and the sum of the squared deviations from the mean.
 struct Moments {
     count: f64,
     mean: [f64; POSE_FEATURES],
@@ -126,6 +134,7 @@ impl Default for Moments {
 }
 
 impl Moments {
+    /// Computes the moments of a range of rows.
     fn of(rows: &Rows, range: Range<usize>) -> Moments {
         let mut moments = Moments {
             count: range.len() as f64,
@@ -146,22 +155,23 @@ impl Moments {
         moments
     }
 
-    /// Those of both together (Chan et al. 1979).
+    /// Returns the moments of both sets of rows together (Chan et al. 1979).
     fn merge(mut self, other: Moments) -> Moments {
         let count = self.count + other.count;
         if count == 0.0 {
             return self;
         }
-        let part = other.count / count;
+        let share = other.count / count;
         for i in 0..POSE_FEATURES {
-            let apart = other.mean[i] - self.mean[i];
-            self.mean[i] += apart * part;
-            self.squares[i] += other.squares[i] + apart * apart * self.count * part;
+            let difference = other.mean[i] - self.mean[i];
+            self.mean[i] += difference * share;
+            self.squares[i] += other.squares[i] + difference * difference * self.count * share;
         }
         self.count = count;
         self
     }
 
+    /// Returns the moments of the mirror images of the rows.
     fn mirrored(&self, mirror: &Mirror) -> Moments {
         let (source, sign) = (mirror.source(), mirror.sign());
         Moments {

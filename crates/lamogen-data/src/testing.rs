@@ -1,11 +1,11 @@
-//! Motions to test with.
+//! Motions for tests.
 
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A body that walks and turns while every limb swings on its own.
+/// Returns the poses of a body that walks and turns while every limb swings independently.
 pub(crate) fn walk(seed: u64, frames: usize) -> Vec<[[f32; 3]; JOINTS]> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let swings: Vec<(DVec3, f64, f64)> = (0..JOINTS)
@@ -42,7 +42,7 @@ pub(crate) fn walk(seed: u64, frames: usize) -> Vec<[[f32; 3]; JOINTS]> {
         .collect()
 }
 
-/// Where a joint is seen from its parent in a T-pose.
+/// Returns the offset of a joint from its parent in a T-pose, in metres.
 fn bone(joint: Joint) -> DVec3 {
     use Joint::*;
     match joint {

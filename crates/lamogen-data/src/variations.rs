@@ -1,35 +1,39 @@
-//! Motions that differ from recorded ones in how they are moved.
+//! Variations: computed motions that do the same as a recorded motion in another manner.
 
 use lamogen_motion::POSE_FEATURES;
 
 use crate::dataset::Dataset;
-use crate::derived::Siblings;
+use crate::derived::EntriesByRows;
 use crate::entry::Entry;
 
 /// A variation of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionVariation {
-    /// Which entry it is a variation of.
+    /// The index of the entry that it is a variation of.
     pub entry: usize,
-    /// Its pose features, as many rows as that entry has.
+    /// The pose features, as many rows as the entry has.
     pub rows: Vec<[f32; POSE_FEATURES]>,
-    /// What was changed.
+    /// A note on what was changed.
     pub note: String,
 }
 
 impl Dataset {
-    /// Adds variations of motions. Each becomes an entry of its own, named after its original with a number behind; the mirror image of the
-    /// original gets the mirror image of the variation. Statistics are those of the originals alone. Variations with numbers beyond 16 bits
-    /// are left out and listed in [`problems`](Self::problems).
+    /// Adds variations of motions.
+    ///
+    /// Every variation becomes an entry of its own; its name is that of the original with a number appended, such as
+    /// `000001~1`. If the original has a mirror image, the mirror image of the variation is added, too. The statistics
+    /// remain those of the originals. Variations with numbers that 16 bits cannot hold are left out and listed in
+    /// [`problems`](Self::problems).
     ///
     /// # Panics
     ///
-    /// If there is no such entry, it is a mirror image or a variation itself, or has another number of rows.
+    /// If an entry does not exist, is itself a mirror image or a variation, or has another number of rows than its
+    /// variation.
     pub fn with_variations(
         mut self,
         variations: impl IntoIterator<Item = MotionVariation>,
     ) -> Self {
-        let siblings = Siblings::of(&self.entries);
+        let by_rows = EntriesByRows::of(&self.entries);
         let mut counts = vec![0; self.entries.len()];
         for MotionVariation { entry, rows, note } in variations {
             let original = &self.entries[entry];
@@ -45,8 +49,8 @@ impl Dataset {
                 original.name
             );
             counts[entry] += 1;
-            let ending = format!("~{}", counts[entry]);
-            self.add_derived((entry, &siblings), &rows, &ending, |entry| Entry {
+            let suffix = format!("~{}", counts[entry]);
+            self.add_derived((entry, &by_rows), &rows, &suffix, |entry| Entry {
                 variation_of: Some(entry.name.clone()),
                 note: Some(note.clone()),
                 captions: entry.captions[..1].to_vec(),

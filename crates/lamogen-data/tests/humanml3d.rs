@@ -1,4 +1,4 @@
-//! HumanML3D's folder, whole and damaged.
+//! Tests of reading HumanML3D's folder, complete and damaged.
 
 mod common;
 
@@ -23,10 +23,10 @@ fn clips_have_their_captions_splits_and_rows() {
     write(folder, "train.txt", "000001\r\nM000001\n\n");
     write(folder, "test.txt", "\u{feff}000002\n");
     write(folder, "all.txt", "000001\n000002\n000003\n");
-    let mut told = Vec::new();
-    let observer = &mut |progress: Progress| told.push(progress);
+    let mut progress_calls = Vec::new();
+    let observer = &mut |progress: Progress| progress_calls.push(progress);
     let data = Dataset::open(folder, &LoadOptions::default(), observer).unwrap();
-    assert_eq!(told.last(), Some(&Progress { done: 3, all: 3 }));
+    assert_eq!(progress_calls.last(), Some(&Progress { done: 3, all: 3 }));
 
     let names: Vec<&str> = data.entries().iter().map(|entry| &*entry.name).collect();
     assert_eq!(names, ["000001", "A_000001", "M000001", "000002"]);
@@ -40,7 +40,7 @@ fn clips_have_their_captions_splits_and_rows() {
     assert_eq!(tokens, Some("he/PRON walk/VERB left/ADV"));
     assert_eq!((part.frames, &*part.captions[0].text), (60, "he jumps"));
 
-    // The part begins at frame 40; 16 bits are right to a two thousandth.
+    // The part begins at frame 40; 16-bit numbers are right to one part in two thousand.
     let mut found = vec![7.0];
     data.features(part, 10..12, &mut found);
     assert_eq!(found.len(), 1 + 2 * POSE_FEATURES);
@@ -48,7 +48,7 @@ fn clips_have_their_captions_splits_and_rows() {
         assert!((found - expected).abs() <= expected.abs() / 2048.0 + 1e-7);
     }
 
-    // The part of half a second is no motion of its own.
+    // The part of half a second is too short to be a motion of its own.
     assert_eq!(
         data.problems().counts(),
         [(ProblemKind::TooShort, 1)].into()
@@ -197,7 +197,7 @@ fn statistics_are_those_of_the_folder_or_of_the_training_split() {
 }
 
 #[test]
-fn nothing_to_train_on_gives_no_statistics_and_nothing_that_changes_a_deviation_of_one() {
+fn without_training_motions_there_are_no_statistics_and_unchanging_features_have_deviation_one() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     clip(folder, "a", &rows(1, 90), TEXT);
@@ -213,7 +213,7 @@ fn nothing_to_train_on_gives_no_statistics_and_nothing_that_changes_a_deviation_
 }
 
 #[test]
-fn folders_of_no_form_are_told_what_was_looked_for() {
+fn the_error_for_a_folder_of_no_form_names_the_expected_files() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let message = error(folder);

@@ -1,11 +1,12 @@
-//! A folder of motion files, packed.
+//! Tests of packing a folder of motion files.
 
 use std::path::Path;
 
 use lamogen_data::{DataError, Dataset, LoadOptions, PackOptions, ProblemKind, Split, pack};
 use lamogen_motion::{BoneDrift, Joint, Motion, RestPose, Rotations};
 
-/// A body one and a half times as large as HumanML3D's, which walks and turns; the left arm swings most.
+/// Returns the motion of a body one and a half times as large as HumanML3D's. It walks and turns; the left arm swings
+/// most.
 fn walk(frames: usize) -> Motion {
     let rest = RestPose::humanml3d();
     let poses = (0..frames).map(|frame| {
@@ -96,7 +97,7 @@ fn motion_files_are_cut_mirrored_and_put_on_humanml3ds_body() {
     assert_eq!(image.style.as_deref(), Some("old"));
     assert_eq!(image.trial.as_deref(), Some("walk.bvh"));
 
-    // Every motion is of HumanML3D's size, and moves as the file does.
+    // Every motion has the size of HumanML3D's body and moves as the file does.
     let body = RestPose::humanml3d();
     for entry in data.entries() {
         let mut rows = Vec::new();
@@ -187,13 +188,13 @@ fn features_in_arrays_are_taken_as_they_are() {
             rows[3]
         })
         .collect();
-    // The large body keeps its size as features, and loses it as joints.
+    // The large body keeps its size in a file of features, and loses it in a file of joints.
     let ratio = heights[0] / heights[1];
     assert!((ratio - 1.5).abs() < 0.1, "{heights:?}");
 }
 
 #[test]
-fn a_motion_of_humanml3ds_body_stays_what_it_is() {
+fn a_motion_of_humanml3ds_body_is_not_changed() {
     let poses = walk(60)
         .joints()
         .iter()
@@ -206,7 +207,7 @@ fn a_motion_of_humanml3ds_body_stays_what_it_is() {
 }
 
 #[test]
-fn captions_are_asked_for_and_checked() {
+fn captions_are_required_and_checked() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     save(folder, "walk.bvh", &walk(81));
@@ -231,12 +232,12 @@ fn captions_are_asked_for_and_checked() {
 }
 
 #[test]
-fn a_pose_before_the_movement_is_left_out_unless_a_start_is_said() {
+fn a_pose_before_the_movement_is_left_out_unless_a_start_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let motion = walk(81);
     let mut poses = motion.joints().to_vec();
-    // Half a metre away.
+    // The first pose is half a metre away.
     for joint in Joint::ALL {
         let [x, y, z] = poses[0][joint.index()];
         poses[0][joint.index()] = [x + 0.5, y, z];

@@ -1,4 +1,4 @@
-//! The packed form: written, read, damaged.
+//! Tests of the packed form: written, read and damaged.
 
 mod common;
 
@@ -9,7 +9,7 @@ use lamogen_data::{Dataset, Entry, MotionVariation, PackOptions, ProblemKind, Sp
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
 use safetensors::tensor::{Dtype, TensorView};
 
-/// A small data set of HumanML3D's form.
+/// Writes a small data set in HumanML3D's form.
 fn humanml3d(folder: &Path) {
     let text = "he walks left.#he/PRON walk/VERB left/ADV#0.0#0.0\nhe jumps##1.0#4.0\n";
     clip(folder, "000001", &rows(1, 120), text);
@@ -25,7 +25,7 @@ fn humanml3d(folder: &Path) {
         &rows(3, 60),
         "a man sits##0.0#0.0\nhe rises##1.0#3.0",
     );
-    // Too short, but not its image.
+    // 000003 is too short, but its mirror image is not.
     clip(folder, "000003", &rows(4, 30), "he runs##0.0#0.0\n");
     clip(folder, "M000003", &rows(6, 50), "he runs##0.0#0.0\n");
     clip(
@@ -69,7 +69,7 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
     let expected =
         "000001 A_000001 000002 A_000002 M000002 MA_000002 M000003 000004 M000001 MA_000001";
     assert_eq!(names.join(" "), expected);
-    // An image is of the same recording as its original.
+    // A mirror image is of the same recording as its original.
     for image in ["M000002", "MA_000002", "M000001"] {
         let entry = read.entries().iter().find(|entry| entry.name == image);
         let trial = entry.unwrap().trial.as_deref();
@@ -97,7 +97,7 @@ fn what_is_packed_reads_back_and_has_mirror_images() {
         features(&read, &read.entries()[9])
     );
 
-    // What is packed can be packed again, without rows that nothing uses.
+    // A packed data set can be packed again, without rows that no entry uses.
     let again = folder.path().join("again");
     let long = PackOptions {
         min_frames: 100,
@@ -152,24 +152,24 @@ fn a_folder_that_is_not_free_is_left_alone() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
-/// Type, shape and bytes of a tensor.
-type Stored = (Dtype, Vec<usize>, Vec<u8>);
-/// Damage, and what the message then says.
-type Case<'a> = (&'a dyn Fn(&mut Tensors), &'a [&'a str]);
+/// The type, shape and bytes of a tensor.
+type StoredTensor = (Dtype, Vec<usize>, Vec<u8>);
+/// A function that damages the tensors, and the parts of the expected error message.
+type DamageCase<'a> = (&'a dyn Fn(&mut PackedTensors), &'a [&'a str]);
 
-/// Tensors of a packed data set, to be damaged.
-struct Tensors {
+/// The tensors of a packed data set, which tests damage.
+struct PackedTensors {
     features: Vec<f32>,
     offsets: Vec<i32>,
-    more: Vec<(&'static str, Vec<f32>)>,
+    extra: Vec<(&'static str, Vec<f32>)>,
 }
 
-impl Tensors {
-    fn new() -> Tensors {
-        Tensors {
+impl PackedTensors {
+    fn new() -> PackedTensors {
+        PackedTensors {
             features: rows(1, 100),
             offsets: vec![0, 60, 100],
-            more: Vec::new(),
+            extra: Vec::new(),
         }
     }
 
@@ -177,10 +177,11 @@ impl Tensors {
         let bytes = |values: &[f32]| values.iter().flat_map(|x| x.to_le_bytes()).collect();
         let floats = |shape: &[usize], values: &[f32]| (Dtype::F32, shape.to_vec(), bytes(values));
         let wide = [self.features.len() / POSE_FEATURES, POSE_FEATURES];
-        let mut tensors: Vec<(&str, Stored)> = vec![("features", floats(&wide, &self.features))];
+        let mut tensors: Vec<(&str, StoredTensor)> =
+            vec![("features", floats(&wide, &self.features))];
         let offsets = self.offsets.iter().flat_map(|x| x.to_le_bytes()).collect();
         tensors.push(("offsets", (Dtype::I32, vec![self.offsets.len()], offsets)));
-        for (name, values) in &self.more {
+        for (name, values) in &self.extra {
             tensors.push((name, floats(&[values.len()], values)));
         }
         let views = { tensors.iter() }.map(|(name, (dtype, shape, bytes))| {
@@ -201,7 +202,7 @@ const LINE: &str = r#"{"name": "a", "split": "train", "clip": 0, "start": 0, "fr
 fn numbers_of_32_bits_and_missing_statistics_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let tensors = Tensors::new();
+    let tensors = PackedTensors::new();
     let image = LINE
         .replace("\"a\"", "\"b\"")
         .replace("\"captions\"", "\"mirror\": true, \"captions\"");
@@ -211,7 +212,7 @@ fn numbers_of_32_bits_and_missing_statistics_are_read() {
     for (found, expected) in found.iter().zip(&tensors.features) {
         assert!((found - expected).abs() < 1e-3);
     }
-    // Over a motion and its mirror image, what changes its sign has no mean.
+    // Over a motion and its mirror image, features that change their sign have the mean 0.
     for feature in [0, 1, 193] {
         assert!(data.mean()[feature].abs() < 1e-6, "{feature}");
     }
@@ -224,10 +225,10 @@ fn numbers_of_32_bits_and_missing_statistics_are_read() {
 }
 
 #[test]
-fn lines_that_make_no_sense_are_left_out_by_name() {
+fn invalid_lines_are_left_out_and_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let mut tensors = Tensors::new();
+    let mut tensors = PackedTensors::new();
     tensors.features[70 * POSE_FEATURES + 1] = f32::NAN;
     let cases = [
         (
@@ -303,26 +304,26 @@ fn damaged_files_are_errors_that_name_the_tensor() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let full = |value: f32| vec![value; POSE_FEATURES];
-    let cases: [Case; 7] = [
+    let cases: [DamageCase; 7] = [
         (&|t| t.offsets[2] = 99, &["`offsets`", "0 to 100"]),
         (&|t| t.offsets[1] = 101, &["`offsets`", "101 before 100"]),
         (&|t| t.offsets.clear(), &["`offsets`"]),
-        (&|t| t.more = vec![("mean", full(0.0))], &["`std`", "both"]),
+        (&|t| t.extra = vec![("mean", full(0.0))], &["`std`", "both"]),
         (
-            &|t| t.more = vec![("mean", full(0.0)), ("std", full(0.0))],
+            &|t| t.extra = vec![("mean", full(0.0)), ("std", full(0.0))],
             &["`std`", "root yaw", "above 0"],
         ),
         (
-            &|t| t.more = vec![("mean", vec![0.0]), ("std", full(1.0))],
+            &|t| t.extra = vec![("mean", vec![0.0]), ("std", full(1.0))],
             &["`mean`", "[263]", "[1]"],
         ),
         (
-            &|t| t.more = vec![("mirror_perm", full(0.0)), ("mirror_sign", full(1.0))],
+            &|t| t.extra = vec![("mirror_perm", full(0.0)), ("mirror_sign", full(1.0))],
             &["`mirror_perm`", "I32"],
         ),
     ];
     for (damage, parts) in cases {
-        let mut tensors = Tensors::new();
+        let mut tensors = PackedTensors::new();
         damage(&mut tensors);
         tensors.write(folder, LINE);
         let message = error(folder);
@@ -330,7 +331,7 @@ fn damaged_files_are_errors_that_name_the_tensor() {
             assert!(message.contains(part), "{part}: {message}");
         }
     }
-    Tensors::new().write(folder, LINE);
+    PackedTensors::new().write(folder, LINE);
     let path = folder.join("motions.safetensors");
     let whole = std::fs::read(&path).unwrap();
     for end in [0, 5, 20, whole.len() - 1] {
@@ -370,7 +371,7 @@ fn several_data_sets_become_one() {
             assert_eq!(features(&read, copy), features(&single, entry));
         }
     }
-    // Statistics are those of all that is in it, mirror images too.
+    // The statistics are those of all entries, including mirror images.
     for (found, expected) in read.mean().iter().zip(joined.mean()) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");
     }
@@ -403,17 +404,20 @@ fn further_captions_reach_motions_and_their_mirror_images() {
         ..PackOptions::default()
     };
     let data = packed(&source, &out, &options);
-    let said = |name: &str| -> Vec<String> {
+    let captions_of = |name: &str| -> Vec<String> {
         let entry = data.entries().iter().find(|entry| entry.name == name);
         let captions = entry.unwrap().captions.iter();
         captions.map(|caption| caption.text.clone()).collect()
     };
-    assert_eq!(said("000001"), ["he walks left.", "go left", "a boy goes"]);
     assert_eq!(
-        said("M000001"),
+        captions_of("000001"),
+        ["he walks left.", "go left", "a boy goes"]
+    );
+    assert_eq!(
+        captions_of("M000001"),
         ["he walks right.", "go right", "a boy goes"]
     );
-    // Only what is not there at all is missing: the third motion is too short.
+    // Only a motion that does not exist is missing; the third motion is listed as too short.
     let missing = { data.problems().iter() }
         .filter(|problem| problem.kind == ProblemKind::Missing)
         .map(|problem| &*problem.name);
@@ -446,7 +450,7 @@ fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
     let with = data.clone().with_variations([of(2.0), of(1e30), of(3.0)]);
     let names = with.entries()[data.entries().len()..].iter();
     let names: Vec<&str> = names.map(|entry| &*entry.name).collect();
-    // The second is beyond 16 bits; the original is part of another entry, which stays alone.
+    // The second has numbers beyond 16 bits. Another entry is a part of the original and gets no variation.
     assert_eq!(names, ["000001~1", "M000001~1", "000001~3", "M000001~3"]);
     let left_out = with.problems().iter().last().unwrap();
     assert_eq!(
@@ -468,12 +472,12 @@ fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
         sign.map(|sign| 3.0 * sign)
     );
     assert_eq!((read.mean(), read.std()), (data.mean(), data.std()));
-    // Computed anew they are those of the originals, too.
+    // Computed again, the statistics are still those of the originals.
     let [with, without] = [read, data].map(|data| Dataset::join(vec![data]).unwrap());
     assert_eq!((with.mean(), with.std()), (without.mean(), without.std()));
 }
 
-/// Somebody who stands on both feet and swings the arms, in HumanML3D's rows.
+/// Returns HumanML3D's rows of somebody who stands on both feet and swings the arms.
 fn swinging(frames: usize, off_the_ground: bool) -> Vec<f32> {
     use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations, encode_canonical};
     let pose = |frame: usize| {
@@ -522,7 +526,7 @@ fn motions_become_faster_and_slower_but_for_those_that_gravity_or_words_time() {
         .map(|entry| &*entry.name)
         .filter(|name| name.contains('@'))
         .collect();
-    // 45 frames at 1.25 would be shorter than 40.
+    // 45 frames at speed 1.25 would be fewer than 40.
     let expected = [
         "000001@0.8",
         "M000001@0.8",
@@ -541,7 +545,7 @@ fn motions_become_faster_and_slower_but_for_those_that_gravity_or_words_time() {
     let [own, slow, fast] = ["000001", "000001@0.8", "000001@1.25"].map(of);
     assert_eq!((own.frames, slow.frames, fast.frames), (100, 125, 80));
     assert_eq!(slow.captions, own.captions);
-    // The same pose, later: frame 40 of the original is frame 50 of the slow one.
+    // The same pose comes later: frame 40 of the original is frame 50 of the slow copy.
     let row = |entry, frame| {
         let rows = features(&data, entry);
         rows[frame * POSE_FEATURES..][4..67].to_vec()

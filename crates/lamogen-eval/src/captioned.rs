@@ -1,4 +1,4 @@
-//! Motions with what is said of them, as an evaluator sees both.
+//! Motions and their captions as embeddings of an evaluator.
 
 use std::collections::HashSet;
 
@@ -7,27 +7,29 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::{Embeddings, Evaluator, EvaluatorError, MatchingScore, MetricError, RetrievalBatches};
 
-/// Motions and all of their captions in an evaluator's space, to be compared in different pairs again and again.
+/// Embeddings of motions and of all their captions, which can be paired and compared again and again.
 #[derive(Clone, Debug)]
 pub struct CaptionedMotions {
-    /// `[motion][caption]`
+    /// The captions, `[motion][caption]`.
     captions: Vec<Vec<String>>,
-    /// Where the captions of each motion begin among the texts.
-    first: Vec<usize>,
+    /// The index in `texts` of each motion's first caption.
+    first_text: Vec<usize>,
+    /// The embeddings of all captions, motion by motion.
     texts: Embeddings,
+    /// The embeddings of the motions.
     motions: Embeddings,
 }
 
-/// A matching, and of how many batches it is.
+/// A matching score with the number of batches that it was computed from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Drawn {
-    pub(crate) matching: MatchingScore,
+pub(crate) struct BatchedScore {
+    pub(crate) score: MatchingScore,
     pub(crate) batches: usize,
 }
 
 impl CaptionedMotions {
-    /// Embeds motions, each with at least one caption. Features are as [`Evaluator::motions`] takes them, and are let go as soon
-    /// as they are embedded.
+    /// Embeds motions and their captions; each motion has at least one caption. The features are in the form that
+    /// [`Evaluator::motions`] takes, and are dropped as soon as they are embedded.
     ///
     /// # Errors
     ///
@@ -40,19 +42,19 @@ impl CaptionedMotions {
         evaluator: &Evaluator,
         motions: impl IntoIterator<Item = (Vec<String>, Vec<f32>)>,
     ) -> Result<Self, EvaluatorError> {
-        /// Motions that are in memory together; many, so that batches can be made of similar lengths.
-        const AT_ONCE: usize = 512;
+        /// The number of motions in memory at a time. It is large, so that batches can be made of similar lengths.
+        const CHUNK: usize = 512;
         let width = evaluator.network().config().dim_coemb_hidden;
-        let none = Embeddings::new(Vec::new(), width)?;
+        let empty = Embeddings::new(Vec::new(), width)?;
         let mut captioned = CaptionedMotions {
             captions: Vec::new(),
-            first: Vec::new(),
-            texts: none.clone(),
-            motions: none,
+            first_text: Vec::new(),
+            texts: empty.clone(),
+            motions: empty,
         };
         let mut motions = motions.into_iter().peekable();
         while motions.peek().is_some() {
-            let (captions, features): (Vec<_>, Vec<_>) = motions.by_ref().take(AT_ONCE).unzip();
+            let (captions, features): (Vec<_>, Vec<_>) = motions.by_ref().take(CHUNK).unzip();
             let texts = captions.concat();
             let mut first = captioned.texts.len();
             captioned.texts.extend(&evaluator.texts(&texts)?)?;
@@ -62,7 +64,7 @@ impl CaptionedMotions {
                     !captions.is_empty(),
                     "expected at least one caption a motion"
                 );
-                captioned.first.push(first);
+                captioned.first_text.push(first);
                 first += captions.len();
                 captioned.captions.push(captions);
             }
@@ -70,23 +72,23 @@ impl CaptionedMotions {
         Ok(captioned)
     }
 
-    /// How many motions there are.
+    /// Returns the number of motions.
     pub fn len(&self) -> usize {
         self.motions.len()
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no motions.
     pub fn is_empty(&self) -> bool {
         self.motions.is_empty()
     }
 
-    /// The motions, in their order.
+    /// Returns the embeddings of the motions, in the order in which they were given.
     pub fn motions(&self) -> &Embeddings {
         &self.motions
     }
 
-    /// R-precision and distance in [batches](RetrievalBatches::distinct) of `size` pairs; the seed decides which caption stands for each
-    /// motion, and who meets whom.
+    /// Computes R-precision and distance in [batches](RetrievalBatches::distinct) of `size` pairs. The seed decides
+    /// which caption represents each motion, and which pairs are in one batch.
     ///
     /// # Errors
     ///
@@ -96,14 +98,19 @@ impl CaptionedMotions {
     ///
     /// If the size is 0.
     pub fn matching(&self, size: usize, seed: u64) -> Result<MatchingScore, MetricError> {
-        Ok(self.draw(size, seed)?.matching)
+        Ok(self.score_batches(size, seed)?.score)
     }
 
-    pub(crate) fn draw(&self, size: usize, seed: u64) -> Result<Drawn, MetricError> {
-        let mut stream = ChaCha12Rng::seed_from_u64(seed);
-        let mut chosen = |captions: &Vec<String>| stream.random_range(0..captions.len() as u64);
+    /// Computes [`matching`](Self::matching) and says how many batches it is from.
+    pub(crate) fn score_batches(
+        &self,
+        size: usize,
+        seed: u64,
+    ) -> Result<BatchedScore, MetricError> {
+        let mut rng = ChaCha12Rng::seed_from_u64(seed);
+        let mut choose = |captions: &Vec<String>| rng.random_range(0..captions.len() as u64);
         let chosen: Vec<usize> = { self.captions.iter() }
-            .map(|captions| chosen(captions) as usize)
+            .map(|captions| choose(captions) as usize)
             .collect();
         let captions = self.captions.iter().zip(&chosen);
         let captions: Vec<&str> = captions.map(|(all, &one)| all[one].as_str()).collect();
@@ -119,10 +126,10 @@ impl CaptionedMotions {
                     .len(),
             });
         }
-        let rows = self.first.iter().zip(&chosen);
+        let rows = self.first_text.iter().zip(&chosen);
         let texts = self.texts.select(rows.map(|(first, one)| first + one));
-        Ok(Drawn {
-            matching: MatchingScore::of(&texts, &self.motions, &batches)?,
+        Ok(BatchedScore {
+            score: MatchingScore::of(&texts, &self.motions, &batches)?,
             batches: batches.len(),
         })
     }

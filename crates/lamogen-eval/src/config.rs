@@ -1,4 +1,4 @@
-//! Sizes of an evaluator, as its `config.json` states them.
+//! The sizes of an evaluator network, as in its `config.json`.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::EvaluatorNetworkError;
 use crate::vocabulary::PartOfSpeech;
 
-/// Sizes of the text-motion matching network. The names are those of the public code's options.
+/// The sizes of the text-motion matching network. The names are those of the public code's options.
 ///
 /// ```
 /// use lamogen_eval::EvaluatorConfig;
@@ -20,48 +20,48 @@ use crate::vocabulary::PartOfSpeech;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluatorConfig {
-    /// Pose features a frame. The network reads all but the last [`CONTACTS`](Self::CONTACTS).
+    /// The number of pose features per frame. The network reads all but the last [`CONTACTS`](Self::CONTACTS).
     pub dim_pose: usize,
-    /// The longest motion, in frames. What is shorter is followed by zeros, which the convolutions see.
+    /// The greatest length of a motion in frames. Shorter motions are padded with zeros, which the convolutions see.
     pub max_motion_length: usize,
-    /// Channels between the two convolutions over frames.
+    /// The number of channels between the two convolutions over frames.
     pub dim_movement_enc_hidden: usize,
-    /// Width of a movement, which is [`FRAMES_PER_MOVEMENT`](Self::FRAMES_PER_MOVEMENT) frames.
+    /// The width of a movement's vector. A movement is [`FRAMES_PER_MOVEMENT`](Self::FRAMES_PER_MOVEMENT) frames.
     pub dim_movement_latent: usize,
-    /// Width of the recurrent network over movements, in each direction.
+    /// The width of the recurrent network over movements, in each direction.
     pub dim_motion_hidden: usize,
-    /// Width of the recurrent network over words, in each direction.
+    /// The width of the recurrent network over words or tokens, in each direction.
     pub dim_text_hidden: usize,
-    /// Width of the space that texts and motions share.
+    /// The width of the space that texts and motions share.
     pub dim_coemb_hidden: usize,
-    /// What the text side reads.
+    /// The form of the text encoder's input.
     pub text: TextForm,
 }
 
-/// What the text side of an evaluator reads.
+/// The form of the input that an evaluator's text encoder reads.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum TextForm {
-    /// Vectors of words and their parts of speech (Guo et al. 2022).
+    /// Word vectors and parts of speech (Guo et al. 2022).
     Words {
-        /// Width of a word's vector.
+        /// The width of a word's vector.
         dim_word: usize,
-        /// Number of parts of speech.
+        /// The number of parts of speech.
         dim_pos_ohot: usize,
     },
-    /// Ids of a tokenizer, whose vectors are learned.
+    /// Token ids of a tokenizer; the network learns a vector for each.
     Tokens {
-        /// Number of token ids.
+        /// The number of token ids.
         vocab_size: usize,
-        /// The longest text, in tokens with its start and end. Longer ones are cut.
+        /// The greatest length of a text in tokens, including its start and its end. Longer texts are cut.
         context_length: usize,
-        /// Width of a token's vector.
+        /// The width of a token's vector.
         dim_word: usize,
     },
 }
 
 impl TextForm {
-    /// Width of the vector that stands for a word or token.
+    /// Returns the width of the vector of a word or a token.
     pub fn dim_word(&self) -> usize {
         match *self {
             TextForm::Words { dim_word, .. } | TextForm::Tokens { dim_word, .. } => dim_word,
@@ -89,13 +89,13 @@ impl Default for EvaluatorConfig {
 }
 
 impl EvaluatorConfig {
-    /// Foot contacts, the last of the pose features: motions are not judged by them.
+    /// The number of foot contacts, which are the last pose features. The network does not read them.
     pub const CONTACTS: usize = 4;
 
-    /// Frames that the two convolutions, each with stride 2, make one movement of.
+    /// The number of frames that the two convolutions, each with stride 2, turn into one movement.
     pub const FRAMES_PER_MOVEMENT: usize = 4;
 
-    /// Pose features that the network reads.
+    /// Returns the number of pose features per frame that the network reads.
     pub fn movement_features(&self) -> usize {
         self.dim_pose - Self::CONTACTS
     }
@@ -104,7 +104,7 @@ impl EvaluatorConfig {
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, is not such a config, or its sizes make no network.
+    /// If the file cannot be read, is not an evaluator's config, or its sizes are not valid.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, EvaluatorNetworkError> {
         let path = path.as_ref();
         let bytes = std::fs::read(path).map_err(|reason| EvaluatorNetworkError::Io {
@@ -114,11 +114,12 @@ impl EvaluatorConfig {
         Self::from_json(&bytes, path)
     }
 
-    /// As [`from_file`](Self::from_file), from the file's content; `name` stands in error messages.
+    /// Reads the content of a `config.json`, as [`from_file`](Self::from_file) does; `name` is the file's name in error
+    /// messages.
     ///
     /// # Errors
     ///
-    /// If the content is not such a config, or its sizes make no network.
+    /// If the content is not an evaluator's config, or its sizes are not valid.
     pub fn from_json(json: &[u8], name: impl AsRef<Path>) -> Result<Self, EvaluatorNetworkError> {
         let path = name.as_ref();
         if let Some(problem) = placeholder(json) {
@@ -141,7 +142,7 @@ impl EvaluatorConfig {
         }
     }
 
-    /// What keeps these sizes from making a network, if anything does.
+    /// Returns why the sizes are not valid, or `None` if they are.
     pub fn problem(&self) -> Option<String> {
         let mut sizes = vec![
             ("dim_movement_enc_hidden", self.dim_movement_enc_hidden, 1),
@@ -167,12 +168,12 @@ impl EvaluatorConfig {
                 ..
             } => sizes.extend([
                 ("text.vocab_size", vocab_size, 1),
-                // Start, a token, end.
+                // The start, one token and the end.
                 ("text.context_length", context_length, 3),
             ]),
         }
-        let small = sizes.into_iter().find(|(_, size, least)| size < least);
-        small.map(|(name, size, least)| {
+        let too_small = sizes.into_iter().find(|(_, size, least)| size < least);
+        too_small.map(|(name, size, least)| {
             format!("expected `{name}` to be at least {least}, found {size}")
         })
     }
@@ -183,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_config_that_makes_no_network_is_refused_with_its_name() {
+    fn a_config_with_invalid_sizes_is_refused_with_its_name() {
         let config = EvaluatorConfig {
             dim_pose: 4,
             ..EvaluatorConfig::default()

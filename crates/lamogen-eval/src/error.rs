@@ -1,4 +1,4 @@
-//! What can go wrong with an evaluator's files.
+//! Errors of evaluators and their files.
 
 use std::io;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use lamogen_motion::npy::NpyError;
 
 use crate::MetricError;
 
-/// What can go wrong when an evaluator is loaded or saved.
+/// An error when an evaluator's network is loaded or saved.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluatorNetworkError {
     /// A file cannot be read or written.
@@ -23,46 +23,46 @@ pub enum EvaluatorNetworkError {
         path: PathBuf,
         reason: serde_json::Error,
     },
-    /// Sizes that make no network.
+    /// The sizes in a config are not valid.
     #[error("{path}: {problem}")]
     #[allow(missing_docs)]
     Sizes { path: PathBuf, problem: String },
-    /// The weights cannot be read or written, or are not such a network's.
+    /// The weights cannot be read or written, or are not those of such a network.
     #[error(transparent)]
     Weights(#[from] CheckpointError),
 }
 
-/// What can go wrong with an evaluator.
+/// An error of an evaluator.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluatorError {
     /// The network cannot be loaded or saved.
     #[error(transparent)]
     EvaluatorNetwork(#[from] EvaluatorNetworkError),
-    /// The tokenizer cannot be read, is not the network's, or cannot encode a text.
+    /// The tokenizer cannot be read, does not fit the network, or cannot encode a text.
     #[error(transparent)]
     Tokenizer(#[from] TokenizerError),
-    /// The statistics cannot be read, or make no sense.
+    /// The statistics cannot be read or are not valid.
     #[error(transparent)]
     Normalization(#[from] NormalizationError),
-    /// The statistics cannot be read or written.
+    /// A file of the statistics cannot be read or written.
     #[error(transparent)]
     Statistics(#[from] NpyError),
-    /// The network reads words.
+    /// The network reads words instead of tokens.
     #[error(
         "expected an evaluator that reads tokens, found one that reads words with parts of speech; it takes its texts from a Vocabulary"
     )]
     Words,
-    /// There is no tokenizer, and the vocabulary is not CLIP's.
+    /// There is no tokenizer, and the network's vocabulary is not CLIP's.
     #[error(
         "expected a tokenizer.json for the evaluator's vocabulary of {vocab_size} ids, found none; CLIP's own tokenizer has {clip}"
     )]
     #[allow(missing_docs)]
     NoTokenizer { vocab_size: usize, clip: usize },
-    /// Statistics of other features.
+    /// The statistics are of another number of features.
     #[error("expected statistics of {expected} features, as the evaluator reads, found {found}")]
     #[allow(missing_docs)]
     Features { expected: usize, found: usize },
-    /// A motion that the network cannot read.
+    /// A motion has a length that the network cannot read.
     #[error(
         "motion {motion}: expected {shortest} to {longest} frames of {features} numbers, found {found} numbers"
     )]
@@ -74,7 +74,7 @@ pub enum EvaluatorError {
         features: usize,
         found: usize,
     },
-    /// The network gives no finite numbers, or there are too few.
+    /// The network gives numbers that are not finite, or a metric cannot be computed.
     #[error(transparent)]
     Metric(#[from] MetricError),
 }

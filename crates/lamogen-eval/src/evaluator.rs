@@ -1,4 +1,4 @@
-//! An evaluator with all that its inputs need.
+//! An evaluator network together with its tokenizer and the statistics of its features.
 
 use std::collections::HashMap;
 use std::io::{ErrorKind, Write};
@@ -14,14 +14,14 @@ use crate::{
     TextBatch, TextForm,
 };
 
-/// An [`EvaluatorNetwork`] that reads tokens, its tokenizer, and the mean and standard deviation of the motions that it was
-/// trained on: texts and motions as they are become [`Embeddings`].
+/// An [`EvaluatorNetwork`] that reads tokens, with its tokenizer and the mean and standard deviation of the motions that
+/// it was trained on. It maps plain texts and motions to [`Embeddings`].
 ///
 /// ```text
 /// FOLDER/model.safetensors   the weights
 ///        config.json         the sizes
-///        tokenizer.json      how texts are read; without it as by CLIP's tokenizer
-///        mean.npy, std.npy   how features are normalised
+///        tokenizer.json      the tokenizer; if there is none, CLIP's tokenizer is used
+///        mean.npy, std.npy   mean and standard deviation of the pose features
 /// ```
 ///
 /// Cloning is cheap.
@@ -31,12 +31,13 @@ pub struct Evaluator {
     device: Device,
     tokenizer: Tokenizer,
     normalization: Normalization,
-    files: Arc<Files>,
+    files: Arc<EvaluatorFiles>,
 }
 
-/// What the folder holds beside the network.
+/// The contents of an evaluator's folder besides the network.
 #[derive(Debug)]
-struct Files {
+struct EvaluatorFiles {
+    /// The content of `tokenizer.json`; `None` for CLIP's tokenizer.
     tokenizer: Option<Vec<u8>>,
     mean: Vec<f32>,
     std: Vec<f32>,
@@ -46,37 +47,38 @@ const TOKENIZER: &str = "tokenizer.json";
 const MEAN: &str = "mean.npy";
 const STD: &str = "std.npy";
 
-/// Texts, and motions, that go through the network together.
-const TEXTS: usize = 128;
-const MOTIONS: usize = 32;
+/// The number of texts that the network embeds at once.
+const TEXTS_PER_BATCH: usize = 128;
+/// The number of motions that the network embeds at once.
+const MOTIONS_PER_BATCH: usize = 32;
 
 impl Evaluator {
-    /// An evaluator from its parts: a network on `device`, the content of a `tokenizer.json` (without one CLIP's tokenizer), and one
-    /// mean and one standard deviation a feature.
+    /// Returns an evaluator from its parts: a network on `device`, the content of a `tokenizer.json` (`None` for CLIP's
+    /// tokenizer), and the mean and the standard deviation of every feature.
     ///
     /// # Errors
     ///
-    /// If the network reads no tokens, the tokenizer is not made for its vocabulary, or the statistics are not of as many
-    /// features as it reads or make no sense.
+    /// If the network does not read tokens, the tokenizer does not fit its vocabulary, or the statistics are of another
+    /// number of features than the network's or are not valid.
     pub fn new(
         network: EvaluatorNetwork,
         tokenizer_json: Option<&[u8]>,
         [mean, std]: [&[f32]; 2],
         device: &Device,
     ) -> Result<Evaluator, EvaluatorError> {
-        let files = Files {
+        let files = EvaluatorFiles {
             tokenizer: tokenizer_json.map(<[u8]>::to_vec),
             mean: mean.to_vec(),
             std: std.to_vec(),
         };
-        Self::of(network, files, Path::new(TOKENIZER), device)
+        Self::from_files(network, files, Path::new(TOKENIZER), device)
     }
 
-    /// Reads a folder as [`save`](Self::save) writes it.
+    /// Reads an evaluator from a folder that [`save`](Self::save) wrote.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read, or they do not belong together.
+    /// If a file cannot be read, or the files do not fit each other.
     pub fn load(folder: impl AsRef<Path>, device: &Device) -> Result<Evaluator, EvaluatorError> {
         let folder = folder.as_ref();
         let network = EvaluatorNetwork::from_folder(folder, device)?;
@@ -87,20 +89,21 @@ impl Evaluator {
             Err(reason) => return Err(TokenizerError::Io { path, reason }.into()),
         };
         let [mean, std] = [MEAN, STD].map(|name| folder.join(name));
-        // Checked here, where an error can name the file.
+        // The statistics are checked here, because here an error can name the file.
         Normalization::from_files(&mean, &std, network.config().dim_pose, device)?;
-        let files = Files {
+        let files = EvaluatorFiles {
             tokenizer,
             mean: npy::read(mean)?.values,
             std: npy::read(std)?.values,
         };
-        Self::of(network, files, &path, device)
+        Self::from_files(network, files, &path, device)
     }
 
-    fn of(
+    /// Checks that the parts fit each other, and joins them. `tokenizer_path` is the tokenizer's name in error messages.
+    fn from_files(
         network: EvaluatorNetwork,
-        files: Files,
-        tokenizer: &Path,
+        files: EvaluatorFiles,
+        tokenizer_path: &Path,
         device: &Device,
     ) -> Result<Evaluator, EvaluatorError> {
         let config = network.config();
@@ -119,7 +122,7 @@ impl Evaluator {
             });
         }
         let tokenizer = match &files.tokenizer {
-            Some(json) => Tokenizer::from_json(json, tokenizer, vocab_size, context_length)?,
+            Some(json) => Tokenizer::from_json(json, tokenizer_path, vocab_size, context_length)?,
             None => Tokenizer::clip(context_length),
         };
         if files.tokenizer.is_none() && tokenizer.vocab_size() != vocab_size {
@@ -137,7 +140,8 @@ impl Evaluator {
         })
     }
 
-    /// The same with another network of the same sizes on the same device, such as one that has learned more.
+    /// Returns the evaluator with another network of the same sizes on the same device, such as the same network after
+    /// further training.
     pub fn with(&self, network: EvaluatorNetwork) -> Evaluator {
         Evaluator {
             network,
@@ -145,12 +149,12 @@ impl Evaluator {
         }
     }
 
-    /// Writes the files that [`load`](Self::load) reads into a folder that is there. `metadata` travels with the
-    /// weights. Each file appears whole or not at all.
+    /// Writes the files that [`load`](Self::load) reads into an existing folder. `metadata` is stored with the weights.
+    /// Each file appears complete or not at all.
     ///
     /// # Errors
     ///
-    /// If a file cannot be written, or a weight is beyond the range of 16 bits where these are asked for.
+    /// If a file cannot be written, or `precision` is 16 bits and a weight is beyond their range.
     pub fn save(
         &self,
         folder: impl AsRef<Path>,
@@ -170,17 +174,17 @@ impl Evaluator {
         Ok(())
     }
 
-    /// The network.
+    /// Returns the network.
     pub fn network(&self) -> &EvaluatorNetwork {
         &self.network
     }
 
-    /// Its tokenizer.
+    /// Returns the tokenizer.
     pub fn tokenizer(&self) -> &Tokenizer {
         &self.tokenizer
     }
 
-    /// Texts as points, one each in their order.
+    /// Embeds texts, in their order.
     ///
     /// # Errors
     ///
@@ -189,38 +193,38 @@ impl Evaluator {
         let encode = |text: &_| self.tokenizer.encode(AsRef::as_ref(text));
         let tokens: Result<Vec<Tokens>, _> = texts.iter().map(encode).collect();
         let tokens = tokens?;
-        self.in_batches(
-            TEXTS,
-            &mut |place| tokens[place].own,
+        self.embed_in_batches(
+            TEXTS_PER_BATCH,
+            &mut |index| tokens[index].own,
             tokens.len(),
-            |places| {
-                let batch: Vec<Tokens> = places.iter().map(|&i| tokens[i].clone()).collect();
+            |indices| {
+                let batch: Vec<Tokens> = indices.iter().map(|&i| tokens[i].clone()).collect();
                 let batch = TextBatch::tokens(&batch, &self.device);
                 self.network.embed_text(&batch)
             },
         )
     }
 
-    /// Motions as points, one each in their order.
+    /// Embeds motions, in their order.
     ///
-    /// A motion is its pose features frame by frame, foot contacts included, as they are: not normalised. Frames after its
-    /// last whole four play no part.
+    /// A motion is given by its pose features, frame after frame, with foot contacts and not normalised. Up to 3 frames
+    /// at its end are ignored, so that the number of frames is a multiple of 4.
     ///
     /// # Errors
     ///
-    /// If a motion has not as many frames as the network reads (4 to [`EvaluatorConfig::max_motion_length`], and up to 3
-    /// more), or the network gives numbers that are not finite.
+    /// If a motion does not have as many frames as the network reads (4 to [`EvaluatorConfig::max_motion_length`], and
+    /// up to 3 more), or the network gives numbers that are not finite.
     pub fn motions(&self, motions: &[impl AsRef<[f32]>]) -> Result<Embeddings, EvaluatorError> {
         let config = self.network.config();
         let unit = EvaluatorConfig::FRAMES_PER_MOVEMENT;
         let features = config.dim_pose;
         let frames = |motion: &[f32]| motion.len() / features / unit * unit;
-        for (place, motion) in motions.iter().enumerate() {
+        for (index, motion) in motions.iter().enumerate() {
             let motion = motion.as_ref();
-            let known = (unit..=config.max_motion_length).contains(&frames(motion));
-            if !known || !motion.len().is_multiple_of(features) {
+            let has_length = (unit..=config.max_motion_length).contains(&frames(motion));
+            if !has_length || !motion.len().is_multiple_of(features) {
                 return Err(EvaluatorError::Motion {
-                    motion: place,
+                    motion: index,
                     shortest: unit,
                     longest: config.max_motion_length,
                     features,
@@ -228,26 +232,33 @@ impl Evaluator {
                 });
             }
         }
-        let frames = |place: usize| frames(motions[place].as_ref());
-        self.in_batches(MOTIONS, &mut { frames }, motions.len(), |places| {
-            let lengths: Vec<usize> = places.iter().map(|&place| frames(place)).collect();
-            let longest = *lengths.iter().max().expect("a batch has members");
-            let mut numbers = vec![0.0; places.len() * longest * features];
-            let rows = numbers.chunks_exact_mut(longest * features);
-            for ((row, &place), length) in rows.zip(places).zip(&lengths) {
-                let whole = length * features;
-                row[..whole].copy_from_slice(&motions[place].as_ref()[..whole]);
-            }
-            let shape = [places.len(), longest, features];
-            let x = Tensor::<3>::from_data(TensorData::new(numbers, shape), &self.device);
-            let x = self.normalization.normalize(x);
-            let x = x.narrow(2, 0, config.movement_features());
-            self.network.embed_motion(x, &lengths, None)
-        })
+        let frames = |index: usize| frames(motions[index].as_ref());
+        self.embed_in_batches(
+            MOTIONS_PER_BATCH,
+            &mut { frames },
+            motions.len(),
+            |indices| {
+                let lengths: Vec<usize> = indices.iter().map(|&index| frames(index)).collect();
+                let longest = *lengths.iter().max().expect("a batch has members");
+                let mut numbers = vec![0.0; indices.len() * longest * features];
+                let rows = numbers.chunks_exact_mut(longest * features);
+                for ((row, &index), length) in rows.zip(indices).zip(&lengths) {
+                    let count = length * features;
+                    row[..count].copy_from_slice(&motions[index].as_ref()[..count]);
+                }
+                let shape = [indices.len(), longest, features];
+                let x = Tensor::<3>::from_data(TensorData::new(numbers, shape), &self.device);
+                let x = self.normalization.normalize(x);
+                let x = x.narrow(2, 0, config.movement_features());
+                self.network.embed_motion(x, &lengths, None)
+            },
+        )
     }
 
-    /// Embeds batches of things of about the same length, and puts the points into the order of the things.
-    fn in_batches(
+    /// Embeds `count` items in batches of `size` items of about the same length, and returns their embeddings in the
+    /// order of the items. `length` returns the length of the item with an index; `embed` embeds the items with the
+    /// indices of a batch.
+    fn embed_in_batches(
         &self,
         size: usize,
         length: &mut dyn FnMut(usize) -> usize,
@@ -256,15 +267,15 @@ impl Evaluator {
     ) -> Result<Embeddings, EvaluatorError> {
         let width = self.network.config().dim_coemb_hidden;
         let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by_key(|&place| length(place));
-        let mut found = Embeddings::new(Vec::new(), width)?;
-        for places in order.chunks(size) {
-            found.extend(&Embeddings::from_tensor(embed(places))?)?;
+        order.sort_by_key(|&index| length(index));
+        let mut embeddings = Embeddings::new(Vec::new(), width)?;
+        for indices in order.chunks(size) {
+            embeddings.extend(&Embeddings::from_tensor(embed(indices))?)?;
         }
         let mut rows = vec![0; count];
-        for (row, place) in order.into_iter().enumerate() {
-            rows[place] = row;
+        for (row, index) in order.into_iter().enumerate() {
+            rows[index] = row;
         }
-        Ok(found.select(rows))
+        Ok(embeddings.select(rows))
     }
 }

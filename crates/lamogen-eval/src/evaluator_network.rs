@@ -1,4 +1,4 @@
-//! The whole network, and its files.
+//! The text-motion matching network and its files.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -12,10 +12,10 @@ use lamogen_motion::{frame_mask, write_atomically};
 use crate::network::{Dropout, MotionEncoder, MovementEncoder, TextEncoder};
 use crate::{EvaluatorConfig, EvaluatorNetworkError, TextBatch};
 
-/// The text-motion matching network of Guo et al. 2022 (CVPR; public code `EricGuo5513/text-to-motion`): texts and
-/// motions as points of one space, near each other where they belong together.
+/// The text-motion matching network of Guo et al. 2022 (CVPR; public code `EricGuo5513/text-to-motion`). It maps texts
+/// and motions to points of one space, in which a text and its motion lie near each other.
 ///
-/// As a burn module it is trained on an autodiff device, or after [`Module::train`].
+/// It is a burn module. To train it, load it on an autodiff device or call [`Module::train`] first.
 #[derive(Module, Debug)]
 pub struct EvaluatorNetwork {
     movement: MovementEncoder,
@@ -25,18 +25,18 @@ pub struct EvaluatorNetwork {
     config: EvaluatorConfig,
 }
 
-/// Keys of the three networks in `finest.tar`.
+/// The keys of the three encoders in `finest.tar`.
 const PARTS: [&str; 3] = ["movement_encoder", "motion_encoder", "text_encoder"];
 
 const CONFIG: &str = "config.json";
 const WEIGHTS: &str = "model.safetensors";
 
 impl EvaluatorNetwork {
-    /// A network with fresh weights, distributed as the public code starts them and drawn from the device's generator.
+    /// Returns a network with random weights from the device's generator, in the distributions of the public code.
     ///
     /// # Panics
     ///
-    /// If the sizes make no network (see [`EvaluatorConfig::problem`]).
+    /// If the sizes are not valid (see [`EvaluatorConfig::problem`]).
     pub fn new(config: &EvaluatorConfig, device: &Device) -> Self {
         if let Some(problem) = config.problem() {
             panic!("{problem}");
@@ -49,16 +49,16 @@ impl EvaluatorNetwork {
         }
     }
 
-    /// Reads the weights of a network of the given sizes: the public `finest.tar`, or safetensors with the same keys
-    /// after `movement_encoder.`, `motion_encoder.` and `text_encoder.`.
+    /// Reads the weights of a network of the given sizes. The file is the public `finest.tar`, or safetensors with the
+    /// same keys behind the prefixes `movement_encoder.`, `motion_encoder.` and `text_encoder.`.
     ///
     /// # Errors
     ///
-    /// If the file cannot be read, lacks one of the three networks, or its tensors do not fit the sizes.
+    /// If the file cannot be read, lacks one of the three encoders, or its tensors do not fit the sizes.
     ///
     /// # Panics
     ///
-    /// If the sizes make no network (see [`EvaluatorConfig::problem`]).
+    /// If the sizes are not valid (see [`EvaluatorConfig::problem`]).
     pub fn load(
         weights: impl AsRef<Path>,
         config: &EvaluatorConfig,
@@ -70,11 +70,11 @@ impl EvaluatorNetwork {
         Ok(evaluator)
     }
 
-    /// Reads `config.json` and `model.safetensors` from a folder, as [`save`](Self::save) writes them.
+    /// Reads `config.json` and `model.safetensors` from a folder that [`save`](Self::save) wrote.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read, or they do not belong together.
+    /// If a file cannot be read, or the files do not fit each other.
     pub fn from_folder(
         folder: impl AsRef<Path>,
         device: &Device,
@@ -84,12 +84,12 @@ impl EvaluatorNetwork {
         Self::load(folder.join(WEIGHTS), &config, device)
     }
 
-    /// Writes `config.json` and `model.safetensors` into a folder that is there. `metadata` is free text that travels
-    /// with the weights, such as `license`. Each file appears whole or not at all.
+    /// Writes `config.json` and `model.safetensors` into an existing folder. `metadata` is free text that is stored with
+    /// the weights, such as `license`. Each file appears complete or not at all.
     ///
     /// # Errors
     ///
-    /// If a file cannot be written, or a weight is beyond the range of 16 bits where these are asked for.
+    /// If a file cannot be written, or `precision` is 16 bits and a weight is beyond their range.
     pub fn save(
         &self,
         folder: impl AsRef<Path>,
@@ -107,12 +107,12 @@ impl EvaluatorNetwork {
         .map_err(|reason| EvaluatorNetworkError::Io { path, reason })
     }
 
-    /// Sizes of the network.
+    /// Returns the sizes of the network.
     pub fn config(&self) -> &EvaluatorConfig {
         &self.config
     }
 
-    /// Texts as points, `[batch, dim_coemb_hidden]`.
+    /// Embeds texts: returns `[batch, dim_coemb_hidden]`.
     ///
     /// # Panics
     ///
@@ -122,16 +122,17 @@ impl EvaluatorNetwork {
         self.text.forward(texts)
     }
 
-    /// Motions as points, `[batch, dim_coemb_hidden]`. A batch gives what its members give alone.
+    /// Embeds motions: returns `[batch, dim_coemb_hidden]`. The other motions of a batch do not change a motion's
+    /// embedding.
     ///
-    /// A motion counts up to its last whole four frames; what is past that plays no part. `dropout` is for training
-    /// and acts on the movements.
+    /// Of each motion, the largest multiple of 4 frames is read; later frames are ignored. `dropout` is for training and
+    /// acts in the encoder of movements.
     ///
     /// # Shapes
     ///
     /// - `features`: `[batch, frames, dim_pose - 4]`: pose features without foot contacts, normalised by the evaluator's
-    ///   own mean and standard deviation, which need not be the denoiser's
-    /// - `lengths`: frames of each motion
+    ///   own mean and standard deviation, which may differ from the denoiser's
+    /// - `lengths`: the number of frames of each motion
     ///
     /// # Panics
     ///
@@ -161,17 +162,17 @@ impl EvaluatorNetwork {
             "expected {batch} lengths from {unit} to {longest}, found {lengths:?}"
         );
         let movements: Vec<usize> = lengths.iter().map(|length| length / unit).collect();
-        let whole: Vec<usize> = movements.iter().map(|count| count * unit).collect();
-        let features = self.followed_by_zeros(features, &whole);
+        let read_frames: Vec<usize> = movements.iter().map(|count| count * unit).collect();
+        let features = self.zero_padded(features, &read_frames);
         let encoded = self.movement.forward(features, dropout);
         self.motion.forward(encoded, &movements)
     }
 
-    /// Motions of the given lengths with zeros after them.
+    /// Returns motions of the given lengths, padded with zeros.
     ///
-    /// The public code fills up to the longest motion there may be. The last movement sees four frames of that at most,
-    /// so as many are enough; a motion that leaves no room has none.
-    fn followed_by_zeros(&self, features: Tensor<3>, lengths: &[usize]) -> Tensor<3> {
+    /// The public code pads every motion to `max_motion_length`. A motion's last movement reads at most four frames of
+    /// the padding, so four frames are enough; a motion of the greatest length gets none.
+    fn zero_padded(&self, features: Tensor<3>, lengths: &[usize]) -> Tensor<3> {
         let [batch, frames, width] = features.dims();
         let longest = lengths.iter().copied().max().unwrap_or_default();
         let needed =
@@ -184,7 +185,7 @@ impl EvaluatorNetwork {
             _ => features.narrow(1, 0, needed),
         };
         match frame_mask(lengths, needed, &features.device()) {
-            // Not by a product: padding may hold anything, and 0 times NaN is NaN.
+            // A product with the mask would not do: padding may hold NaN, and 0 times NaN is NaN.
             Some(mask) => features.mask_fill(mask.equal_elem(0.0).repeat_dim(2, width), 0.0),
             None => features,
         }

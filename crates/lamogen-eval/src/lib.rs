@@ -1,4 +1,4 @@
-//! How well motions fit their texts, and how real they look, in the field's numbers.
+//! Metrics of text-to-motion: how well motions fit their texts, and how real they look.
 //!
 //! ```text
 //! text ──WordVectors or Tokenizer──▶ TextBatch ──embed_text──┐
@@ -7,10 +7,10 @@
 //! ```
 //!
 //! [`EvaluatorNetwork`] is the text-motion matching network of Guo et al. 2022 ("Generating Diverse and Natural
-//! 3D Human Motions from Text", CVPR 2022), which puts texts and motions into one space: a text lies near the
-//! motions that it describes. Its public weights load as they are, and smaller networks of the same kind can be
-//! trained with [`contrastive_loss`]. A [`Evaluator`] is such a network with all that its inputs need. The metrics are distances in that space; what each means stands in
-//! `docs/evaluation.md`.
+//! 3D Human Motions from Text", CVPR 2022). It maps texts and motions into one space, where a text lies near the
+//! motions that it describes. It loads the public weights without conversion, and smaller networks of the same kind
+//! can be trained with [`contrastive_loss`]. An [`Evaluator`] is such a network that reads tokens, with its tokenizer
+//! and the statistics of its features. The metrics are distances in that space; `docs/evaluation.md` explains each.
 
 mod captioned;
 mod config;

@@ -1,26 +1,27 @@
-//! What trains an evaluator.
+//! The contrastive losses that train an evaluator.
 
 use burn::tensor::Tensor;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-/// Added to every difference, as by PyTorch's `pairwise_distance`.
+/// The number that is added to every difference, as in PyTorch's `pairwise_distance`.
 const EPSILON: f64 = 1e-6;
 
-/// The contrastive loss of Hadsell et al. 2006 as the public code of Guo et al. 2022 uses it: `d²` for a text and its
-/// own motion, `max(0, margin - d)²` for a text and the motion `shift` places further (the last go round to the
-/// first), with the Euclidean distance `d`; the sum of the two means. Shape `[1]`.
+/// Computes the contrastive loss of Hadsell et al. 2006 in the form of the public code of Guo et al. 2022. Shape `[1]`.
 ///
-/// The public code has a margin of 10. Its shift is drawn anew for each batch and may be 0, which pushes true pairs
-/// apart; draw it with [`random_shift`], where that does not happen.
+/// The loss is the sum of two means over the texts, with the Euclidean distance `d`: `d²` for a text and its own motion,
+/// and `max(0, margin - d)²` for a text and another motion, the one `shift` rows further (counted cyclically).
+///
+/// The public code has a margin of 10. It draws a new shift for each batch, which may be 0 and then pushes true pairs
+/// apart; [`random_shift`] draws a shift that is never 0.
 ///
 /// # Shapes
 ///
-/// - `text`, `motion`: `[batch, dim_coemb_hidden]`, row by row a true pair
+/// - `text`, `motion`: `[batch, dim_coemb_hidden]`; each row of `text` and the same row of `motion` are a true pair
 ///
 /// # Panics
 ///
-/// If the shapes differ, or the shift is not from 1 up to but not including the batch.
+/// If the shapes differ, or the shift is not at least 1 and less than the batch size.
 pub fn contrastive_loss(
     text: Tensor<2>,
     motion: Tensor<2>,
@@ -45,12 +46,12 @@ pub fn contrastive_loss(
     near + gap.square().mean()
 }
 
-/// The mean of [`contrastive_loss`] over all shifts: every text is held against every other motion of the batch at once.
-/// Shape `[1]`.
+/// Computes the mean of [`contrastive_loss`] over all shifts: every text is compared with every other motion of the
+/// batch. Shape `[1]`.
 ///
 /// # Shapes
 ///
-/// As there.
+/// - `text`, `motion`: as for [`contrastive_loss`]
 ///
 /// # Panics
 ///
@@ -60,7 +61,8 @@ pub fn contrastive_loss_of_all(text: Tensor<2>, motion: Tensor<2>, margin: f64) 
     assert_eq!(text.dims(), motion.dims(), "one motion for each text");
     assert!(batch > 1, "expected a batch of at least 2, found {batch}");
     let near = squared_distances(text.clone(), motion.clone()).mean();
-    // Differences, not products of the two: these would lose what is small beside the points' own length.
+    // Distances are computed from differences. Computed from dot products, a distance that is small beside the length
+    // of the embeddings would be lost in rounding.
     let texts: Tensor<3> = text.unsqueeze_dim(1);
     let motions: Tensor<3> = motion.unsqueeze_dim(0);
     let texts = texts.expand([batch, batch, width]);
@@ -71,16 +73,16 @@ pub fn contrastive_loss_of_all(text: Tensor<2>, motion: Tensor<2>, margin: f64) 
     near + others.sum() / (batch * (batch - 1)) as f64
 }
 
-/// `[batch, 1]`
+/// Returns the squared distance of each pair of rows, `[batch, 1]`.
 fn squared_distances(a: Tensor<2>, b: Tensor<2>) -> Tensor<2> {
     (a - b + EPSILON).square().sum_dim(1)
 }
 
-/// A shift for [`contrastive_loss`], each as likely.
+/// Draws a shift for [`contrastive_loss`]; all shifts from 1 to `batch - 1` are equally likely.
 ///
 /// # Panics
 ///
-/// If the batch is smaller than 2: then there is no other motion.
+/// If the batch is smaller than 2, because then there is no other motion.
 pub fn random_shift(batch: usize, stream: &mut ChaCha12Rng) -> usize {
     assert!(batch > 1, "expected a batch of at least 2, found {batch}");
     stream.random_range(1..batch)
@@ -100,13 +102,13 @@ mod tests {
     }
 
     #[test]
-    fn true_pairs_pay_for_distance_and_others_for_nearness() {
+    fn the_loss_grows_with_the_distance_of_true_pairs_and_the_nearness_of_others() {
         let corners = [[0.0, 0.0], [3.0, 4.0], [30.0, 40.0]];
-        // Others are 5, 45 and 50 apart: only the first are within the margin.
-        let apart = value(corners, corners, 1);
-        assert!((apart - 25.0 / 3.0).abs() < 1e-3, "{apart}");
-        // Two places further the same pairs meet the other way round.
-        assert!((value(corners, corners, 2) - apart).abs() < 1e-3);
+        // The distances of other pairs are 5, 45 and 50: only the first is below the margin.
+        let loss = value(corners, corners, 1);
+        assert!((loss - 25.0 / 3.0).abs() < 1e-3, "{loss}");
+        // A shift of 2 compares the same pairs, with text and motion exchanged.
+        assert!((value(corners, corners, 2) - loss).abs() < 1e-3);
         let moved = [[0.0, 2.0], [3.0, 4.0], [30.0, 40.0]];
         let first_gap = 10.0 - 5.0;
         let far = value(corners, moved, 1);
@@ -132,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn all_others_are_the_mean_of_all_shifts() {
+    fn the_loss_of_all_is_the_mean_of_all_shifts() {
         let device = Device::flex();
         let points = |scale: f32| {
             let numbers: Vec<f32> = (0..15).map(|i| (i as f32 * scale).sin() * 5.0).collect();
@@ -157,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_is_never_none() {
+    fn a_random_shift_is_never_0() {
         let mut stream = ChaCha12Rng::seed_from_u64(5);
         let shifts: Vec<usize> = (0..200).map(|_| random_shift(4, &mut stream)).collect();
         assert!([1, 2, 3].iter().all(|shift| shifts.contains(shift)));

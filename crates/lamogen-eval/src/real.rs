@@ -1,21 +1,21 @@
-//! What an evaluator makes of real motions.
+//! R-precision of real motions.
 
 use crate::{CaptionedMotions, MetricError, RetrievalBatches};
 
-/// How well real motions fit their own captions: what an evaluator is worth, and what generated motions are measured
-/// against.
+/// R-precision and distance of real motions and their own captions. They show how good an evaluator is, and are the
+/// reference for generated motions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RealMotions {
-    /// The share of texts, 0 to 1, whose own motion is the nearest, among the two, among the three nearest of 32. By chance
-    /// 1/32, 2/32, 3/32.
+    /// R-precision: the shares of texts, 0 to 1, that have their own motion as the nearest of 32, among the two nearest,
+    /// and among the three nearest. By chance they are 1/32, 2/32 and 3/32.
     pub r_precision: [Estimate; 3],
     /// The mean distance from a text to its own motion.
     pub distance: Estimate,
-    /// Motions that there are.
+    /// The number of motions.
     pub motions: usize,
-    /// RetrievalBatches of 32 pairs over all repetitions.
+    /// The number of batches of 32 pairs over all repetitions.
     pub batches: usize,
-    /// How often captions and batches were drawn.
+    /// The number of repetitions, each with new captions and batches.
     pub repetitions: usize,
 }
 
@@ -24,13 +24,13 @@ pub struct RealMotions {
 pub struct Estimate {
     /// The mean.
     pub mean: f64,
-    /// Half of the 95 % interval, 1.96 σ / √n, with the standard deviation σ of n repetitions. It tells how much captions and
-    /// batches matter, not how much other motions would.
+    /// Half of the 95 % confidence interval: 1.96 σ / √n, with the standard deviation σ of n repetitions. It shows how
+    /// much the choice of captions and batches matters, not how much other motions would change the mean.
     pub interval: f64,
 }
 
-/// R-precision of real motions in [batches](RetrievalBatches::distinct) of 32 pairs with distinct captions. Every repetition draws
-/// captions and batches anew from a seed of its own: `seed`, `seed + 1`, ….
+/// Computes R-precision of real motions in [batches](RetrievalBatches::distinct) of 32 pairs with distinct captions.
+/// Every repetition draws captions and batches from a seed of its own: `seed`, `seed + 1`, ….
 ///
 /// # Errors
 ///
@@ -45,34 +45,35 @@ pub fn real_motions(
     seed: u64,
 ) -> Result<RealMotions, MetricError> {
     assert!(repetitions > 0, "expected at least one repetition");
-    let draw =
-        |repetition| motions.draw(RetrievalBatches::SIZE, seed.wrapping_add(repetition as u64));
-    let drawn: Result<Vec<_>, _> = (0..repetitions).map(draw).collect();
-    let drawn = drawn?;
-    let matchings = drawn.iter().map(|drawn| drawn.matching);
+    let score = |repetition| {
+        motions.score_batches(RetrievalBatches::SIZE, seed.wrapping_add(repetition as u64))
+    };
+    let results: Result<Vec<_>, _> = (0..repetitions).map(score).collect();
+    let results = results?;
+    let scores = results.iter().map(|result| result.score);
     Ok(RealMotions {
         r_precision: [0, 1, 2]
-            .map(|rank| Estimate::of(matchings.clone().map(|matching| matching.r_precision[rank]))),
-        distance: Estimate::of(matchings.map(|matching| matching.distance)),
+            .map(|rank| Estimate::of(scores.clone().map(|score| score.r_precision[rank]))),
+        distance: Estimate::of(scores.map(|score| score.distance)),
         motions: motions.len(),
-        batches: drawn.iter().map(|drawn| drawn.batches).sum(),
+        batches: results.iter().map(|result| result.batches).sum(),
         repetitions,
     })
 }
 
 impl Estimate {
-    /// Mean and interval of what repetitions gave. The interval of a single one is 0.
+    /// Computes mean and interval of the values of repetitions. The interval of a single value is 0.
     ///
     /// # Panics
     ///
-    /// If there is none.
+    /// If there is no value.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Estimate {
         let values: Vec<f64> = values.into_iter().collect();
         let count = values.len() as f64;
         assert!(count > 0.0, "expected at least one value");
         let mean = values.iter().sum::<f64>() / count;
         let squares = values.iter().map(|value| (value - mean) * (value - mean));
-        // As numpy.std, which the public code uses.
+        // The deviation is that of `numpy.std`, which the public code uses.
         let deviation = (squares.sum::<f64>() / count).sqrt();
         Estimate {
             mean,

@@ -1,40 +1,38 @@
-//! Texts as the evaluator's text side takes them.
+//! Batches of texts for the text encoder.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::Tokens;
 
-/// A batch of texts, padded to one length.
-///
-/// What stands past a text's own length plays no part.
+/// A batch of texts, padded to one length. The padding does not change a text's embedding.
 #[derive(Clone, Debug)]
-// One value a batch, which nobody keeps by the thousand.
+// There is one value per batch, and few of them are in memory at a time.
 #[allow(clippy::large_enum_variant)]
 pub enum TextBatch {
-    /// For networks that read words; see [`Vocabulary::batch`](crate::Vocabulary::batch).
+    /// Words, for networks that read words; see [`Vocabulary::batch`](crate::Vocabulary::batch).
     Words {
-        /// `[batch, words, dim_word]`
+        /// The vectors of the words, `[batch, words, dim_word]`.
         vectors: Tensor<3>,
-        /// `[batch, words, dim_pos_ohot]`, 1 at the word's part of speech and else 0.
+        /// The parts of speech, one-hot, `[batch, words, dim_pos_ohot]`: 1 at the word's part of speech, 0 elsewhere.
         parts_of_speech: Tensor<3>,
-        /// Words of each text, at least 1.
+        /// The number of words of each text, at least 1.
         lengths: Vec<usize>,
     },
-    /// For networks that read tokens.
+    /// Tokens, for networks that read tokens.
     Tokens {
-        /// `[batch, tokens]`
+        /// The ids of the tokens, `[batch, tokens]`.
         ids: Tensor<2, Int>,
-        /// Tokens of each text, at least 1.
+        /// The number of tokens of each text, at least 1.
         lengths: Vec<usize>,
     },
 }
 
 impl TextBatch {
-    /// What a tokenizer makes of several texts. A text ends with its first token of the largest id, which is
-    /// how lamogen's tokenizers end it.
+    /// Returns a batch of texts that a tokenizer encoded. A text ends with the first of its tokens that has the largest
+    /// id, because that is the end token of lamogen's tokenizers.
     ///
     /// # Panics
     ///
-    /// If there is no text, or they are padded to different lengths or to none.
+    /// If there is no text, or the texts are padded to different lengths or to length 0.
     pub fn tokens(texts: &[Tokens], device: &Device) -> TextBatch {
         let length = texts.first().map_or(0, |text| text.ids.len());
         assert!(length > 0, "expected texts of at least one token");
@@ -58,7 +56,7 @@ impl TextBatch {
         }
     }
 
-    /// Words or tokens of each text.
+    /// Returns the number of words or tokens of each text.
     pub fn lengths(&self) -> &[usize] {
         match self {
             TextBatch::Words { lengths, .. } | TextBatch::Tokens { lengths, .. } => lengths,

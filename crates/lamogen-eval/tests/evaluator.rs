@@ -1,4 +1,4 @@
-//! An evaluator: its folder, its points, and what it makes of captioned motions.
+//! Tests of evaluators: their folders, their embeddings, and R-precision of captioned motions.
 
 use std::collections::HashMap;
 
@@ -49,8 +49,8 @@ fn motion(frames: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The largest difference.
-fn apart(a: &[f32], b: &[f32]) -> f32 {
+/// Returns the largest difference of numbers at the same index.
+fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     { a.iter().zip(b) }
         .map(|(a, b)| (a - b).abs())
@@ -58,25 +58,27 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[test]
-fn points_are_the_networks_in_the_order_asked_for() {
+fn embeddings_are_the_networks_in_the_order_of_the_inputs() {
     let evaluator = evaluator();
     let texts = ["a man walks on and on and on", "jumps", "a man walks"];
-    let points = evaluator.texts(&texts).unwrap();
-    // More than go through the network at once, and not sorted by length; the last three frames of some do not count.
+    let text_embeddings = evaluator.texts(&texts).unwrap();
+    // There are more motions than in one batch, and they are not sorted by length. Up to three frames at the end of some
+    // are ignored.
     let lengths: Vec<usize> = (0..70).map(|i| 4 + i * 7 % 40).collect();
     let motions: Vec<Vec<f32>> = lengths.iter().map(|&frames| motion(frames)).collect();
-    let moving = evaluator.motions(&motions).unwrap();
-    assert_eq!((points.len(), moving.len(), moving.width()), (3, 70, 8));
+    let motion_embeddings = evaluator.motions(&motions).unwrap();
+    assert_eq!((text_embeddings.len(), motion_embeddings.len()), (3, 70));
+    assert_eq!(motion_embeddings.width(), 8);
 
     let device = Device::flex();
     let row = |tensor: Tensor<2>| tensor.into_data().iter::<f32>().collect::<Vec<_>>();
-    for (place, text) in texts.iter().enumerate() {
+    for (index, text) in texts.iter().enumerate() {
         let tokens = evaluator.tokenizer().encode(text).unwrap();
         let alone = TextBatch::tokens(&[tokens], &device);
         let alone = row(evaluator.network().embed_text(&alone));
-        assert!(apart(points.row(place), &alone) < 1e-4);
+        assert!(largest_difference(text_embeddings.row(index), &alone) < 1e-4);
     }
-    for (place, (&frames, motion)) in lengths.iter().zip(&motions).enumerate() {
+    for (index, (&frames, motion)) in lengths.iter().zip(&motions).enumerate() {
         let normalised: Vec<f32> = { motion.chunks(FEATURES) }
             .flat_map(|frame| {
                 let read = frame[..FEATURES - EvaluatorConfig::CONTACTS]
@@ -90,13 +92,16 @@ fn points_are_the_networks_in_the_order_asked_for() {
         let features = Tensor::<3>::from_data(TensorData::new(normalised, shape), &device);
         let features = features.narrow(1, 0, frames);
         let alone = row(evaluator.network().embed_motion(features, &[frames], None));
-        assert!(apart(moving.row(place), &alone) < 1e-4, "{frames} frames");
+        assert!(
+            largest_difference(motion_embeddings.row(index), &alone) < 1e-4,
+            "{frames} frames"
+        );
     }
     assert!(evaluator.texts(&[""; 0]).unwrap().is_empty());
 }
 
 #[test]
-fn a_folder_is_the_judge() {
+fn an_evaluator_loads_from_the_folder_that_it_was_saved_to() {
     let evaluator = evaluator();
     let folder = tempfile::tempdir().unwrap();
     let save = |precision| {
@@ -106,10 +111,10 @@ fn a_folder_is_the_judge() {
     };
     save(Precision::F32);
     let loaded = Evaluator::load(folder.path(), &Device::flex()).unwrap();
-    // Weights from a file lie the other way round in memory, and products sum in another order.
+    // Weights from a file have another memory layout, so that products are summed in another order.
     let same = |found: Embeddings, expected: Embeddings| {
         assert_eq!(found.len(), 2);
-        assert!((0..2).all(|row| apart(found.row(row), expected.row(row)) < 1e-5));
+        assert!((0..2).all(|row| largest_difference(found.row(row), expected.row(row)) < 1e-5));
     };
     let texts = ["she jumps", "a man walks"];
     same(
@@ -150,7 +155,7 @@ fn a_folder_is_the_judge() {
 }
 
 #[test]
-fn what_a_judge_cannot_read_is_named() {
+fn inputs_that_an_evaluator_cannot_read_are_named() {
     let (evaluator, device) = (evaluator(), Device::flex());
     let refused = |numbers: usize| {
         let motions = [motion(8), vec![0.0; numbers]];
@@ -206,7 +211,7 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
     let captioned = CaptionedMotions::embed(&evaluator(), motions(600)).unwrap();
     assert_eq!(captioned.len(), 600);
     let real = real_motions(&captioned, 20, 5).unwrap();
-    // 18 batches of 32 are in 600.
+    // 600 motions make 18 batches of 32.
     assert_eq!(
         (real.motions, real.batches, real.repetitions),
         (600, 20 * 18, 20)
@@ -228,7 +233,7 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
     );
 }
 
-/// Mean and deviation of every parameter.
+/// The count of numbers, the mean and the standard deviation of every parameter.
 #[derive(Default)]
 struct Moments(Vec<(usize, f64, f64)>);
 
@@ -243,7 +248,7 @@ impl ModuleVisitor for Moments {
 }
 
 #[test]
-fn weights_at_the_start_are_the_public_codes_and_a_seeds() {
+fn initial_weights_have_the_public_codes_distributions_and_depend_on_the_seed() {
     let device = Device::flex();
     let wide = EvaluatorConfig {
         dim_motion_hidden: 48,
@@ -264,14 +269,14 @@ fn weights_at_the_start_are_the_public_codes_and_a_seeds() {
     for (place, (&(count, mean, deviation), &(_, expected_mean, expected))) in
         drawn.iter().zip(&new).enumerate()
     {
-        // Both are draws: the few numbers of a bias differ more.
-        let room = 6.0 * expected / (count as f64).sqrt() + 1e-9;
+        // Both are random samples, so means and deviations of few numbers, as of a bias, differ more.
+        let tolerance = 6.0 * expected / (count as f64).sqrt() + 1e-9;
         assert!(
-            (mean - expected_mean).abs() < room,
+            (mean - expected_mean).abs() < tolerance,
             "{place}: {mean}, {expected_mean}"
         );
         assert!(
-            (deviation - expected).abs() < room,
+            (deviation - expected).abs() < tolerance,
             "{place}: {deviation}, {expected}"
         );
     }

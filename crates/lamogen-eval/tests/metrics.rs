@@ -1,4 +1,4 @@
-//! Metrics beside values that numpy and scipy computed (`tests/golden/metrics/make.py`).
+//! Tests of the metrics against values that numpy and scipy computed (`tests/golden/metrics/make.py`).
 
 use std::path::Path;
 
@@ -55,8 +55,8 @@ fn fid_is_scipys_and_holds_for_singular_covariances() {
     for case in cases().fid {
         let [a, b] = sets(&case);
         for found in [fid(&a, &b).unwrap(), fid(&b, &a).unwrap()] {
-            let off = (found - case.fid).abs() / case.fid;
-            assert!(off < 1e-9, "{}: {found} is not {}", case.name, case.fid);
+            let error = (found - case.fid).abs() / case.fid;
+            assert!(error < 1e-9, "{}: {found} is not {}", case.name, case.fid);
         }
     }
 }
@@ -66,7 +66,7 @@ fn equal_sets_have_no_distance_and_a_shift_is_its_square() {
     for case in cases().fid {
         let [a, _] = sets(&case);
         assert!(fid(&a, &a).unwrap() < 1e-9, "{}", case.name);
-        // Half a metre of the embedding's space along each axis; 0.5 and the values are exact in 32 bits to 1e-7.
+        // The second set is moved by 0.5 along each axis; 0.5 and the values are exact in 32 bits to 1e-7.
         let moved = case.a.iter().map(|value| value + 0.5).collect();
         let moved = Embeddings::new(moved, case.width).unwrap();
         let expected = 0.25 * case.width as f64;

@@ -1,4 +1,4 @@
-//! The network beside PyTorch's (`tests/golden/evaluator/make.py`), in files, in batches and in training.
+//! Tests of the network: against PyTorch's (`tests/golden/evaluator/make.py`), in files, in batches and in training.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -24,16 +24,17 @@ fn config() -> EvaluatorConfig {
     EvaluatorConfig::from_file(golden("config.json")).unwrap()
 }
 
-fn public() -> EvaluatorNetwork {
+/// Returns the network of `finest.tar`, which has the format of the public code.
+fn golden_network() -> EvaluatorNetwork {
     EvaluatorNetwork::load(golden("finest.tar"), &config(), &Device::flex()).unwrap()
 }
 
-/// The inputs of the golden case, and what PyTorch made of them.
-struct Case(Vec<u8>);
+/// The inputs of the golden case and PyTorch's outputs for them, as the bytes of a safetensors file.
+struct GoldenCase(Vec<u8>);
 
-impl Case {
-    fn open() -> Case {
-        Case(std::fs::read(golden("case.safetensors")).unwrap())
+impl GoldenCase {
+    fn open() -> GoldenCase {
+        GoldenCase(std::fs::read(golden("case.safetensors")).unwrap())
     }
 
     fn data(&self, name: &str) -> TensorData {
@@ -69,7 +70,8 @@ impl Case {
     }
 }
 
-fn near<const D: usize>(found: Tensor<D>, expected: TensorData) {
+/// Asserts that a tensor has the expected values.
+fn assert_near<const D: usize>(found: Tensor<D>, expected: TensorData) {
     let tolerance = Tolerance::<f32>::rel_abs(1e-5, 2e-6);
     found
         .into_data()
@@ -78,35 +80,36 @@ fn near<const D: usize>(found: Tensor<D>, expected: TensorData) {
 
 #[test]
 fn the_public_file_gives_pytorchs_embeddings() {
-    let (case, evaluator) = (Case::open(), public());
-    near(
+    let (case, evaluator) = (GoldenCase::open(), golden_network());
+    assert_near(
         evaluator.embed_text(&case.texts()),
         case.data("text_embeddings"),
     );
     let motions = evaluator.embed_motion(case.tensor("features"), &case.counts("frames"), None);
-    near(motions, case.data("motion_embeddings"));
+    assert_near(motions, case.data("motion_embeddings"));
 }
 
 #[test]
 fn loss_and_gradients_are_pytorchs() {
-    let (case, evaluator) = (Case::open(), public().train());
+    let (case, evaluator) = (GoldenCase::open(), golden_network().train());
     let texts = evaluator.embed_text(&case.texts());
     let motions = evaluator.embed_motion(case.tensor("features"), &case.counts("frames"), None);
     let loss = contrastive_loss(texts, motions, case.counts("shift")[0], 10.0);
-    near(loss.clone(), case.data("loss"));
+    assert_near(loss.clone(), case.data("loss"));
     let gradients = GradientsParams::from_grads(loss.backward(), &evaluator);
     let parameters = gradients.len();
-    // Two convolutions, a linear layer; twice: linear, start, four layers of the GRU, three of the projection; and
-    // the parts of speech. All but the start have two tensors.
+    // The movement encoder has two convolutions and a linear layer. Both other encoders have a linear layer, initial
+    // states, four layers of the GRU and three of the projection, and the text encoder also a layer for the parts of
+    // speech. All but the initial states have two tensors.
     assert_eq!(parameters, 6 + 2 * (2 + 1 + 8 + 6) + 2);
-    // The gradients take the weights' places, so that their keys find them.
-    let gradients = Gradients(gradients).of(evaluator);
+    // The gradients replace the weights, so that they are saved under the weights' keys.
+    let gradients = Gradients(gradients).replace_weights(evaluator);
     let folder = tempfile::tempdir().unwrap();
     gradients
         .save(folder.path(), Precision::F32, HashMap::new())
         .unwrap();
     let file = std::fs::read(folder.path().join("model.safetensors")).unwrap();
-    let found = Case(file);
+    let found = GoldenCase(file);
     for (key, name) in [
         ("text_encoder.gru.weight_hh_l0_reverse", "gradient.text"),
         ("movement_encoder.main.0.weight", "gradient.motion"),
@@ -122,11 +125,11 @@ fn loss_and_gradients_are_pytorchs() {
     }
 }
 
-/// Puts gradients into the places of the weights.
+/// A mapper that replaces weights by their gradients.
 struct Gradients(GradientsParams);
 
 impl Gradients {
-    fn of(mut self, evaluator: EvaluatorNetwork) -> EvaluatorNetwork {
+    fn replace_weights(mut self, evaluator: EvaluatorNetwork) -> EvaluatorNetwork {
         evaluator.map(&mut self)
     }
 }
@@ -143,21 +146,21 @@ impl burn::module::ModuleMapper for Gradients {
 
 #[test]
 fn a_batch_is_its_members_whatever_the_padding_holds() {
-    let (case, evaluator) = (Case::open(), public());
+    let (case, evaluator) = (GoldenCase::open(), golden_network());
     let frames = case.counts("frames");
     let together: Tensor<3> = case.tensor("features");
     let longest = evaluator.embed_motion(together.clone(), &frames, None);
     for (row, &length) in frames.iter().enumerate() {
         let alone = together.clone().narrow(0, row, 1).narrow(1, 0, length);
         let alone = evaluator.embed_motion(alone, &[length], None);
-        near(alone, longest.clone().narrow(0, row, 1).into_data());
+        assert_near(alone, longest.clone().narrow(0, row, 1).into_data());
     }
-    // A motion of 16 frames, with NaN from there on.
-    let dirty = together.clone().narrow(0, 0, 1);
+    // The first motion has 16 frames; here NaN follows them.
+    let padded = together.clone().narrow(0, 0, 1);
     let nan = Tensor::full([1, 12, 9], f32::NAN, &Device::flex());
-    let dirty = Tensor::cat(vec![dirty.narrow(1, 0, 16), nan], 1);
-    let found = evaluator.embed_motion(dirty, &frames[..1], None);
-    near(found, longest.narrow(0, 0, 1).into_data());
+    let padded = Tensor::cat(vec![padded.narrow(1, 0, 16), nan], 1);
+    let found = evaluator.embed_motion(padded, &frames[..1], None);
+    assert_near(found, longest.narrow(0, 0, 1).into_data());
 
     let TextBatch::Words {
         vectors,
@@ -175,11 +178,11 @@ fn a_batch_is_its_members_whatever_the_padding_holds() {
             parts_of_speech: cut(&parts_of_speech),
             lengths: vec![length],
         });
-        near(alone, texts.clone().narrow(0, row, 1).into_data());
+        assert_near(alone, texts.clone().narrow(0, row, 1).into_data());
     }
 }
 
-fn small(text: TextForm) -> EvaluatorConfig {
+fn small_config(text: TextForm) -> EvaluatorConfig {
     EvaluatorConfig {
         dim_pose: 10,
         max_motion_length: 24,
@@ -192,15 +195,15 @@ fn small(text: TextForm) -> EvaluatorConfig {
     }
 }
 
-fn tokens() -> EvaluatorConfig {
-    small(TextForm::Tokens {
+fn token_config() -> EvaluatorConfig {
+    small_config(TextForm::Tokens {
         vocab_size: 40,
         context_length: 24,
         dim_word: 12,
     })
 }
 
-/// Four motions and their texts.
+/// Returns the features of four motions, their lengths and their texts.
 fn pairs() -> (Tensor<3>, Vec<usize>, TextBatch) {
     let device = Device::flex();
     let features = Tensor::<1, Int>::arange(0..4 * 24 * 6, &device).float();
@@ -222,7 +225,7 @@ fn a_tokenizers_texts_end_at_their_end_token() {
     let texts = ["a person jumps", "walk"].map(|text| tokenizer.encode(text).unwrap());
     let batch = TextBatch::tokens(&texts, &Device::flex());
     assert_eq!(batch.lengths(), [5, 3]);
-    let config = small(TextForm::Tokens {
+    let config = small_config(TextForm::Tokens {
         vocab_size: tokenizer.vocab_size(),
         context_length: 16,
         dim_word: 4,
@@ -237,13 +240,13 @@ fn a_tokenizers_texts_end_at_their_end_token() {
         })
         .collect();
     let shorter = evaluator.embed_text(&TextBatch::tokens(&cut, &Device::flex()));
-    near(shorter, both.into_data());
+    assert_near(shorter, both.into_data());
 }
 
 #[test]
 fn folders_keep_every_bit() {
     let device = Device::flex();
-    let evaluator = EvaluatorNetwork::new(&tokens(), &device);
+    let evaluator = EvaluatorNetwork::new(&token_config(), &device);
     let save = |evaluator: &EvaluatorNetwork| {
         let folder = tempfile::tempdir().unwrap();
         let licence = HashMap::from([("license".to_owned(), "CC0".to_owned())]);
@@ -262,16 +265,16 @@ fn folders_keep_every_bit() {
     assert_eq!(weights.metadata("license"), Some("CC0"));
 
     let (features, lengths, texts) = pairs();
-    let say = |evaluator: &EvaluatorNetwork| {
+    let embed = |evaluator: &EvaluatorNetwork| {
         let motions = evaluator.embed_motion(features.clone(), &lengths, None);
         Tensor::cat(vec![motions, evaluator.embed_text(&texts)], 0)
     };
-    near(say(&again), say(&evaluator).into_data());
+    assert_near(embed(&again), embed(&evaluator).into_data());
 }
 
 #[test]
-fn half_the_bits_are_half_the_size_and_say_the_same() {
-    let (case, evaluator) = (Case::open(), public());
+fn a_network_saved_in_16_bits_gives_nearly_the_same_embeddings() {
+    let (case, evaluator) = (GoldenCase::open(), golden_network());
     let folder = tempfile::tempdir().unwrap();
     evaluator
         .save(folder.path(), Precision::F16, HashMap::new())
@@ -306,7 +309,7 @@ fn files_of_other_networks_are_refused() {
     );
     let found = message(EvaluatorNetwork::load(
         golden("finest.tar"),
-        &tokens(),
+        &token_config(),
         &device,
     ));
     assert!(found.contains("do not fit"), "{found}");
@@ -327,9 +330,9 @@ fn files_of_other_networks_are_refused() {
     assert!(found.contains("none.tar"), "{found}");
 }
 
-/// Trains the golden case's network on its pairs; gives the losses.
+/// Trains the golden case's network on its pairs and returns the losses.
 fn train(steps: usize, seed: u64) -> Vec<f32> {
-    let (case, mut evaluator) = (Case::open(), public().train());
+    let (case, mut evaluator) = (GoldenCase::open(), golden_network().train());
     let (features, frames, texts) = (case.tensor("features"), case.counts("frames"), case.texts());
     let mut optimizer = AdamConfig::new().with_epsilon(1e-8).init();
     let mut stream = ChaCha12Rng::seed_from_u64(seed);
@@ -361,7 +364,7 @@ fn training_brings_texts_to_their_motions_and_can_be_repeated() {
 #[test]
 fn a_network_read_from_a_file_can_be_trained_on() {
     let folder = tempfile::tempdir().unwrap();
-    EvaluatorNetwork::new(&tokens(), &Device::flex())
+    EvaluatorNetwork::new(&token_config(), &Device::flex())
         .save(folder.path(), Precision::F32, HashMap::new())
         .unwrap();
     let (features, lengths, texts) = pairs();

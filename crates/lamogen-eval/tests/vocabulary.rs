@@ -1,7 +1,7 @@
-//! Captions as the public evaluator reads them.
+//! Tests of reading captions for the public evaluator.
 //!
-//! tests/golden/glove holds eight words in the form of the public code's folder `glove`; a word's vector is its row,
-//! then its row divided by 4 (`make.py`).
+//! tests/golden/glove holds eight words in the form of the public code's folder `glove`. A word's vector is the number
+//! of its row, and this number divided by 4 (`make.py`).
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/glove")
 }
 
-/// Rows and parts of speech of a caption, padding included, and its length.
+/// Returns the rows and the parts of speech of a caption, with padding, and the caption's length.
 fn read(tokens: &str) -> (Vec<usize>, Vec<PartOfSpeech>, usize) {
     let vocabulary = Vocabulary::from_folder(folder()).unwrap();
     let sentence = vocabulary.sentence(tokens).unwrap();
@@ -44,7 +44,7 @@ fn read(tokens: &str) -> (Vec<usize>, Vec<PartOfSpeech>, usize) {
 }
 
 #[test]
-fn a_caption_has_start_and_end_and_watched_words_have_their_own_part() {
+fn a_caption_has_start_and_end_and_special_words_have_their_own_part() {
     use PartOfSpeech::*;
     let (rows, parts, length) = read("a/DET man/NOUN walk/NOUN up/ADP happily/ADV man/XYZ");
     assert_eq!(length, 8);
@@ -58,7 +58,7 @@ fn a_caption_has_start_and_end_and_watched_words_have_their_own_part() {
 }
 
 #[test]
-fn a_word_without_a_vector_is_unknown_even_if_it_is_watched() {
+fn a_word_without_a_vector_is_unknown_even_if_it_is_special() {
     let (rows, parts, _) = read("man/NOUN jump/VERB");
     assert_eq!(rows[..4], [9, 1, 7, 8]);
     assert_eq!(parts[2], PartOfSpeech::Other);

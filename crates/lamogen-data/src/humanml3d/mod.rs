@@ -1,10 +1,10 @@
-//! HumanML3D's folder, as its users have it.
+//! HumanML3D's folder in its usual layout.
 //!
 //! ```text
-//! train.txt, val.txt, test.txt    names, one a line
+//! train.txt, val.txt, test.txt    names, one per line
 //! new_joint_vecs/NAME.npy         pose features, [frames, 263]
 //! texts/NAME.txt                  captions
-//! Mean.npy, Std.npy               statistics, [263]; computed where they are not there
+//! Mean.npy, Std.npy               statistics, [263]; computed if the files are missing
 //! ```
 
 mod text;
@@ -29,14 +29,16 @@ use crate::rows::{Rows, to_half};
 use crate::split::Split;
 use crate::statistics::Statistics;
 
+/// The folder of the pose features.
 pub(crate) const VECTORS: &str = "new_joint_vecs";
+/// The folder of the captions.
 pub(crate) const TEXTS: &str = "texts";
 
-/// Clips that are read in parallel before the observer is told.
-const TOGETHER: usize = 256;
+/// The number of clips that are read in parallel before the observer is called.
+const CLIPS_PER_BATCH: usize = 256;
 
-/// The file that lists a split.
-pub(crate) fn list(split: Split) -> &'static str {
+/// Returns the name of the file that lists a split.
+pub(crate) fn list_file(split: Split) -> &'static str {
     match split {
         Split::Train => "train.txt",
         Split::Validation => "val.txt",
@@ -54,56 +56,56 @@ pub(crate) fn open(
     options: &LoadOptions,
     observer: &mut dyn FnMut(Progress),
 ) -> Result<Dataset, DataError> {
-    let statistics = statistics(folder)?;
+    let statistics = read_statistics(folder)?;
     let mut problems = Problems::default();
-    let names = names(folder, &mut problems)?;
-    // The mirror image of 012345 is M012345, and of the same recording.
+    let names = read_names(folder, &mut problems)?;
+    // The mirror image of 012345 is M012345; both are of the same recording.
     let listed: HashSet<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
     let mut rows = Rows::new();
     let mut entries = Vec::new();
-    for (index, some) in names.chunks(TOGETHER).enumerate() {
-        let read: Vec<Result<Clip, Problem>> = { some.par_iter() }
-            .map(|(name, _)| clip(folder, name, options))
+    for (index, batch) in names.chunks(CLIPS_PER_BATCH).enumerate() {
+        let clips: Vec<Result<CaptionedClip, Problem>> = { batch.par_iter() }
+            .map(|(name, _)| read_clip(folder, name, options))
             .collect();
-        for ((name, split), clip) in some.iter().zip(read) {
+        for ((name, split), clip) in batch.iter().zip(clips) {
             match clip {
                 Err(problem) => problems.extend([problem]),
                 Ok(clip) => {
-                    problems.extend(clip.left_out.iter().cloned());
+                    problems.extend(clip.problems.iter().cloned());
                     let original = name.strip_prefix('M').filter(|name| listed.contains(name));
-                    clip.add((name, original), *split, &mut rows, &mut entries);
+                    clip.add_to((name, original), *split, &mut rows, &mut entries);
                 }
             }
         }
         if index == 0 {
-            // The rest is about as long as the first clips are.
-            rows.reserve(rows.len() * names.len().div_ceil(TOGETHER));
+            // The other clips are about as long as those of the first batch.
+            rows.reserve(rows.len() * names.len().div_ceil(CLIPS_PER_BATCH));
         }
         observer(Progress {
-            done: index * TOGETHER + some.len(),
+            done: index * CLIPS_PER_BATCH + batch.len(),
             all: names.len(),
         });
     }
     Dataset::new(folder, (entries, rows), Mirror::new(), statistics, problems)
 }
 
-/// All names that are listed, once each.
-fn names(folder: &Path, problems: &mut Problems) -> Result<Vec<(String, Split)>, DataError> {
+/// Reads the names of all splits. A name that is listed again is kept once and added to `problems`.
+fn read_names(folder: &Path, problems: &mut Problems) -> Result<Vec<(String, Split)>, DataError> {
     let mut names = Vec::new();
-    let mut seen: HashMap<String, Split> = HashMap::new();
+    let mut split_of: HashMap<String, Split> = HashMap::new();
     for split in Split::ALL {
-        let path = folder.join(list(split));
+        let path = folder.join(list_file(split));
         let text = match std::fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
             text => text.map_err(DataError::read(&path))?,
         };
         let listed = text.trim_start_matches('\u{feff}').lines().map(str::trim);
         for name in listed.filter(|name| !name.is_empty()) {
-            match seen.insert(name.to_owned(), split) {
+            match split_of.insert(name.to_owned(), split) {
                 None => names.push((name.to_owned(), split)),
                 Some(first) => {
-                    seen.insert(name.to_owned(), first);
-                    let (first, again) = (list(first), list(split));
+                    split_of.insert(name.to_owned(), first);
+                    let (first, again) = (list_file(first), list_file(split));
                     let reason = format!("listed in {first} already, again in {again}");
                     problems.add(name, ProblemKind::Twice, reason);
                 }
@@ -113,7 +115,8 @@ fn names(folder: &Path, problems: &mut Problems) -> Result<Vec<(String, Split)>,
     Ok(names)
 }
 
-fn statistics(folder: &Path) -> Result<Option<Statistics>, DataError> {
+/// Reads `Mean.npy` and `Std.npy`; `None` if the folder has neither.
+fn read_statistics(folder: &Path) -> Result<Option<Statistics>, DataError> {
     let paths = [folder.join("Mean.npy"), folder.join("Std.npy")];
     if !paths.iter().any(|path| path.exists()) {
         return Ok(None);
@@ -133,7 +136,7 @@ fn statistics(folder: &Path) -> Result<Option<Statistics>, DataError> {
         mean: mean?,
         std: std?,
     };
-    match statistics.first_wrong() {
+    match statistics.first_invalid() {
         None => Ok(Some(statistics)),
         Some((which, expected, feature, found)) => Err(DataError::Statistic {
             path: paths[usize::from(which == "std")].clone(),
@@ -145,23 +148,27 @@ fn statistics(folder: &Path) -> Result<Option<Statistics>, DataError> {
     }
 }
 
-/// One motion's file with what is said of it.
-struct Clip {
+/// The pose features of a clip with its captions.
+struct CaptionedClip {
+    /// The pose features, 263 per frame.
     rows: Vec<f16>,
-    whole: Vec<Caption>,
-    /// Captions of a part only, with its frames.
-    parts: Vec<(Range<usize>, Caption)>,
-    left_out: Vec<Problem>,
+    /// The captions of the whole motion.
+    captions: Vec<Caption>,
+    /// The captions of a part of the motion, each with the part's frames.
+    part_captions: Vec<(Range<usize>, Caption)>,
+    /// The parts that are left out, with the reasons.
+    problems: Vec<Problem>,
 }
 
-fn clip(folder: &Path, name: &str, options: &LoadOptions) -> Result<Clip, Problem> {
+/// Reads the pose features and the captions of a clip.
+fn read_clip(folder: &Path, name: &str, options: &LoadOptions) -> Result<CaptionedClip, Problem> {
     let problem = |kind: ProblemKind, reason: String| Problem {
         name: name.to_owned(),
         kind,
         reason,
     };
     let vectors = folder.join(VECTORS).join(format!("{name}.npy"));
-    let array = read(&vectors).map_err(|(kind, reason)| problem(kind, reason))?;
+    let array = read_array(&vectors).map_err(|(kind, reason)| problem(kind, reason))?;
     let [frames, POSE_FEATURES] = array.shape[..] else {
         let found = array.shape;
         let reason = format!("expected the shape [frames, {POSE_FEATURES}], found {found:?}");
@@ -191,32 +198,32 @@ fn clip(folder: &Path, name: &str, options: &LoadOptions) -> Result<Clip, Proble
         let reason = format!("{}: expected a caption, found none", path.display());
         return Err(problem(ProblemKind::NoCaption, reason));
     }
-    let mut clip = Clip {
+    let mut clip = CaptionedClip {
         rows,
-        whole: Vec::new(),
-        parts: Vec::new(),
-        left_out: Vec::new(),
+        captions: Vec::new(),
+        part_captions: Vec::new(),
+        problems: Vec::new(),
     };
     for line in lines {
         let Some(part) = line.part else {
-            clip.whole.push(line.caption);
+            clip.captions.push(line.caption);
             continue;
         };
         let part = part.start.min(frames)..part.end.min(frames);
         match check_length(part.len(), options) {
-            Ok(()) => clip.parts.push((part, line.caption)),
+            Ok(()) => clip.part_captions.push((part, line.caption)),
             Err((kind, reason)) => {
                 let text = &line.caption.text;
                 let reason = format!("the part {part:?} of {text:?}: {reason}");
-                clip.left_out.push(problem(kind, reason));
+                clip.problems.push(problem(kind, reason));
             }
         }
     }
     Ok(clip)
 }
 
-fn read(path: &Path) -> Result<npy::Array, (ProblemKind, String)> {
-    // Whole, because so many small files are read faster so.
+fn read_array(path: &Path) -> Result<npy::Array, (ProblemKind, String)> {
+    // Reading each of the many small files in one piece is faster.
     let bytes = std::fs::read(path).map_err(|error| {
         let kind = match error.kind() {
             io::ErrorKind::NotFound => ProblemKind::Missing,
@@ -228,16 +235,17 @@ fn read(path: &Path) -> Result<npy::Array, (ProblemKind, String)> {
     npy::read_bytes(&bytes, path).map_err(unreadable)
 }
 
-impl Clip {
-    /// Adds it to a data set: an entry for all captions of the whole motion, and one for every caption of a part.
-    fn add(
+impl CaptionedClip {
+    /// Adds the clip's rows and entries to a data set: one entry with all captions of the whole motion, and one entry
+    /// for every caption of a part. `original` is the name of the original if the clip is a mirror image.
+    fn add_to(
         self,
         (name, original): (&str, Option<&str>),
         split: Split,
         rows: &mut Rows,
         entries: &mut Vec<Entry>,
     ) {
-        if self.whole.is_empty() && self.parts.is_empty() {
+        if self.captions.is_empty() && self.part_captions.is_empty() {
             return;
         }
         let trial = original.unwrap_or(name);
@@ -259,23 +267,23 @@ impl Clip {
             clip,
             start: start + part.start,
         };
-        if !self.whole.is_empty() {
-            entries.push(entry(name.to_owned(), 0..frames, self.whole));
+        if !self.captions.is_empty() {
+            entries.push(entry(name.to_owned(), 0..frames, self.captions));
         }
-        // HumanML3D's users name parts A_012345 and so on, by a letter drawn by chance. That of the mirror image
-        // is named as mirror images are, with an M in front.
-        let (image, name) = match original {
+        // Public code for HumanML3D names parts A_012345 and so on, with a random letter. Here the letters are in
+        // order; the part of a mirror image has an M in front, like the mirror image itself.
+        let (image_prefix, name) = match original {
             Some(original) => ("M", original),
             None => ("", name),
         };
-        for (index, (part, caption)) in self.parts.into_iter().enumerate() {
+        for (index, (part, caption)) in self.part_captions.into_iter().enumerate() {
             let letter = char::from(b'A' + (index % 26) as u8);
             let round = match index / 26 {
                 0 => String::new(),
                 round => round.to_string(),
             };
             entries.push(entry(
-                format!("{image}{letter}{round}_{name}"),
+                format!("{image_prefix}{letter}{round}_{name}"),
                 part,
                 vec![caption],
             ));

@@ -1,4 +1,4 @@
-//! A text of HumanML3D: `caption#tokens#start#end` on every line.
+//! HumanML3D's caption files: every line is `caption#tokens#start#end`.
 
 use std::ops::Range;
 
@@ -6,25 +6,25 @@ use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::entry::Caption;
 
-/// A line: a caption, and what it describes.
+/// A line of a caption file: a caption and the part of the motion that it describes.
 #[derive(Debug, PartialEq)]
-pub(super) struct Line {
+pub(super) struct CaptionLine {
     pub caption: Caption,
-    /// The frames that are described; `None` for the whole motion.
+    /// The frames that the caption describes; `None` for the whole motion.
     pub part: Option<Range<usize>>,
 }
 
-/// The lines of a file; the error says which line and why.
-pub(super) fn parse(text: &str) -> Result<Vec<Line>, String> {
+/// Parses the lines of a caption file. The error says which line is invalid and why.
+pub(super) fn parse(text: &str) -> Result<Vec<CaptionLine>, String> {
     let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
     lines
         .filter(|(_, line)| !line.trim().is_empty())
-        .map(|(number, text)| line(text).map_err(|why| format!("line {}: {why}", number + 1)))
+        .map(|(index, text)| parse_line(text).map_err(|why| format!("line {}: {why}", index + 1)))
         .collect()
 }
 
-fn line(text: &str) -> Result<Line, String> {
-    // From the right, because a sentence may have a #.
+fn parse_line(text: &str) -> Result<CaptionLine, String> {
+    // Fields are split from the right, because a caption may contain a #.
     let mut fields = text.trim().rsplitn(4, '#');
     let (Some(end), Some(start), Some(tokens), Some(caption)) =
         (fields.next(), fields.next(), fields.next(), fields.next())
@@ -40,7 +40,7 @@ fn line(text: &str) -> Result<Line, String> {
     let tokens = tokens.trim();
     let (from, to) = (seconds(start)?, seconds(end)?);
     let frame = |seconds: f64| (seconds * f64::from(FRAMES_PER_SECOND)) as usize;
-    Ok(Line {
+    Ok(CaptionLine {
         caption: Caption {
             text: caption.to_owned(),
             tokens: (!tokens.is_empty()).then(|| tokens.to_owned()),
@@ -52,7 +52,7 @@ fn line(text: &str) -> Result<Line, String> {
     })
 }
 
-/// Seconds from the start; no number counts as 0, as HumanML3D's users have it.
+/// Parses a time in seconds from the start; NaN counts as 0, as in public code for HumanML3D.
 fn seconds(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(seconds) if seconds.is_nan() => Ok(0.0),
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_named_with_its_line() {
+    fn an_invalid_line_is_named_by_its_number() {
         for (text, part) in [
             ("a man walks", "caption#tokens#start#end"),
             ("a man#a/DET#0.0", "caption#tokens#start#end"),

@@ -1,4 +1,4 @@
-//! The file that says what motion files show.
+//! The captions file: the list of motion files with their captions.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Component, Path};
@@ -8,20 +8,21 @@ use serde::Deserialize;
 use crate::error::DataError;
 use crate::split::Split;
 
-/// A motion file, or a part of one, with what is said of it.
+/// A motion file, or a part of one, with its description.
 #[derive(Debug, PartialEq)]
-pub(super) struct Take {
+pub(super) struct ListedMotion {
     /// The file, as a path within the folder, with slashes.
     pub file: String,
-    /// From where to where, in seconds.
+    /// The start of the part in seconds; `None` if the file's start is meant.
     pub start: Option<f64>,
+    /// The end of the part in seconds; `None` if the file's end is meant.
     pub end: Option<f64>,
-    pub said: Said,
+    pub description: MotionDescription,
 }
 
-/// What is said of a take.
+/// The description of a listed motion: its captions and labels.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Said {
+pub(super) struct MotionDescription {
     pub captions: Vec<String>,
     pub split: Option<Split>,
     pub content: Option<String>,
@@ -29,10 +30,10 @@ pub(super) struct Said {
     pub source: Option<String>,
 }
 
-/// A line in JSON.
+/// A line of the captions file in JSON.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Line {
+struct ListingLine {
     file: String,
     captions: Vec<String>,
     split: Option<String>,
@@ -43,13 +44,14 @@ struct Line {
     end: Option<f64>,
 }
 
-/// Reads the file: every line is JSON, or file, tab, caption. Lines of the same part of the same file are one take; a
-/// split counts for the whole file.
+/// Reads a captions file. Every line is JSON, or a file, a tab and a caption.
+///
+/// Lines about the same part of the same file become one listed motion. A split applies to the whole file.
 ///
 /// # Errors
 ///
-/// If it cannot be read, or a line makes no sense or contradicts another.
-pub(super) fn read(path: &Path) -> Result<Vec<Take>, DataError> {
+/// If the file cannot be read, or a line is invalid or contradicts another.
+pub(super) fn read(path: &Path) -> Result<Vec<ListedMotion>, DataError> {
     let text = std::fs::read_to_string(path).map_err(DataError::read(path))?;
     parse(&text).map_err(|(line, problem)| DataError::Captions {
         path: path.to_owned(),
@@ -58,52 +60,55 @@ pub(super) fn read(path: &Path) -> Result<Vec<Take>, DataError> {
     })
 }
 
-fn parse(text: &str) -> Result<Vec<Take>, (usize, String)> {
-    let mut takes: Vec<Take> = Vec::new();
-    let mut places: HashMap<(String, Option<u64>, Option<u64>), usize> = HashMap::new();
+fn parse(text: &str) -> Result<Vec<ListedMotion>, (usize, String)> {
+    let mut motions: Vec<ListedMotion> = Vec::new();
+    let mut indices: HashMap<(String, Option<u64>, Option<u64>), usize> = HashMap::new();
     let mut splits: BTreeMap<String, Split> = BTreeMap::new();
-    for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+    for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         if line.trim().is_empty() {
             continue;
         }
-        let wrong = |problem: String| (number + 1, problem);
-        let take = take(line).map_err(wrong)?;
-        if let Some(split) = take.said.split {
-            let first = *splits.entry(take.file.clone()).or_insert(split);
+        let error = |problem: String| (index + 1, problem);
+        let motion = parse_line(line).map_err(error)?;
+        if let Some(split) = motion.description.split {
+            let first = *splits.entry(motion.file.clone()).or_insert(split);
             if first != split {
-                let file = &take.file;
-                return Err(wrong(format!(
+                let file = &motion.file;
+                return Err(error(format!(
                     "{file} is {split} here, {first} in a line before"
                 )));
             }
         }
         let key = (
-            take.file.clone(),
-            take.start.map(f64::to_bits),
-            take.end.map(f64::to_bits),
+            motion.file.clone(),
+            motion.start.map(f64::to_bits),
+            motion.end.map(f64::to_bits),
         );
-        match places.get(&key) {
-            Some(&place) => takes[place].said.join(take.said).map_err(wrong)?,
+        match indices.get(&key) {
+            Some(&index) => motions[index]
+                .description
+                .merge(motion.description)
+                .map_err(error)?,
             None => {
-                places.insert(key, takes.len());
-                takes.push(take);
+                indices.insert(key, motions.len());
+                motions.push(motion);
             }
         }
     }
-    for take in &mut takes {
-        take.said.split = splits.get(&take.file).copied();
+    for motion in &mut motions {
+        motion.description.split = splits.get(&motion.file).copied();
     }
-    Ok(takes)
+    Ok(motions)
 }
 
-fn take(line: &str) -> Result<Take, String> {
+fn parse_line(line: &str) -> Result<ListedMotion, String> {
     let line = match line.trim_start().starts_with('{') {
-        true => serde_json::from_str::<Line>(line).map_err(|error| error.to_string())?,
+        true => serde_json::from_str::<ListingLine>(line).map_err(|error| error.to_string())?,
         false => {
             let (file, caption) = line
                 .split_once('\t')
                 .ok_or_else(|| format!("expected JSON, or file, tab, caption; found {line:?}"))?;
-            Line {
+            ListingLine {
                 file: file.trim().to_owned(),
                 captions: vec![caption.to_owned()],
                 split: None,
@@ -128,11 +133,11 @@ fn take(line: &str) -> Result<Take, String> {
             "expected a start before the end, in seconds from 0, found {times:?}"
         ));
     }
-    Ok(Take {
-        file: within(&line.file)?,
+    Ok(ListedMotion {
+        file: path_within_folder(&line.file)?,
         start: line.start,
         end: line.end,
-        said: Said {
+        description: MotionDescription {
             captions,
             split: split.map_err(|error| error.to_string())?,
             content: line.content,
@@ -142,8 +147,12 @@ fn take(line: &str) -> Result<Take, String> {
     })
 }
 
-/// A path within the folder, with slashes and without `.`.
-fn within(file: &str) -> Result<String, String> {
+/// Returns the path of a file within the folder, with slashes and without `.`.
+///
+/// # Errors
+///
+/// If the path is empty or leaves the folder.
+fn path_within_folder(file: &str) -> Result<String, String> {
     let slashed = file.replace('\\', "/");
     let parts: Option<Vec<&str>> = Path::new(&slashed)
         .components()
@@ -159,9 +168,13 @@ fn within(file: &str) -> Result<String, String> {
     }
 }
 
-impl Said {
-    /// Adds what another line says.
-    fn join(&mut self, other: Said) -> Result<(), String> {
+impl MotionDescription {
+    /// Adds the captions and labels of another line about the same motion.
+    ///
+    /// # Errors
+    ///
+    /// If both lines have a label and the labels differ.
+    fn merge(&mut self, other: MotionDescription) -> Result<(), String> {
         for (name, ours, theirs) in [
             ("content", &mut self.content, other.content),
             ("style", &mut self.style, other.style),
@@ -187,23 +200,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_of_one_part_are_one_take() {
+    fn lines_of_one_part_are_one_motion() {
         let text = "walk.bvh\ta person walks\n\
                     ./walk.bvh\ta man goes\n\
                     {\"file\": \"a\\\\b.bvh\", \"captions\": [\"x\"], \"split\": \"val\", \"content\": \"jump\"}\n\
                     {\"file\": \"a/b.bvh\", \"captions\": [\"y\"], \"start\": 1, \"end\": 3.5}\n";
-        let takes = parse(text).unwrap();
-        assert_eq!(takes.len(), 3);
-        assert_eq!(takes[0].said.captions, ["a person walks", "a man goes"]);
-        assert_eq!((&*takes[1].file, &*takes[2].file), ("a/b.bvh", "a/b.bvh"));
-        assert_eq!((takes[2].start, takes[2].end), (Some(1.0), Some(3.5)));
-        // The split of a file counts for all its parts.
-        assert_eq!(takes[2].said.split, Some(Split::Validation));
-        assert_eq!(takes[0].said.split, None);
+        let motions = parse(text).unwrap();
+        assert_eq!(motions.len(), 3);
+        assert_eq!(
+            motions[0].description.captions,
+            ["a person walks", "a man goes"]
+        );
+        assert_eq!(
+            (&*motions[1].file, &*motions[2].file),
+            ("a/b.bvh", "a/b.bvh")
+        );
+        assert_eq!((motions[2].start, motions[2].end), (Some(1.0), Some(3.5)));
+        // The split of a file applies to all its parts.
+        assert_eq!(motions[2].description.split, Some(Split::Validation));
+        assert_eq!(motions[0].description.split, None);
     }
 
     #[test]
-    fn what_makes_no_sense_is_named_with_its_line() {
+    fn an_invalid_line_is_named_by_its_number() {
         for (line, part) in [
             ("walk.bvh a person walks", "tab"),
             ("walk.bvh\t ", "captions"),

@@ -1,4 +1,4 @@
-//! From what there is to the packed form.
+//! Packing data sets and motion files into the packed form.
 
 mod listing;
 mod motions;
@@ -11,35 +11,37 @@ use lamogen_files::ReadOptions;
 use crate::dataset::Dataset;
 use crate::entry::{Caption, Entry};
 use crate::error::DataError;
-use crate::form::Form;
+use crate::form::FolderFormat;
 use crate::options::{LoadOptions, Progress};
 use crate::packed;
 use crate::problems::ProblemKind;
-use crate::sides::{swap, swap_tokens};
+use crate::sides::{swap_sides, swap_sides_in_tokens};
 use crate::split::Split;
 
-/// How a data set is packed.
+/// Options of packing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackOptions {
-    /// What is said of motion files, one a line: JSON such as
-    /// `{"file": "walk.bvh", "captions": ["a person walks"]}`, or file, tab, caption. Data sets have their own.
+    /// The captions file of motion files. Every line is JSON such as
+    /// `{"file": "walk.bvh", "captions": ["a person walks"]}`, or a file, a tab and a caption. Data sets have captions
+    /// of their own and need no file.
     pub captions: Option<PathBuf>,
-    /// Further captions of motions that have some, known by their names (see [`Dataset::add_captions`]).
+    /// A file of further captions for motions that already have some, by their names (see [`Dataset::add_captions`]).
     pub more_captions: Option<PathBuf>,
-    /// Speeds at which motions for training are added, beside their own (see [`Dataset::with_speeds`]).
+    /// The speeds at which copies of training motions are added (see [`Dataset::with_speeds`]).
     pub speeds: Vec<f32>,
-    /// Whether training entries get mirror images, where they have none.
+    /// Whether mirror images of training entries are added, where an entry has none.
     pub mirror: bool,
-    /// The shortest motion, in frames.
+    /// The least length of a motion in frames.
     pub min_frames: usize,
-    /// The longest motion, in frames. Motion files that are longer are cut into equal windows, 196 frames if nothing is
-    /// said; longer motions of a data set are left out, from 200 frames on if nothing is said.
+    /// The greatest length of a motion in frames. Longer motion files are cut into equal windows of at most so many
+    /// frames, by default 196. Longer motions of a data set are left out; by default that is those of 200 frames and
+    /// more.
     pub max_frames: Option<usize>,
-    /// By what motion files are dealt out to splits, where no split is said.
+    /// The seed of the hash that assigns motion files to splits, where the captions file has no split for them.
     pub seed: u64,
-    /// What is known of the motion files.
+    /// The options of reading motion files.
     pub reading: ReadOptions,
-    /// Whether a packed data set that is already there is replaced.
+    /// Whether a packed data set that is already in the output folder is replaced.
     pub force: bool,
 }
 
@@ -60,35 +62,38 @@ impl Default for PackOptions {
 }
 
 impl PackOptions {
-    /// Which lengths motions of a data set may have.
+    /// Returns the limits on the lengths of a data set's motions.
     fn limits(&self) -> LoadOptions {
-        let usual = LoadOptions::default();
+        let default = LoadOptions::default();
         LoadOptions {
             min_frames: self.min_frames,
-            max_frames: self.max_frames.unwrap_or(usual.max_frames),
+            max_frames: self.max_frames.unwrap_or(default.max_frames),
         }
     }
 }
 
-/// The longest window that motion files are cut into, in frames.
+/// The default length of the longest window that motion files are cut into, in frames.
 const WINDOW: usize = 196;
 
-/// Packs a folder into another: a data set of any form that [`Dataset::open`] knows, or motion files with captions.
-/// Gives the data set that was written, with what was left out in its [`problems`](Dataset::problems).
+/// Packs a folder into another folder and returns the data set that was written. The source is a data set in any form
+/// that [`Dataset::open`] reads, or a folder of motion files with captions. Motions that were left out are listed in
+/// the returned data set's [`problems`](Dataset::problems).
 ///
-/// Motion files are whatever [`lamogen_files::read`] reads, in subfolders too. They are resampled to 20 frames a second,
-/// [put on HumanML3D's body](lamogen_motion::Rotations::on), cut, and encoded as
-/// [canonical](lamogen_motion::encode_canonical) features; arrays of pose features are taken as they are. A pose before the
-/// movement, as conversions of CMU's recordings have it, is left out unless the captions say where to start. Without a
-/// split in the captions, files are dealt out by a hash of their names: 80 % training, 5 % validation, 15 % test.
+/// Motion files are those that [`lamogen_files::read`] reads; subfolders are searched, too. They are resampled to 20
+/// frames per second, [put on HumanML3D's body](lamogen_motion::Rotations::on), cut, and encoded as
+/// [canonical](lamogen_motion::encode_canonical) features. Arrays of pose features are used without change. If a file
+/// begins with a pose that does not belong to the movement, as conversions of CMU's recordings do, this pose is left
+/// out, unless the captions file gives a start. Files for which the captions file has no split are assigned to splits
+/// by a hash of their names: 80 % training, 5 % validation, 15 % test.
 ///
-/// Mirror images share the rows of their originals, are named with an M in front, and have left and right exchanged in
-/// what is said of them. An entry whose name with an M in front is there already has one.
+/// Mirror images share the rows of their originals. Their names are those of the originals with an M in front, and left
+/// and right are exchanged in their captions and contents. An entry `x` gets no mirror image if there is already an
+/// entry named `Mx`.
 ///
 /// # Errors
 ///
-/// If the folder to write is not free, the source cannot be opened, captions are missing or make no sense, no motion
-/// is left, or statistics cannot be computed.
+/// If the output folder is not free, the source cannot be opened, captions are missing or invalid, no usable motion is
+/// left, or statistics cannot be computed.
 pub fn pack(
     source: impl AsRef<Path>,
     out: impl AsRef<Path>,
@@ -97,18 +102,18 @@ pub fn pack(
 ) -> Result<Dataset, DataError> {
     let (source, out) = (source.as_ref(), out.as_ref());
     packed::check_free(out, options.force)?;
-    let dataset = match Form::recognise(source)? {
-        Some(_) => opened(source, options, observer)?,
+    let dataset = match FolderFormat::recognise(source)? {
+        Some(_) => open_dataset(source, options, observer)?,
         None => motions::read(source, options, observer)?,
     };
     finish(dataset, out, options)
 }
 
-/// Adds what else is said of the motions, and writes them.
+/// Adds further captions and other speeds as the options say, and writes the data set.
 fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dataset, DataError> {
     if let Some(path) = &options.more_captions {
         for name in dataset.add_captions(path)? {
-            // One that was left out is listed already.
+            // A motion that was left out is already listed.
             if !dataset.problems.iter().any(|problem| problem.name == name) {
                 let reason = format!("{} has captions of it", path.display());
                 dataset.problems.add(name, ProblemKind::Missing, reason);
@@ -122,11 +127,12 @@ fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dat
     Ok(dataset)
 }
 
-/// Packs several data sets into one folder (see [`Dataset::join`]); each may be of any form that [`Dataset::open`] knows.
+/// Packs several data sets into one folder (see [`Dataset::join`]). Each may be in any form that [`Dataset::open`]
+/// reads. A single source may also be a folder of motion files, as for [`pack`].
 ///
 /// # Errors
 ///
-/// As [`pack`], and if one of several is no data set.
+/// As [`pack`], and if one of several sources is not a data set.
 pub fn pack_all(
     sources: &[impl AsRef<Path>],
     out: impl AsRef<Path>,
@@ -140,18 +146,22 @@ pub fn pack_all(
     packed::check_free(out, options.force)?;
     let mut datasets = Vec::with_capacity(sources.len());
     for source in sources.iter().map(AsRef::as_ref) {
-        if Form::recognise(source)?.is_none() {
+        if FolderFormat::recognise(source)?.is_none() {
             return Err(DataError::NotADataset {
                 folder: source.to_owned(),
             });
         }
-        datasets.push(opened(source, options, observer)?);
+        datasets.push(open_dataset(source, options, observer)?);
     }
     finish(Dataset::join(datasets)?, out, options)
 }
 
-/// A data set that is one already.
-fn opened(
+/// Opens a source that is already a data set, and adds mirror images if the options ask for them.
+///
+/// # Errors
+///
+/// As [`Dataset::open`], and if the options have a captions file.
+fn open_dataset(
     source: &Path,
     options: &PackOptions,
     observer: &mut dyn FnMut(Progress),
@@ -163,36 +173,36 @@ fn opened(
     }
     let mut dataset = Dataset::open(source, &options.limits(), observer)?;
     if options.mirror {
-        let mirrored = mirrored(&dataset.entries);
-        dataset.entries.extend(mirrored);
+        let images = mirror_images(&dataset.entries);
+        dataset.entries.extend(images);
     }
     Ok(dataset)
 }
 
-/// The mirror images of training entries that have none.
-fn mirrored(entries: &[Entry]) -> Vec<Entry> {
+/// Returns mirror images of the training entries that have none and are none.
+fn mirror_images(entries: &[Entry]) -> Vec<Entry> {
     let names: HashSet<&str> = entries.iter().map(|entry| &*entry.name).collect();
-    let image = |name: &str| format!("M{name}");
-    let alone = |entry: &&Entry| {
-        // The original of an image may have been left out; the image's recording then still tells.
+    let image_name = |name: &str| format!("M{name}");
+    let lacks_image = |entry: &&Entry| {
+        // If the original of an image was left out, the image is still recognised by its recording.
         let trial = entry.trial.as_deref();
         let is_image = entry.name.strip_prefix('M').is_some_and(|original| {
             names.contains(original) || trial.is_some_and(|trial| original.ends_with(trial))
         });
-        let has_image = names.contains(&*image(&entry.name));
+        let has_image = names.contains(&*image_name(&entry.name));
         entry.split == Split::Train && !entry.mirror && !is_image && !has_image
     };
     let mirror = |entry: &Entry| Entry {
-        name: image(&entry.name),
+        name: image_name(&entry.name),
         mirror: true,
-        content: entry.content.as_deref().map(swap),
+        content: entry.content.as_deref().map(swap_sides),
         captions: { entry.captions.iter() }
             .map(|caption| Caption {
-                text: swap(&caption.text),
-                tokens: caption.tokens.as_deref().map(swap_tokens),
+                text: swap_sides(&caption.text),
+                tokens: caption.tokens.as_deref().map(swap_sides_in_tokens),
             })
             .collect(),
         ..entry.clone()
     };
-    entries.iter().filter(alone).map(mirror).collect()
+    entries.iter().filter(lacks_image).map(mirror).collect()
 }

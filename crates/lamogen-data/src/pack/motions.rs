@@ -1,4 +1,4 @@
-//! A folder of motion files as a data set.
+//! Reading a folder of motion files as a data set.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::ops::Range;
@@ -11,8 +11,8 @@ use lamogen_motion::{
 };
 use rayon::prelude::*;
 
-use super::listing::{self, Take};
-use super::{PackOptions, WINDOW, mirrored};
+use super::listing::{self, ListedMotion};
+use super::{PackOptions, WINDOW, mirror_images};
 use crate::dataset::Dataset;
 use crate::entry::{Caption, Entry};
 use crate::error::DataError;
@@ -22,17 +22,21 @@ use crate::problems::{Problem, ProblemKind, Problems, check_length};
 use crate::rows::{Rows, to_half};
 use crate::split::Split;
 
-/// Files that are read in parallel before the observer is told.
-const TOGETHER: usize = 16;
+/// The number of files that are read in parallel before the observer is called.
+const FILES_PER_BATCH: usize = 16;
 
-/// A pose before the movement is left by a step in which joints move so far on average, in metres, and so many
-/// times as far as in any of the steps after it. Measured on 45 of CMU's recordings: 0.1 to 0.35 m, and 3.3 times
-/// or more.
+// A file begins with a pose that does not belong to the movement if the joints move far in the first step, and much
+// farther than in any of the next steps. In 45 of CMU's recordings, the joints move 0.1 to 0.35 m in the first step,
+// and at least 3.3 times as far as in any of the next ones.
+
+/// The least mean distance that the joints move in the first step, in metres.
 const JUMP: f32 = 0.08;
+/// The least ratio of that distance to the largest mean distance in the next steps.
 const JUMP_RATIO: f32 = 2.5;
+/// The number of next steps that are compared.
 const AFTER_JUMP: usize = 5;
 
-/// Reads motion files and what is said of them: see [`pack`](super::pack()).
+/// Reads motion files and their captions file: see [`pack`](super::pack()).
 pub(super) fn read(
     folder: &Path,
     options: &PackOptions,
@@ -49,9 +53,9 @@ pub(super) fn read(
         max_frames: options.max_frames.unwrap_or(WINDOW),
     };
     limits.check()?;
-    let takes = listing::read(captions)?;
+    let motions = listing::read(captions)?;
     let mut problems = Problems::default();
-    let listed: HashSet<&str> = takes.iter().map(|take| &*take.file).collect();
+    let listed: HashSet<&str> = motions.iter().map(|motion| &*motion.file).collect();
     for file in motion_files(folder)? {
         if !listed.contains(&*file) {
             let reason = format!("{}: no line about it", captions.display());
@@ -59,71 +63,72 @@ pub(super) fn read(
         }
     }
 
-    // A file is read once, whatever number of its parts are listed.
+    // A file is read once, even if several parts of it are listed. Each file has the indices of its listed motions.
     let mut files: Vec<(&str, Vec<usize>)> = Vec::new();
-    let mut places = HashMap::new();
-    for (index, take) in takes.iter().enumerate() {
-        let place = *places.entry(&*take.file).or_insert_with(|| {
-            files.push((&take.file, Vec::new()));
+    let mut file_indices = HashMap::new();
+    for (index, motion) in motions.iter().enumerate() {
+        let file_index = *file_indices.entry(&*motion.file).or_insert_with(|| {
+            files.push((&motion.file, Vec::new()));
             files.len() - 1
         });
-        files[place].1.push(index);
+        files[file_index].1.push(index);
     }
-    let names = names(&takes);
-    let mut packed = Packed {
+    let names = entry_names(&motions);
+    let mut builder = DatasetBuilder {
         rows: Rows::new(),
         entries: Vec::new(),
         names: HashSet::new(),
         problems,
     };
     let mut done = 0;
-    for some in files.chunks(TOGETHER) {
-        let read: Vec<Result<Body, Problem>> = { some.par_iter() }
-            .map(|(file, _)| Body::read(folder, file, &options.reading))
+    for batch in files.chunks(FILES_PER_BATCH) {
+        let results: Vec<Result<LoadedMotion, Problem>> = { batch.par_iter() }
+            .map(|(file, _)| LoadedMotion::read(folder, file, &options.reading))
             .collect();
-        for ((file, indices), body) in some.iter().zip(read) {
-            let body = match body {
-                Ok(body) => body,
+        for ((file, indices), result) in batch.iter().zip(results) {
+            let loaded = match result {
+                Ok(loaded) => loaded,
                 Err(problem) => {
-                    packed.problems.extend([problem]);
+                    builder.problems.extend([problem]);
                     continue;
                 }
             };
-            let split = Split::by_hash(file, options.seed);
+            let hashed_split = Split::by_hash(file, options.seed);
             for &index in indices {
-                let (take, name) = (&takes[index], &names[index]);
-                let split = take.said.split.unwrap_or(split);
-                packed.add(&body, (take, name, split), &limits);
+                let (motion, name) = (&motions[index], &names[index]);
+                let split = motion.description.split.unwrap_or(hashed_split);
+                builder.add(&loaded, (motion, name, split), &limits);
             }
         }
-        done += some.len();
+        done += batch.len();
         observer(Progress {
             done,
             all: files.len(),
         });
     }
-    let Packed {
+    let DatasetBuilder {
         rows,
         mut entries,
         problems,
         ..
-    } = packed;
+    } = builder;
     if options.mirror {
-        let mirrored = mirrored(&entries);
-        entries.extend(mirrored);
+        let images = mirror_images(&entries);
+        entries.extend(images);
     }
     Dataset::new(folder, (entries, rows), Mirror::new(), None, problems)
 }
 
-/// A file's movement on HumanML3D's body.
-enum Body {
+/// The motion of a file.
+enum LoadedMotion {
+    /// Joint positions on HumanML3D's body, in metres.
     Joints(Vec<[[f32; 3]; JOINTS]>),
-    /// Features that a file has are taken as they are.
+    /// The pose features of a file that holds such features, without change.
     Features(Vec<[f32; POSE_FEATURES]>),
 }
 
-impl Body {
-    fn read(folder: &Path, file: &str, options: &ReadOptions) -> Result<Body, Problem> {
+impl LoadedMotion {
+    fn read(folder: &Path, file: &str, options: &ReadOptions) -> Result<LoadedMotion, Problem> {
         let problem = |kind: ProblemKind, reason: String| Problem {
             name: file.to_owned(),
             kind,
@@ -138,20 +143,23 @@ impl Body {
             .map_err(|error| problem(ProblemKind::Unreadable, error.to_string()))?
             .motion;
         if let Some(features) = motion.features() {
-            return Ok(Body::Features(features.to_vec()));
+            return Ok(LoadedMotion::Features(features.to_vec()));
         }
         let rotations = Rotations::of(&motion);
         if rotations.rest().leg() <= 0.0 {
             let reason = format!("{}: expected a body with legs", path.display());
             return Err(problem(ProblemKind::Unreadable, reason));
         }
-        Ok(Body::Joints(rotations.on(&RestPose::humanml3d()).joints()))
+        Ok(LoadedMotion::Joints(
+            rotations.on(&RestPose::humanml3d()).joints(),
+        ))
     }
 
-    /// Whether it begins with a pose that is none of the movement, such as the T-pose that conversions of CMU's
-    /// recordings have before their first frame: then the whole body jumps once, and goes on slowly.
+    /// Returns whether the motion begins with a pose that does not belong to the movement, such as the T-pose that
+    /// conversions of CMU's recordings have before their first frame. The whole body then jumps in the first step and
+    /// moves slowly in the next ones.
     fn begins_with_calibration(&self) -> bool {
-        let Body::Joints(poses) = self else {
+        let LoadedMotion::Joints(poses) = self else {
             return false;
         };
         let steps = poses.windows(2).map(|pair| {
@@ -171,20 +179,24 @@ impl Body {
         }
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     fn len(&self) -> usize {
         match self {
-            // A row is a step from a frame to the next.
-            Body::Joints(poses) => poses.len() - 1,
-            Body::Features(rows) => rows.len(),
+            // A row describes the step from one frame to the next.
+            LoadedMotion::Joints(poses) => poses.len() - 1,
+            LoadedMotion::Features(rows) => rows.len(),
         }
     }
 
-    /// Some rows, as a motion of their own.
+    /// Encodes a range of rows as a motion of its own.
+    ///
+    /// # Errors
+    ///
+    /// If 16 bits cannot hold a number.
     fn rows(&self, range: Range<usize>) -> Result<Vec<f16>, String> {
         let rows = match self {
-            Body::Joints(poses) => encode_canonical(&poses[range.start..=range.end]),
-            Body::Features(rows) => rows[range].to_vec(),
+            LoadedMotion::Joints(poses) => encode_canonical(&poses[range.start..=range.end]),
+            LoadedMotion::Features(rows) => rows[range].to_vec(),
         };
         to_half(rows.as_flattened()).map_err(|place| {
             let (frame, feature) = (place / POSE_FEATURES, place % POSE_FEATURES);
@@ -193,29 +205,32 @@ impl Body {
     }
 }
 
-/// What is packed so far.
-struct Packed {
+/// The rows, entries and problems of the files that were read so far.
+struct DatasetBuilder {
     rows: Rows,
     entries: Vec<Entry>,
-    /// Those of the entries.
+    /// The names of the entries.
     names: HashSet<String>,
     problems: Problems,
 }
 
-impl Packed {
-    /// Adds a take, in windows if it is long.
+impl DatasetBuilder {
+    /// Adds a listed motion, cut into windows if it is longer than `limits` allow.
     fn add(
         &mut self,
-        body: &Body,
-        (take, name, split): (&Take, &str, Split),
+        loaded: &LoadedMotion,
+        (motion, name, split): (&ListedMotion, &str, Split),
         limits: &LoadOptions,
     ) {
         let frame = |seconds: f64| (seconds * f64::from(FRAMES_PER_SECOND)).round() as usize;
-        let end = take
+        let end = motion
             .end
-            .map_or(body.len(), |end| frame(end).min(body.len()));
-        let calibrated = take.start.is_none() && body.begins_with_calibration();
-        let start = take.start.map_or(usize::from(calibrated), frame).min(end);
+            .map_or(loaded.len(), |end| frame(end).min(loaded.len()));
+        let skips_first = motion.start.is_none() && loaded.begins_with_calibration();
+        let start = motion
+            .start
+            .map_or(usize::from(skips_first), frame)
+            .min(end);
         let frames = end - start;
         let windows = frames.div_ceil(limits.max_frames).max(1);
         for window in 0..windows {
@@ -233,7 +248,7 @@ impl Packed {
                 self.problems.add(name, kind, reason);
                 continue;
             }
-            let values = match body.rows(range.clone()) {
+            let values = match loaded.rows(range.clone()) {
                 Ok(values) => values,
                 Err(reason) => {
                     self.problems.add(name, ProblemKind::NotFinite, reason);
@@ -247,12 +262,12 @@ impl Packed {
                 frames: range.len(),
                 mirror: false,
                 variation_of: None,
-                content: take.said.content.clone(),
-                style: take.said.style.clone(),
-                source: take.said.source.clone(),
-                trial: Some(take.file.clone()),
-                note: note(calibrated, windows, window),
-                captions: { take.said.captions.iter() }
+                content: motion.description.content.clone(),
+                style: motion.description.style.clone(),
+                source: motion.description.source.clone(),
+                trial: Some(motion.file.clone()),
+                note: window_note(skips_first, windows, window),
+                captions: { motion.description.captions.iter() }
                     .map(|text| Caption {
                         text: text.clone(),
                         tokens: None,
@@ -266,16 +281,17 @@ impl Packed {
     }
 }
 
-/// What was done to a window.
-fn note(calibrated: bool, windows: usize, window: usize) -> Option<String> {
-    let left_out = calibrated.then(|| "the first pose of the file is left out".to_owned());
+/// Returns a note on how a window was cut from its file; `None` if the whole file was used.
+fn window_note(skips_first: bool, windows: usize, window: usize) -> Option<String> {
+    let left_out = skips_first.then(|| "the first pose of the file is left out".to_owned());
     let cut = (windows > 1).then(|| format!("window {} of {windows}", window + 1));
     let notes: Vec<String> = left_out.into_iter().chain(cut).collect();
     (!notes.is_empty()).then(|| notes.join("; "))
 }
 
-/// A name for every take: its file without the ending, and its part. Files that differ only in the ending keep it.
-fn names(takes: &[Take]) -> Vec<String> {
+/// Returns a name for every listed motion: its file without the extension, and its part. Files that differ only in the
+/// extension keep it.
+fn entry_names(motions: &[ListedMotion]) -> Vec<String> {
     let stem = |file: &str| {
         Path::new(file)
             .with_extension("")
@@ -283,28 +299,28 @@ fn names(takes: &[Take]) -> Vec<String> {
             .into_owned()
     };
     let mut files: HashMap<String, BTreeSet<&str>> = HashMap::new();
-    for take in takes {
+    for motion in motions {
         files
-            .entry(stem(&take.file))
+            .entry(stem(&motion.file))
             .or_default()
-            .insert(&take.file);
+            .insert(&motion.file);
     }
-    let name = |take: &Take| {
-        let stem = stem(&take.file);
+    let name = |motion: &ListedMotion| {
+        let stem = stem(&motion.file);
         let name = match files[&stem].len() {
             1 => stem,
-            _ => take.file.clone(),
+            _ => motion.file.clone(),
         };
-        match (take.start, take.end) {
+        match (motion.start, motion.end) {
             (None, None) => name,
             (start, None) => format!("{name}@{}-", start.unwrap_or(0.0)),
             (start, Some(end)) => format!("{name}@{}-{end}", start.unwrap_or(0.0)),
         }
     };
-    takes.iter().map(name).collect()
+    motions.iter().map(name).collect()
 }
 
-/// All motion files of a folder and its subfolders, as paths within it with slashes, in order.
+/// Returns all motion files of a folder and its subfolders, as paths within the folder with slashes, sorted.
 fn motion_files(folder: &Path) -> Result<BTreeSet<String>, DataError> {
     let mut files = BTreeSet::new();
     let mut folders = vec![PathBuf::new()];
@@ -313,15 +329,15 @@ fn motion_files(folder: &Path) -> Result<BTreeSet<String>, DataError> {
         for entry in std::fs::read_dir(&path).map_err(DataError::read(&path))? {
             let entry = entry.map_err(DataError::read(&path))?;
             let inner = inner.join(entry.file_name());
-            // Links to folders are not followed: they may lead in circles.
+            // Links to folders are not followed, because they may form cycles.
             if entry.file_type().map_err(DataError::read(&path))?.is_dir() {
                 folders.push(inner);
                 continue;
             }
-            let ending = inner
+            let extension = inner
                 .extension()
-                .map(|ending| ending.to_string_lossy().to_lowercase());
-            if ["bvh", "glb", "gltf", "npy"].contains(&ending.as_deref().unwrap_or("")) {
+                .map(|extension| extension.to_string_lossy().to_lowercase());
+            if ["bvh", "glb", "gltf", "npy"].contains(&extension.as_deref().unwrap_or("")) {
                 let parts = inner.iter().map(|part| part.to_string_lossy());
                 files.insert(parts.collect::<Vec<_>>().join("/"));
             }

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::entry::{Caption, Entry};
 use crate::split::Split;
 
-/// An entry as it stands in the file. Fields that are not known are ignored.
+/// An entry in the form of the file. Unknown fields are ignored.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Line {
+pub(super) struct EntryLine {
     name: String,
     split: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,19 +27,19 @@ pub(super) struct Line {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     variation_of: Option<String>,
     captions: Vec<String>,
-    /// Parts of speech, one a caption.
+    /// The words of each caption with their parts of speech, one item per caption.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     tokens: Option<Vec<Option<String>>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     note: Option<String>,
 }
 
-impl Line {
-    /// The entry that the line stands for; where its rows are is not checked yet.
+impl EntryLine {
+    /// Converts the line to an entry. It does not check the clip and the rows.
     ///
     /// # Errors
     ///
-    /// If the split is none, a caption is empty, or there are not as many tokens as captions.
+    /// If the split is unknown, a caption is empty, or there are not as many items of tokens as captions.
     pub fn into_entry(self) -> Result<Entry, String> {
         let split: Split = { self.split.parse() }.map_err(|error| format!("{error}"))?;
         let tokens = match self.tokens {
@@ -80,12 +80,12 @@ impl Line {
     }
 }
 
-impl From<&Entry> for Line {
+impl From<&Entry> for EntryLine {
     fn from(entry: &Entry) -> Self {
         let captions = entry.captions.iter();
         let tokens = captions.clone().map(|caption| caption.tokens.clone());
-        let any = captions.clone().any(|caption| caption.tokens.is_some());
-        Line {
+        let has_tokens = captions.clone().any(|caption| caption.tokens.is_some());
+        EntryLine {
             name: entry.name.clone(),
             split: entry.split.to_string(),
             source: entry.source.clone(),
@@ -100,7 +100,7 @@ impl From<&Entry> for Line {
             captions: { captions.clone() }
                 .map(|caption| caption.text.clone())
                 .collect(),
-            tokens: any.then(|| tokens.collect()),
+            tokens: has_tokens.then(|| tokens.collect()),
             note: entry.note.clone(),
         }
     }

@@ -1,4 +1,4 @@
-//! The packed form: `motions.safetensors` with all rows, `captions.jsonl` with a line an entry.
+//! The packed form: `motions.safetensors` with all rows, and `captions.jsonl` with one line per entry.
 
 mod line;
 mod read;
@@ -7,7 +7,7 @@ mod write;
 pub(crate) use read::open;
 pub(crate) use write::{check_free, write};
 
-/// The file of all rows.
+/// The file with all rows.
 pub(crate) const MOTIONS: &str = "motions.safetensors";
-/// The file of all entries.
+/// The file with all entries.
 pub(crate) const CAPTIONS: &str = "captions.jsonl";

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::{Metadata, TensorInfo};
 
-use super::line::Line;
+use super::line::EntryLine;
 use super::{CAPTIONS, MOTIONS};
 use crate::dataset::Dataset;
 use crate::entry::Entry;
@@ -32,50 +32,51 @@ pub(crate) fn open(
     options: &LoadOptions,
     observer: &mut dyn FnMut(Progress),
 ) -> Result<Dataset, DataError> {
-    let mut motions = Motions::open(folder.join(MOTIONS))?;
+    let mut motions = MotionsFile::open(folder.join(MOTIONS))?;
     let mirror = motions.mirror()?;
     let statistics = motions.statistics()?;
     let rows = motions.rows(observer)?;
     let mut problems = Problems::default();
-    let entries = entries(&folder.join(CAPTIONS), &rows, options, &mut problems)?;
+    let entries = read_entries(&folder.join(CAPTIONS), &rows, options, &mut problems)?;
     Dataset::new(folder, (entries, rows), mirror, statistics, problems)
 }
 
-/// The entries that can be used.
-fn entries(
+/// Reads the entries. Those that cannot be used are added to `problems` instead.
+fn read_entries(
     path: &Path,
     rows: &Rows,
     options: &LoadOptions,
     problems: &mut Problems,
 ) -> Result<Vec<Entry>, DataError> {
-    let broken: Vec<Option<usize>> = (0..rows.clips())
+    // For each clip, the first of its rows that holds a number that is not finite.
+    let broken_rows: Vec<Option<usize>> = (0..rows.clips())
         .into_par_iter()
         .map(|clip| first_not_finite(rows.values(rows.clip(clip))).map(|i| i / POSE_FEATURES))
         .collect();
     let mut entries: Vec<Entry> = Vec::new();
     let mut names = HashSet::new();
     let file = BufReader::new(File::open(path).map_err(DataError::read(path))?);
-    for (number, line) in file.lines().enumerate() {
+    for (index, line) in file.lines().enumerate() {
         let line = line.map_err(DataError::read(path))?;
         if line.trim().is_empty() {
             continue;
         }
-        let place = || format!("{CAPTIONS}, line {}", number + 1);
-        let entry = match serde_json::from_str::<Line>(&line) {
+        let line_name = || format!("{CAPTIONS}, line {}", index + 1);
+        let entry = match serde_json::from_str::<EntryLine>(&line) {
             Ok(line) => line.into_entry(),
             Err(error) => Err(error.to_string()),
         };
         let entry = match entry {
             Ok(entry) => entry,
             Err(reason) => {
-                problems.add(place(), ProblemKind::Line, reason);
+                problems.add(line_name(), ProblemKind::Line, reason);
                 continue;
             }
         };
-        match check(&entry, rows, &broken, options) {
+        match check_entry(&entry, rows, &broken_rows, options) {
             Err((kind, reason)) => problems.add(entry.name, kind, reason),
             Ok(()) if !names.insert(entry.name.clone()) => {
-                let reason = format!("{}: another line has the same name", place());
+                let reason = format!("{}: another line has the same name", line_name());
                 problems.add(entry.name, ProblemKind::Twice, reason);
             }
             Ok(()) => entries.push(entry),
@@ -84,10 +85,11 @@ fn entries(
     Ok(entries)
 }
 
-fn check(
+/// Checks that an entry has captions, a length within the limits, and finite rows within its clip.
+fn check_entry(
     entry: &Entry,
     rows: &Rows,
-    broken: &[Option<usize>],
+    broken_rows: &[Option<usize>],
     options: &LoadOptions,
 ) -> Result<(), (ProblemKind, String)> {
     let Entry {
@@ -102,9 +104,9 @@ fn check(
         return Err((ProblemKind::Line, reason));
     }
     let clip = rows.clip(clip);
-    let within =
+    let is_within =
         start >= clip.start && start.checked_add(frames).is_some_and(|end| end <= clip.end);
-    if !within {
+    if !is_within {
         let reason = format!(
             "expected rows within {clip:?}, those of its clip, found {frames} rows from {start}"
         );
@@ -117,8 +119,8 @@ fn check(
             "expected a caption, found none".into(),
         ));
     }
-    // The first broken row of the clip may lie before the entry.
-    if broken[entry.clip].is_some()
+    // The first broken_rows row of the clip may lie before the entry.
+    if broken_rows[entry.clip].is_some()
         && let Some(place) = first_not_finite(rows.values(entry.rows()))
     {
         let (frame, feature) = (place / POSE_FEATURES, place % POSE_FEATURES);
@@ -128,20 +130,21 @@ fn check(
     Ok(())
 }
 
-/// The file of all rows, opened.
-struct Motions {
+/// The open file `motions.safetensors`, with its header.
+struct MotionsFile {
     path: PathBuf,
     file: File,
-    index: Metadata,
-    /// Where the tensors' bytes begin.
+    /// The header: type, shape and place of every tensor.
+    header: Metadata,
+    /// The offset of the tensors' bytes in the file.
     start: u64,
 }
 
-/// Numbers that are read at once.
+/// The count of numbers that are read at once.
 const BLOCK: usize = POSE_FEATURES * 4096;
 
-impl Motions {
-    fn open(path: PathBuf) -> Result<Motions, DataError> {
+impl MotionsFile {
+    fn open(path: PathBuf) -> Result<MotionsFile, DataError> {
         let format = |problem: String| DataError::Format {
             path: path.clone(),
             problem,
@@ -161,36 +164,37 @@ impl Motions {
         let mut header = vec![0; size as usize];
         file.read_exact(&mut header)
             .map_err(DataError::read(&path))?;
-        let index: Metadata = serde_json::from_slice(&header)
+        let header: Metadata = serde_json::from_slice(&header)
             .map_err(|error| format(format!("the header is no safetensors: {error}")))?;
         let start = 8 + size;
-        if start + index.data_len() as u64 > length {
+        if start + header.data_len() as u64 > length {
             return Err(truncated("its tensors"));
         }
-        Ok(Motions {
+        Ok(MotionsFile {
             path,
             file,
-            index,
+            header,
             start,
         })
     }
 
+    /// Reads the mirror mapping; that of HumanML3D's features if the file has none.
     fn mirror(&mut self) -> Result<Mirror, DataError> {
         let (Some(source), Some(sign)) = (self.info("mirror_perm"), self.info("mirror_sign"))
         else {
             return Ok(Mirror::new());
         };
-        self.check("mirror_perm", &source, &[Dtype::I32], &[POSE_FEATURES])?;
-        self.check("mirror_sign", &sign, &[Dtype::F32], &[POSE_FEATURES])?;
-        let source = self.numbers(&source, i32::from_le_bytes)?;
-        let sign = self.numbers(&sign, f32::from_le_bytes)?;
-        Mirror::of(&source, &sign).ok_or_else(|| {
+        self.check_tensor("mirror_perm", &source, &[Dtype::I32], &[POSE_FEATURES])?;
+        self.check_tensor("mirror_sign", &sign, &[Dtype::F32], &[POSE_FEATURES])?;
+        let source = self.read_numbers(&source, i32::from_le_bytes)?;
+        let sign = self.read_numbers(&sign, f32::from_le_bytes)?;
+        Mirror::from_arrays(&source, &sign).ok_or_else(|| {
             let expected = "every feature once, and 1 or -1 for each in `mirror_sign`";
             self.tensor_error("mirror_perm", expected.into(), "something else".into())
         })
     }
 
-    /// Mean and standard deviation, where the file has them.
+    /// Reads mean and standard deviation; `None` if the file has neither.
     fn statistics(&mut self) -> Result<Option<Statistics>, DataError> {
         let (mean, std) = (self.info("mean"), self.info("std"));
         let (mean, std) = match (mean, std) {
@@ -202,12 +206,12 @@ impl Motions {
                 return Err(self.tensor_error(missing, expected, "one of them".into()));
             }
         };
-        self.check("mean", &mean, &[Dtype::F32], &[POSE_FEATURES])?;
-        self.check("std", &std, &[Dtype::F32], &[POSE_FEATURES])?;
-        let mean = self.numbers(&mean, f32::from_le_bytes)?;
-        let std = self.numbers(&std, f32::from_le_bytes)?;
+        self.check_tensor("mean", &mean, &[Dtype::F32], &[POSE_FEATURES])?;
+        self.check_tensor("std", &std, &[Dtype::F32], &[POSE_FEATURES])?;
+        let mean = self.read_numbers(&mean, f32::from_le_bytes)?;
+        let std = self.read_numbers(&std, f32::from_le_bytes)?;
         let statistics = Statistics { mean, std };
-        match statistics.first_wrong() {
+        match statistics.first_invalid() {
             None => Ok(Some(statistics)),
             Some((tensor, expected, feature, found)) => {
                 let group = FeatureGroup::of(feature).map_or("", FeatureGroup::name);
@@ -217,8 +221,9 @@ impl Motions {
         }
     }
 
+    /// Reads the rows of all clips.
     fn rows(&mut self, observer: &mut dyn FnMut(Progress)) -> Result<Rows, DataError> {
-        let missing = |motions: &Motions, tensor| {
+        let missing = |motions: &MotionsFile, tensor| {
             motions.tensor_error(tensor, "it to be there".into(), "none".into())
         };
         let features = self
@@ -228,35 +233,35 @@ impl Motions {
             .info("offsets")
             .ok_or_else(|| missing(self, "offsets"))?;
         let count = features.shape.first().copied().unwrap_or(0);
-        self.check(
+        self.check_tensor(
             "features",
             &features,
             &[Dtype::F16, Dtype::F32],
             &[count, POSE_FEATURES],
         )?;
         let clips = offsets.shape.first().copied().unwrap_or(0);
-        self.check("offsets", &offsets, &[Dtype::I32], &[clips])?;
+        self.check_tensor("offsets", &offsets, &[Dtype::I32], &[clips])?;
         let offsets: Vec<i64> = self
-            .numbers(&offsets, i32::from_le_bytes)?
+            .read_numbers(&offsets, i32::from_le_bytes)?
             .into_iter()
             .map(i64::from)
             .collect();
-        let whole = offsets.first() == Some(&0) && offsets.last() == Some(&(count as i64));
-        if !whole || !offsets.is_sorted() {
+        let spans_rows = offsets.first() == Some(&0) && offsets.last() == Some(&(count as i64));
+        if !spans_rows || !offsets.is_sorted() {
             let expected = format!("numbers that grow from 0 to {count}, the number of rows");
             let found = match offsets.windows(2).position(|pair| pair[0] > pair[1]) {
-                Some(place) => format!("{} before {}", offsets[place], offsets[place + 1]),
+                Some(index) => format!("{} before {}", offsets[index], offsets[index + 1]),
                 None => format!("{:?} to {:?}", offsets.first(), offsets.last()),
             };
             return Err(self.tensor_error("offsets", expected, found));
         }
         let values = match features.dtype {
-            Dtype::F16 => self.halves(
+            Dtype::F16 => self.read_halves(
                 &features,
                 |bytes: [u8; 2]| f16::from_le_bytes(bytes),
                 observer,
             ),
-            _ => self.halves(
+            _ => self.read_halves(
                 &features,
                 |bytes| f16::from_f32(f32::from_le_bytes(bytes)),
                 observer,
@@ -268,11 +273,11 @@ impl Motions {
         ))
     }
 
-    /// The numbers of a tensor in blocks, so that no second copy of them is in memory.
-    fn halves<const N: usize>(
+    /// Reads the numbers of a tensor as 16-bit numbers, in blocks, so that memory never holds a second copy of them.
+    fn read_halves<const N: usize>(
         &mut self,
         info: &TensorInfo,
-        of: impl Fn([u8; N]) -> f16,
+        decode: impl Fn([u8; N]) -> f16,
         observer: &mut dyn FnMut(Progress),
     ) -> Result<Vec<f16>, DataError> {
         let all = info.shape.iter().product::<usize>();
@@ -285,7 +290,13 @@ impl Motions {
             while values.len() < all {
                 let block = &mut bytes[..BLOCK.min(all - values.len()) * N];
                 self.file.read_exact(block)?;
-                values.extend(block.as_chunks::<N>().0.iter().map(|number| of(*number)));
+                values.extend(
+                    block
+                        .as_chunks::<N>()
+                        .0
+                        .iter()
+                        .map(|number| decode(*number)),
+                );
                 observer(Progress {
                     done: values.len() / POSE_FEATURES,
                     all: all / POSE_FEATURES,
@@ -297,7 +308,12 @@ impl Motions {
         Ok(values)
     }
 
-    fn numbers<T>(&mut self, info: &TensorInfo, of: fn([u8; 4]) -> T) -> Result<Vec<T>, DataError> {
+    /// Reads the numbers of a tensor of 32-bit numbers.
+    fn read_numbers<T>(
+        &mut self,
+        info: &TensorInfo,
+        decode: fn([u8; 4]) -> T,
+    ) -> Result<Vec<T>, DataError> {
         let (from, to) = info.data_offsets;
         let mut bytes = vec![0; to - from];
         let start = SeekFrom::Start(self.start + from as u64);
@@ -308,15 +324,16 @@ impl Motions {
             .as_chunks::<4>()
             .0
             .iter()
-            .map(|number| of(*number))
+            .map(|number| decode(*number))
             .collect())
     }
 
     fn info(&self, tensor: &str) -> Option<TensorInfo> {
-        self.index.info(tensor).cloned()
+        self.header.info(tensor).cloned()
     }
 
-    fn check(
+    /// Checks that a tensor has one of the types and the shape.
+    fn check_tensor(
         &self,
         tensor: &'static str,
         info: &TensorInfo,

@@ -11,22 +11,22 @@ use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, TemporaryFile, replace_ato
 use safetensors::Dtype;
 use safetensors::tensor::View;
 
-use super::line::Line;
+use super::line::EntryLine;
 use super::{CAPTIONS, MOTIONS};
 use crate::dataset::Dataset;
 use crate::entry::Entry;
 use crate::error::DataError;
 use crate::rows::Rows;
 
-/// Writes a data set into a folder that is empty, not there, or (with `force`) holds a packed data set already.
-/// The folder appears whole or not at all.
+/// Writes a data set into a folder that is empty, does not exist, or (with `force`) holds a packed data set. The folder
+/// appears with both files or not at all.
 ///
 /// # Errors
 ///
 /// If the folder holds anything else, or cannot be written.
 pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), DataError> {
     check_free(out, force)?;
-    // Where it is a link, the folder behind it is meant.
+    // If `out` is a link, the folder that it points to is replaced.
     let out = match out.exists() {
         true => out.canonicalize().map_err(DataError::write(out))?,
         false => out.to_owned(),
@@ -41,7 +41,7 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
         builder.prefix(TEMPORARY_PREFIX);
         #[cfg(unix)]
         {
-            // TemporaryFile folders are private; the finished one should be as readable as any other.
+            // Temporary folders are private, but the finished folder should be as readable as any other.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o755));
         }
@@ -50,40 +50,42 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
             .map_err(DataError::write(&parent))
     };
     let new = temporary()?;
-    let under_way = TemporaryFile::folder(new.path()).map_err(DataError::write(&parent))?;
-    let used = Used::of(dataset);
+    let new_folder = TemporaryFile::folder(new.path()).map_err(DataError::write(&parent))?;
+    let layout = ClipLayout::of(dataset);
     let path = new.path().join(MOTIONS);
-    motions(dataset, &used, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
+    write_motions(dataset, &layout, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
     let path = new.path().join(CAPTIONS);
-    captions(dataset, &used, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
-    under_way.keep_folder().map_err(DataError::write(&parent))?;
+    write_captions(dataset, &layout, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
+    new_folder
+        .keep_folder()
+        .map_err(DataError::write(&parent))?;
 
-    // Not removed by itself: what was there before must outlive every failure.
+    // This folder is not removed automatically: the previous data set must survive every failure.
     let old = temporary()?.keep();
-    let kept = old.join("old");
+    let backup = old.join("old");
     let replaced = out.exists();
     if replaced {
-        std::fs::rename(&out, &kept).map_err(DataError::write(&out))?;
+        std::fs::rename(&out, &backup).map_err(DataError::write(&out))?;
     }
     std::fs::rename(new.path(), &out).map_err(|reason| {
         if replaced {
-            // Nothing more can be done if even this fails; `kept` would then be what is left.
-            if std::fs::rename(&kept, &out).is_ok() {
+            // If even this fails, nothing more can be done; the previous data set then stays in `backup`.
+            if std::fs::rename(&backup, &out).is_ok() {
                 let _ = std::fs::remove_dir(&old);
             }
         }
         DataError::write(&out)(reason)
     })?;
-    // It is no temporary folder any more.
+    // The folder was renamed, so it must not be removed as a temporary folder.
     let _ = new.keep();
     std::fs::remove_dir_all(&old).map_err(DataError::write(&old))
 }
 
-/// Whether a folder may be written: see [`write`].
+/// Checks that [`write`] may write to a folder.
 ///
 /// # Errors
 ///
-/// If not.
+/// If the folder is not empty, unless `force` is set and it holds only a packed data set.
 pub(crate) fn check_free(out: &Path, force: bool) -> Result<(), DataError> {
     let entries = match std::fs::read_dir(out) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -116,34 +118,35 @@ pub(crate) fn check_free(out: &Path, force: bool) -> Result<(), DataError> {
     }
 }
 
-/// The clips that entries use, and where they come to lie.
-struct Used {
-    /// Rows of the data set, clip after clip.
+/// The clips that entries use, with their places in the written file.
+struct ClipLayout {
+    /// The rows of each written clip, counted over the data set in memory.
     clips: Vec<Range<usize>>,
-    /// The new number and first row of a clip, by its old number.
+    /// The index and the first row of a clip in the file, by its index in memory.
     places: HashMap<usize, (usize, usize)>,
 }
 
-impl Used {
-    fn of(dataset: &Dataset) -> Used {
-        let mut numbers: Vec<usize> = dataset.entries.iter().map(|entry| entry.clip).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        let mut used = Used {
+impl ClipLayout {
+    fn of(dataset: &Dataset) -> ClipLayout {
+        let mut indices: Vec<usize> = dataset.entries.iter().map(|entry| entry.clip).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        let mut layout = ClipLayout {
             clips: Vec::new(),
             places: HashMap::new(),
         };
         let mut start = 0;
-        for clip in numbers {
+        for clip in indices {
             let rows = dataset.rows.clip(clip);
-            used.places.insert(clip, (used.clips.len(), start));
+            layout.places.insert(clip, (layout.clips.len(), start));
             start += rows.len();
-            used.clips.push(rows);
+            layout.clips.push(rows);
         }
-        used
+        layout
     }
 
-    fn place(&self, entry: &Entry) -> Entry {
+    /// Returns an entry with its clip and first row in the written file.
+    fn relocate(&self, entry: &Entry) -> Entry {
         let (clip, start) = self.places[&entry.clip];
         Entry {
             clip,
@@ -153,49 +156,55 @@ impl Used {
     }
 }
 
-fn motions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
+fn write_motions(dataset: &Dataset, layout: &ClipLayout, path: &Path) -> io::Result<()> {
     let mut offsets = vec![0];
-    for clip in &used.clips {
+    for clip in &layout.clips {
         offsets.push(offsets[offsets.len() - 1] + clip.len());
     }
     let rows = offsets[offsets.len() - 1];
-    let whole = |n: &usize| i32::try_from(*n).expect("fewer than 2^31 rows are in memory");
-    let offsets: Vec<i32> = offsets.iter().map(whole).collect();
-    let source: Vec<i32> = dataset.mirror.source().iter().map(whole).collect();
-    let wide = vec![POSE_FEATURES];
+    let to_i32 = |n: &usize| i32::try_from(*n).expect("fewer than 2^31 rows are in memory");
+    let offsets: Vec<i32> = offsets.iter().map(to_i32).collect();
+    let source: Vec<i32> = dataset.mirror.source().iter().map(to_i32).collect();
+    let per_feature = vec![POSE_FEATURES];
     let tensors = [
         (
             "features",
-            Tensor::Rows(vec![rows, POSE_FEATURES], &dataset.rows, &used.clips),
+            Tensor::Rows(vec![rows, POSE_FEATURES], &dataset.rows, &layout.clips),
         ),
         ("offsets", Tensor::Integers(vec![offsets.len()], &offsets)),
-        ("mean", Tensor::Floats(wide.clone(), dataset.mean())),
-        ("std", Tensor::Floats(wide.clone(), dataset.std())),
-        ("mirror_perm", Tensor::Integers(wide.clone(), &source)),
-        ("mirror_sign", Tensor::Floats(wide, dataset.mirror.sign())),
+        ("mean", Tensor::Floats(per_feature.clone(), dataset.mean())),
+        ("std", Tensor::Floats(per_feature.clone(), dataset.std())),
+        (
+            "mirror_perm",
+            Tensor::Integers(per_feature.clone(), &source),
+        ),
+        (
+            "mirror_sign",
+            Tensor::Floats(per_feature, dataset.mirror.sign()),
+        ),
     ];
     let metadata = [
         ("format", "lamogen motions"),
         ("features", "HumanML3D, 20 frames a second"),
     ];
     let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
-    // As readable as any other file, which those of the library are not.
+    // The safetensors library writes files that only their owner can read; this file is as readable as any other.
     replace_atomically(path, |path| {
         safetensors::serialize_to_file(tensors, Some(metadata.into()), path)
             .map_err(io::Error::other)
     })
 }
 
-fn captions(dataset: &Dataset, used: &Used, path: &Path) -> io::Result<()> {
+fn write_captions(dataset: &Dataset, layout: &ClipLayout, path: &Path) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     for entry in &dataset.entries {
-        serde_json::to_writer(&mut file, &Line::from(&used.place(entry)))?;
+        serde_json::to_writer(&mut file, &EntryLine::from(&layout.relocate(entry)))?;
         file.write_all(b"\n")?;
     }
     file.flush()
 }
 
-/// A tensor with its shape; its bytes are made when they are written.
+/// A tensor to be written, with its shape. Its bytes are computed only when it is written.
 enum Tensor<'a> {
     Rows(Vec<usize>, &'a Rows, &'a [Range<usize>]),
     Integers(Vec<usize>, &'a [i32]),

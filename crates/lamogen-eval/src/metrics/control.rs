@@ -1,49 +1,51 @@
-//! Whether what was asked for changes, and nothing else.
+//! Metrics of control: whether the requested component of a motion changes, and no other.
 
 use super::MetricError;
 
-/// Components of a motion that can be asked for: Weight, Time, Flow, Shape.
+/// The number of components that can be requested: Weight, Time, Flow, Shape.
 const COMPONENTS: usize = 4;
 
-/// What a motion's Laban features are when little of a component is asked for, and when much is.
+/// The Laban features of a motion when a small value of a component is requested, and when a large value is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlExtremes {
-    /// Of the motion with the small tag.
+    /// The features of the motion with the small tag.
     pub small: [f64; COMPONENTS],
-    /// Of the motion with the large tag.
+    /// The features of the motion with the large tag.
     pub large: [f64; COMPONENTS],
 }
 
-/// How much every component changes when one is asked to: the paper's 4 × 4 matrix (section "Controllability and Disentanglement").
+/// The relative changes of every component when one of them is requested: the paper's 4 × 4 matrix (section
+/// "Controllability and Disentanglement").
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChangeMatrix {
-    /// The mean of `(large - small) / small` over motions: `[asked component][measured component]`.
+    /// The mean of `(large - small) / small` over motions: `[requested component][measured component]`.
     pub mean: [[f64; COMPONENTS]; COMPONENTS],
-    /// Its standard deviation over motions (that of numpy, which divides by their number).
+    /// The standard deviation of the same over motions, divided by their number, as in numpy.
     pub std: [[f64; COMPONENTS]; COMPONENTS],
-    /// How many motions are left out of a cell because theirs is 0 with the small tag, and cannot be divided by.
+    /// The number of motions that are left out of a cell because their feature is 0 with the small tag, by which nothing
+    /// can be divided.
     pub undefined: [[usize; COMPONENTS]; COMPONENTS],
 }
 
 impl ChangeMatrix {
-    /// The matrix of motions: of each component that was asked for, the extremes of every motion.
+    /// Computes the matrix from the extremes of every motion, `[requested component][motion]`.
     ///
     /// # Errors
     ///
-    /// If a component has no motion that can be divided by, or a number is not finite.
-    pub fn of(asked: [&[ControlExtremes]; COMPONENTS]) -> Result<Self, MetricError> {
+    /// If a cell has no motion with a feature other than 0 for the small tag, or a number is not finite.
+    pub fn of(requested: [&[ControlExtremes]; COMPONENTS]) -> Result<Self, MetricError> {
         let mut matrix = ChangeMatrix {
             mean: [[0.0; COMPONENTS]; COMPONENTS],
             std: [[0.0; COMPONENTS]; COMPONENTS],
             undefined: [[0; COMPONENTS]; COMPONENTS],
         };
-        for (row, motions) in asked.into_iter().enumerate() {
+        for (row, motions) in requested.into_iter().enumerate() {
             let is_broken = |motion: &ControlExtremes| {
                 let mut numbers = motion.small.iter().chain(&motion.large);
                 numbers.any(|number| !number.is_finite())
             };
-            if let Some(place) = motions.iter().position(is_broken) {
-                return Err(MetricError::Features { motion: place });
+            if let Some(index) = motions.iter().position(is_broken) {
+                return Err(MetricError::Features { motion: index });
             }
             for column in 0..COMPONENTS {
                 let pairs = motions.iter().map(|m| (m.small[column], m.large[column]));
@@ -68,8 +70,8 @@ impl ChangeMatrix {
         Ok(matrix)
     }
 
-    /// The share of the matrix's energy on its diagonal, `Σ Aᵢᵢ² / Σ Aᵢⱼ²`: 1 where nothing changes but what is asked for; 0 where
-    /// nothing changes at all.
+    /// Returns the share of the squares on the matrix's diagonal, `Σ Aᵢᵢ² / Σ Aᵢⱼ²`. It is 1 if only the requested
+    /// components change, and 0 if nothing changes.
     pub fn diagonality(&self) -> f64 {
         let all: f64 = self
             .mean
@@ -89,7 +91,7 @@ impl ChangeMatrix {
 mod tests {
     use super::*;
 
-    fn only(component: usize, factor: f64) -> ControlExtremes {
+    fn scaled_in(component: usize, factor: f64) -> ControlExtremes {
         let small = [2.0, 3.0, 5.0, 7.0];
         let mut large = small;
         large[component] *= factor;
@@ -97,17 +99,17 @@ mod tests {
     }
 
     #[test]
-    fn what_alone_changes_is_all_of_the_diagonal() {
-        let rows = [0, 1, 2, 3].map(|component| vec![only(component, 3.0); 2]);
+    fn diagonality_is_1_if_only_requested_components_change() {
+        let rows = [0, 1, 2, 3].map(|component| vec![scaled_in(component, 3.0); 2]);
         let matrix = ChangeMatrix::of(rows.each_ref().map(Vec::as_slice)).unwrap();
         assert_eq!(matrix.diagonality(), 1.0);
         assert_eq!(matrix.mean[2], [0.0, 0.0, 2.0, 0.0]);
         assert_eq!(matrix.std, [[0.0; 4]; 4]);
-        // Asked for one, another changes.
-        let rows = [1, 2, 3, 0].map(|component| vec![only(component, 3.0)]);
+        // Another component changes than the requested one.
+        let rows = [1, 2, 3, 0].map(|component| vec![scaled_in(component, 3.0)]);
         let matrix = ChangeMatrix::of(rows.each_ref().map(Vec::as_slice)).unwrap();
         assert_eq!(matrix.diagonality(), 0.0);
-        let rows = [0; 4].map(|component| vec![only(component, 1.0)]);
+        let rows = [0; 4].map(|component| vec![scaled_in(component, 1.0)]);
         let matrix = ChangeMatrix::of(rows.each_ref().map(Vec::as_slice)).unwrap();
         assert_eq!(matrix.diagonality(), 0.0, "nothing changed");
     }
@@ -118,7 +120,7 @@ mod tests {
             small: [0.0, 1.0, 1.0, 1.0],
             large: [1.0; 4],
         };
-        let rows = [0, 1, 2, 3].map(|component| vec![only(component, 3.0), still]);
+        let rows = [0, 1, 2, 3].map(|component| vec![scaled_in(component, 3.0), still]);
         let matrix = ChangeMatrix::of(rows.each_ref().map(Vec::as_slice)).unwrap();
         assert_eq!(matrix.undefined[0], [1, 0, 0, 0]);
         assert_eq!(matrix.mean[0][0], 2.0);

@@ -1,10 +1,10 @@
-//! Points of the evaluator's space, on the host.
+//! Embeddings of texts and motions, in the host's memory.
 
 use burn::tensor::Tensor;
 
 use super::MetricError;
 
-/// Embeddings of one width, finite all of them.
+/// A set of embeddings of one width. All numbers are finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Embeddings {
     values: Vec<f32>,
@@ -12,7 +12,7 @@ pub struct Embeddings {
 }
 
 impl Embeddings {
-    /// From rows of `width` numbers, one after the other.
+    /// Returns embeddings from rows of `width` numbers, one after another.
     ///
     /// # Errors
     ///
@@ -30,7 +30,7 @@ impl Embeddings {
         }
     }
 
-    /// From `[count, width]`, on any device.
+    /// Returns embeddings from a tensor `[count, width]` on any device.
     ///
     /// # Errors
     ///
@@ -40,22 +40,22 @@ impl Embeddings {
         Self::new(tensor.into_data().iter::<f32>().collect(), width)
     }
 
-    /// Appends the embeddings of another batch.
+    /// Appends other embeddings.
     ///
     /// # Errors
     ///
-    /// If they are of another width.
+    /// If the widths differ.
     pub fn extend(&mut self, other: &Embeddings) -> Result<(), MetricError> {
         self.check_width(other)?;
         self.values.extend_from_slice(&other.values);
         Ok(())
     }
 
-    /// Some of them, in the order asked for.
+    /// Returns the embeddings with the given indices, in the given order.
     ///
     /// # Panics
     ///
-    /// If one is not there.
+    /// If there is no embedding with an index.
     pub fn select(&self, rows: impl IntoIterator<Item = usize>) -> Embeddings {
         Embeddings {
             values: rows
@@ -67,26 +67,26 @@ impl Embeddings {
         }
     }
 
-    /// How many there are.
+    /// Returns the number of embeddings.
     pub fn len(&self) -> usize {
         self.values.len() / self.width
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no embeddings.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// Numbers of each.
+    /// Returns how many numbers each embedding has.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// One of them.
+    /// Returns the embedding with an index.
     ///
     /// # Panics
     ///
-    /// If there are not that many.
+    /// If there is no embedding with this index.
     pub fn row(&self, index: usize) -> &[f32] {
         &self.values[index * self.width..][..self.width]
     }
@@ -107,7 +107,7 @@ impl Embeddings {
     }
 }
 
-/// The Euclidean distance.
+/// Returns the Euclidean distance.
 pub(super) fn distance(a: &[f32], b: &[f32]) -> f64 {
     let squares = a.iter().zip(b).map(|(&a, &b)| {
         let difference = f64::from(a) - f64::from(b);

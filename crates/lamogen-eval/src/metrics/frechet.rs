@@ -1,11 +1,11 @@
-//! How far two sets of motions are from each other as distributions.
+//! The Fréchet distance between two sets of embeddings (FID).
 
 use faer::linalg::solvers::{SelfAdjointEigen, Svd};
 use faer::{Mat, Side};
 
 use super::{Embeddings, MetricError};
 
-/// Mean and covariance of a set of embeddings.
+/// The mean and the covariance of a set of embeddings.
 #[derive(Clone, Debug)]
 pub struct Gaussian {
     mean: Vec<f64>,
@@ -13,7 +13,8 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Measures a set; covariances are divided by one less than its number, as by `numpy.cov`.
+    /// Computes mean and covariance of a set. Covariances are divided by the number of embeddings less one, as in
+    /// `numpy.cov`.
     ///
     /// # Errors
     ///
@@ -41,10 +42,11 @@ impl Gaussian {
         Ok(Gaussian { mean, covariance })
     }
 
-    /// The Fréchet distance, squared: `|m - m'|² + tr(S + S' - 2 (S S')^½)`.
+    /// Computes the squared Fréchet distance: `|m - m'|² + tr(S + S' - 2 (S S')^½)`.
     ///
-    /// The trace of the root is the sum of the singular values of `S^½ S'^½`, which needs no root of a matrix that is
-    /// not symmetric, and stays exact for singular covariances, as of fewer embeddings than their width.
+    /// The trace of the root is computed as the sum of the singular values of `S^½ S'^½`. This needs no root of a matrix
+    /// that is not symmetric, and is exact for singular covariances, too, such as those of fewer embeddings than their
+    /// width.
     ///
     /// # Errors
     ///
@@ -58,23 +60,24 @@ impl Gaussian {
             });
         }
         let means = self.mean.iter().zip(&other.mean);
-        let apart: f64 = means.map(|(a, b)| (a - b) * (a - b)).sum();
-        let product = root(&self.covariance) * root(&other.covariance);
+        let squared_distance: f64 = means.map(|(a, b)| (a - b) * (a - b)).sum();
+        let product = square_root(&self.covariance) * square_root(&other.covariance);
         let values = Svd::new(product.as_ref()).expect("finite matrices have singular values");
-        let common: f64 = values.S().column_vector().iter().sum();
-        let distance = apart + trace(&self.covariance) + trace(&other.covariance) - 2.0 * common;
-        // Rounding may bring equal sets a little below.
+        let root_trace: f64 = values.S().column_vector().iter().sum();
+        let distance = squared_distance + trace(&self.covariance) + trace(&other.covariance)
+            - 2.0 * root_trace;
+        // Rounding may give equal sets a distance slightly below 0.
         Ok(distance.max(0.0))
     }
 }
 
-/// The symmetric root of a covariance.
-fn root(covariance: &Mat<f64>) -> Mat<f64> {
+/// Returns the symmetric square root of a covariance.
+fn square_root(covariance: &Mat<f64>) -> Mat<f64> {
     let eigen = SelfAdjointEigen::new(covariance.as_ref(), Side::Lower)
         .expect("finite symmetric matrices have eigenvalues");
     let vectors = eigen.U();
     let values = eigen.S().column_vector();
-    // What is within rounding of 0 is 0: its root would be larger by orders.
+    // Eigenvalues within rounding of 0 count as 0, because their roots would be larger by orders of magnitude.
     let largest = values.iter().copied().fold(0.0, f64::max);
     let noise = largest * f64::EPSILON * covariance.nrows() as f64;
     let scaled = Mat::from_fn(
@@ -92,10 +95,10 @@ fn trace(matrix: &Mat<f64>) -> f64 {
     (0..matrix.nrows()).map(|i| matrix[(i, i)]).sum()
 }
 
-/// The Fréchet distance between two sets of embeddings (Heusel et al. 2017, "FID"). 0 is best.
+/// Computes the squared Fréchet distance between two sets of embeddings (Heusel et al. 2017, "FID"). 0 is best.
 ///
-/// It depends on how many embeddings there are: compare sets of one size only. For many sets against one, keep the
-/// [`Gaussian`] of that one.
+/// The distance depends on the number of embeddings, so compare only distances of sets of the same sizes. To compare
+/// many sets with one set, compute the [`Gaussian`] of that set once.
 ///
 /// # Errors
 ///

@@ -1,7 +1,7 @@
-//! Metrics of text-to-motion over points of the evaluator's space, and of control over Laban features.
+//! Metrics of text-to-motion on an evaluator's embeddings, and of control over Laban features.
 //!
-//! As the public code of Guo et al. 2022 defines them (`utils/metrics.py`, `final_evaluations.py`), with sums and
-//! distances in 64 bits and draws from seeds.
+//! They are those of the public code of Guo et al. 2022 (`utils/metrics.py`, `final_evaluations.py`). Here sums and
+//! distances are in 64 bits, and random choices depend on a seed.
 
 mod batches;
 mod control;
@@ -17,22 +17,22 @@ pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;
 pub use spread::{diversity, mean_distance, multimodality};
 
-/// What keeps a metric from being computed.
+/// An error when a metric is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetricError {
-    /// Numbers that are no rows of one width.
+    /// The numbers do not fill rows of one width.
     #[error("expected {expected} numbers for each embedding, found {found} numbers in all")]
     #[allow(missing_docs)]
     Width { expected: usize, found: usize },
-    /// A number that is not finite.
+    /// A number is not finite.
     #[error("embedding {row} holds numbers that are not finite")]
     #[allow(missing_docs)]
     NotFinite { row: usize },
-    /// Laban features that are not finite.
+    /// The Laban features of a motion are not finite.
     #[error("the Laban features of motion {motion} are not finite")]
     #[allow(missing_docs)]
     Features { motion: usize },
-    /// Sets that do not belong together.
+    /// Two sets of embeddings do not fit each other.
     #[error("expected {what} of {expected}, found {found}")]
     #[allow(missing_docs)]
     Mismatch {
@@ -40,7 +40,7 @@ pub enum MetricError {
         expected: usize,
         found: usize,
     },
-    /// Too few embeddings.
+    /// There are too few embeddings.
     #[error("{metric} needs at least {needed} {what}, found {found}")]
     #[allow(missing_docs)]
     TooFew {

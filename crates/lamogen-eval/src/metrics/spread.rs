@@ -1,4 +1,4 @@
-//! How different motions are from each other.
+//! Diversity and MultiModality: how different motions are from each other.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
@@ -6,17 +6,20 @@ use rand_chacha::ChaCha12Rng;
 use super::embeddings::distance;
 use super::{Embeddings, MetricError};
 
-/// Diversity: the mean distance between `pairs` pairs of motions, whatever their texts. Both sides are drawn without
-/// putting back; the public evaluation draws 300. Best is what real motions have.
+/// Computes diversity: the mean distance between `pairs` random pairs of motions of any texts.
+///
+/// The first motions of the pairs are drawn without replacement, and so are the second ones. The public evaluation draws
+/// 300 pairs. The best value is that of real motions.
 ///
 /// # Errors
 ///
-/// If there are not more motions than pairs, or no pair is asked for.
+/// If there are not more motions than pairs, or `pairs` is 0.
 pub fn diversity(motions: &Embeddings, pairs: usize, seed: u64) -> Result<f64, MetricError> {
-    spread("diversity", std::slice::from_ref(motions), pairs, seed)
+    mean_drawn_distance("diversity", std::slice::from_ref(motions), pairs, seed)
 }
 
-/// The mean distance between any two of the motions: what [`diversity`] estimates by draws, for sets too small to draw from.
+/// Computes the mean distance over all pairs of motions. [`diversity`] estimates it from random pairs; use this function
+/// for sets that are too small for that.
 ///
 /// # Errors
 ///
@@ -36,19 +39,21 @@ pub fn mean_distance(motions: &Embeddings) -> Result<f64, MetricError> {
     Ok(distances.sum::<f64>() / (count * (count - 1) / 2) as f64)
 }
 
-/// MultiModality: the mean distance between `pairs` pairs of motions of one text, over all texts. The same places are
-/// drawn for every text, both sides without putting back; the public evaluation has 30 motions of each of 100
-/// texts, and draws 10.
+/// Computes MultiModality: the mean distance between `pairs` random pairs of motions of the same text, over all texts.
+///
+/// The same indices are drawn for every text. The first motions of the pairs are drawn without replacement, and so are
+/// the second ones. The public evaluation has 30 motions for each of 100 texts and draws 10 pairs.
 ///
 /// # Errors
 ///
-/// If there is no text, texts have different numbers of motions or widths, there are not more motions than pairs, or
-/// no pair is asked for.
+/// If there is no text, texts have different numbers of motions or different widths, there are not more motions than
+/// pairs, or `pairs` is 0.
 pub fn multimodality(texts: &[Embeddings], pairs: usize, seed: u64) -> Result<f64, MetricError> {
-    spread("MultiModality", texts, pairs, seed)
+    mean_drawn_distance("MultiModality", texts, pairs, seed)
 }
 
-fn spread(
+/// Computes the mean distance between pairs of embeddings within each set. The same indices are drawn for all sets.
+fn mean_drawn_distance(
     metric: &'static str,
     sets: &[Embeddings],
     pairs: usize,
@@ -77,8 +82,8 @@ fn spread(
             });
         }
     }
-    let mut stream = ChaCha12Rng::seed_from_u64(seed);
-    let mut draw = || rand::seq::index::sample(&mut stream, first.len(), pairs).into_vec();
+    let mut rng = ChaCha12Rng::seed_from_u64(seed);
+    let mut draw = || rand::seq::index::sample(&mut rng, first.len(), pairs).into_vec();
     let (left, right) = (draw(), draw());
     let distances = sets.iter().flat_map(|set| {
         let pairs = left.iter().zip(&right);
@@ -97,7 +102,7 @@ mod tests {
 
     #[test]
     fn diversity_is_the_mean_distance_of_draws() {
-        // On a line of 0 to 1 two points are a third apart on average.
+        // Two random points between 0 and 1 have a mean distance of a third.
         let motions = line((0..4000).map(|n| n as f32 / 4000.0));
         let found = diversity(&motions, 3000, 4).unwrap();
         assert!((found - 1.0 / 3.0).abs() < 0.02, "{found}");
@@ -106,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn few_motions_are_held_against_each_other_all() {
+    fn the_mean_distance_is_over_all_pairs() {
         let motions = line([0.0, 1.0, 5.0].into_iter());
         assert_eq!(mean_distance(&motions).unwrap(), (1.0 + 5.0 + 4.0) / 3.0);
         let many = line((0..400).map(|n| (0.37 * n as f32).sin()));
@@ -120,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn multimodality_sees_differences_within_a_text_only() {
+    fn multimodality_measures_differences_within_a_text_only() {
         let texts = [0.0, 100.0].map(|place| line((0..30).map(move |_| place)));
         assert_eq!(multimodality(&texts, 10, 0).unwrap(), 0.0);
         let wide = [1.0, 3.0].map(|scale| line((0..30).map(move |n| scale * n as f32)));

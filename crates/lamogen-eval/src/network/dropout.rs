@@ -1,39 +1,41 @@
-//! Dropout that can be repeated.
+//! Dropout with a random number generator of the caller, so that its draws can be repeated.
 
 use burn::tensor::{Tensor, TensorData};
 use rand::Rng;
 use rand_chacha::ChaCha12Rng;
 
-/// Leaves out numbers at random while a network is trained.
+/// Dropout, which sets random numbers of a tensor to 0 during training.
 ///
-/// burn's own dropout draws from the device's generator, whose state cannot be kept; this one draws on the host
-/// from a stream of the caller's, so that training can be stopped and go on as if it had not been.
+/// burn's own dropout draws from the device's generator, and the state of that cannot be saved. This one draws on the
+/// host from the caller's generator, so that training can be stopped and resumed with the same results.
 #[derive(Debug)]
 pub struct Dropout<'a> {
-    /// The share of numbers that becomes 0, from 0 up to but not including 1; the others grow so that the mean
-    /// stays. The public code has 0.2.
+    /// The share of numbers that become 0: at least 0 and less than 1. The other numbers are scaled up, so that the mean
+    /// does not change. The public code has 0.2.
     pub probability: f64,
-    /// Where the draws come from.
+    /// The random number generator.
     pub stream: &'a mut ChaCha12Rng,
 }
 
 impl Dropout<'_> {
+    /// Sets random numbers of a tensor to 0 and scales up the others.
+    ///
     /// # Panics
     ///
-    /// If the probability is not from 0 up to but not including 1.
+    /// If the probability is not at least 0 and less than 1.
     pub(super) fn apply<const D: usize>(&mut self, x: Tensor<D>) -> Tensor<D> {
         assert!(
             (0.0..1.0).contains(&self.probability),
             "expected a probability of dropout from 0 up to but not including 1, found {}",
             self.probability
         );
-        let below = (self.probability * 2f64.powi(32)) as u32;
-        let kept = (1.0 / (1.0 - self.probability)) as f32;
+        let threshold = (self.probability * 2f64.powi(32)) as u32;
+        let scale = (1.0 / (1.0 - self.probability)) as f32;
         let shape = x.dims();
         let factors: Vec<f32> = (0..shape.iter().product())
-            .map(|_| match self.stream.next_u32() < below {
+            .map(|_| match self.stream.next_u32() < threshold {
                 true => 0.0,
-                false => kept,
+                false => scale,
             })
             .collect();
         let factors = Tensor::from_data(TensorData::new(factors, shape), &x.device());
@@ -58,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fifth_is_left_out_and_the_mean_stays() {
+    fn a_fifth_becomes_0_and_the_mean_stays() {
         let numbers = dropped(3);
         assert!(numbers.iter().all(|&x| x == 0.0 || x == 1.25));
         let mean = numbers.iter().sum::<f32>() / numbers.len() as f32;
@@ -66,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_means_the_same_draws_again() {
+    fn the_same_seed_gives_the_same_draws() {
         assert_eq!(dropped(3), dropped(3));
         assert_ne!(dropped(3), dropped(4));
     }

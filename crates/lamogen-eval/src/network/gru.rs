@@ -1,4 +1,4 @@
-//! A recurrent network that reads sequences of different lengths from both ends.
+//! A bidirectional recurrent network over sequences of different lengths.
 
 use burn::module::{Initializer, Module, Param};
 use burn::nn::Linear;
@@ -6,22 +6,22 @@ use burn::tensor::activation::sigmoid;
 use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 use lamogen_model::{Keyed, Keys};
 
-/// Gated recurrent units in both directions, in PyTorch's form (`torch.nn.GRU` over packed sequences), with start
-/// states that are learned.
+/// Gated recurrent units (GRU) in both directions, in PyTorch's form (`torch.nn.GRU` over packed sequences), with learned
+/// initial states.
 ///
-/// burn's `BiGru` has the same cell, but no lengths: its second direction would start in the padding. It also takes
-/// the input through each gate step by step, where here one product serves all steps and gates.
+/// burn's `BiGru` has the same cell but takes no lengths, so its backward direction would start in the padding. It also
+/// multiplies the input with the weights of each gate at every step, while here one product serves all steps and gates.
 #[derive(Module, Debug)]
 pub(super) struct BiGru {
-    forward: Direction,
-    backward: Direction,
-    /// `[2, 1, hidden]`
+    forward: GruDirection,
+    backward: GruDirection,
+    /// The initial states of both directions, `[2, 1, hidden]`.
     start: Param<Tensor<3>>,
 }
 
-/// One direction. Both layers give the reset gate, the update gate and the candidate, side by side.
+/// One direction of the network. Both layers give the reset gate, the update gate and the candidate side by side.
 #[derive(Module, Debug)]
-struct Direction {
+struct GruDirection {
     input: Linear,
     hidden: Linear,
 }
@@ -33,23 +33,23 @@ impl BiGru {
             std: 1.0,
         };
         BiGru {
-            forward: Direction::new(input, hidden, device),
-            backward: Direction::new(input, hidden, device),
+            forward: GruDirection::new(input, hidden, device),
+            backward: GruDirection::new(input, hidden, device),
             start: standard.init([2, 1, hidden], device),
         }
     }
 
-    /// The state of either direction once it has read the whole of a sequence, side by side.
+    /// Returns the final states of both directions side by side, after each has read the whole sequence.
     ///
     /// # Shapes
     ///
-    /// - `x`: `[batch, steps, input]`; what stands past a sequence's length plays no part
+    /// - `x`: `[batch, steps, input]`; steps after a sequence's length are ignored
     /// - output: `[batch, 2 * hidden]`
     ///
     /// # Panics
     ///
     /// If there are not as many lengths as sequences, or a length is 0 or above the number of steps.
-    pub(super) fn last(&self, x: Tensor<3>, lengths: &[usize]) -> Tensor<2> {
+    pub(super) fn final_states(&self, x: Tensor<3>, lengths: &[usize]) -> Tensor<2> {
         let [batch, steps, _] = x.dims();
         assert!(
             lengths.len() == batch && lengths.iter().all(|length| (1..=steps).contains(length)),
@@ -60,16 +60,17 @@ impl BiGru {
         let backward = step_order(lengths, steps, |length, step| length - 1 - step);
         Tensor::cat(
             vec![
-                self.forward.last(x.clone(), start(0), lengths, forward),
-                self.backward.last(x, start(1), lengths, backward),
+                self.forward
+                    .final_states(x.clone(), start(0), lengths, forward),
+                self.backward.final_states(x, start(1), lengths, backward),
             ],
             1,
         )
     }
 }
 
-/// Which row of `[batch * steps, input]` each sequence reads at each step, step by step. A sequence that has ended
-/// reads any row of its own: what it makes of it is dropped.
+/// Returns, step by step, the row of `[batch * steps, input]` that each sequence reads. A sequence that has ended reads
+/// a row of its own whose result is not used.
 fn step_order(
     lengths: &[usize],
     steps: usize,
@@ -79,20 +80,20 @@ fn step_order(
     let rows = (0..longest).flat_map(|step| {
         let position = &position;
         lengths.iter().enumerate().map(move |(sequence, &length)| {
-            let within = if step < length {
+            let position = if step < length {
                 position(length, step)
             } else {
                 0
             };
-            (sequence * steps + within) as i64
+            (sequence * steps + position) as i64
         })
     });
     rows.collect()
 }
 
-impl Direction {
+impl GruDirection {
     fn new(input: usize, hidden: usize, device: &Device) -> Self {
-        // As PyTorch starts a GRU.
+        // These are PyTorch's initial weights of a GRU.
         let bound = 1.0 / (hidden as f64).sqrt();
         let uniform = Initializer::Uniform {
             min: -bound,
@@ -102,13 +103,13 @@ impl Direction {
             weight: uniform.init([input, 3 * hidden], device),
             bias: Some(uniform.init([3 * hidden], device)),
         };
-        Direction {
+        GruDirection {
             input: layer(input),
             hidden: layer(hidden),
         }
     }
 
-    fn last(
+    fn final_states(
         &self,
         x: Tensor<3>,
         start: Tensor<2>,
@@ -119,7 +120,7 @@ impl Direction {
         let device = x.device();
         let order: Tensor<1, Int> = Tensor::from_data(order.as_slice(), &device);
         let rows = x.reshape([batch * steps, input]).select(0, order);
-        let inputs = in_steps(self.input.forward(rows), batch);
+        let inputs = split_steps(self.input.forward(rows), batch);
         let [_, hidden] = start.dims();
         let mut state = start.repeat_dim(0, batch);
         for (step, input) in inputs.into_iter().enumerate() {
@@ -137,8 +138,8 @@ impl Direction {
         state
     }
 
-    /// The cell: `n + z (h - n)` with the candidate `n = tanh(W x + r (U h))`. Biases stand on both sides, as in
-    /// PyTorch.
+    /// Computes the next state: `n + z (h - n)` with the candidate `n = tanh(W x + r (U h))`. Both products have biases,
+    /// as in PyTorch.
     fn step(&self, input: Tensor<2>, state: Tensor<2>) -> Tensor<2> {
         let [_, hidden] = state.dims();
         let recurrent = self.hidden.forward(state.clone());
@@ -153,20 +154,20 @@ impl Direction {
     }
 }
 
-/// Cuts `[steps * batch, width]` into its steps.
+/// Splits `[steps * batch, width]` into one tensor per step.
 ///
-/// By halves, because the gradient of each cut fills a tensor as large as what it was cut from: one by one that
-/// would be the square of the number of steps.
-fn in_steps(x: Tensor<2>, batch: usize) -> Vec<Tensor<2>> {
+/// It splits by halves, because the gradient of a part is a tensor as large as the tensor that it was cut from. Cutting
+/// the steps one by one would fill numbers in proportion to the square of the number of steps.
+fn split_steps(x: Tensor<2>, batch: usize) -> Vec<Tensor<2>> {
     let [rows, _] = x.dims();
     let steps = rows / batch;
     if steps == 1 {
         return vec![x];
     }
     let half = steps / 2 * batch;
-    let mut cut = in_steps(x.clone().narrow(0, 0, half), batch);
-    cut.extend(in_steps(x.narrow(0, half, rows - half), batch));
-    cut
+    let mut parts = split_steps(x.clone().narrow(0, 0, half), batch);
+    parts.extend(split_steps(x.narrow(0, half, rows - half), batch));
+    parts
 }
 
 impl Keyed for BiGru {

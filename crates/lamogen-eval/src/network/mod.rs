@@ -16,13 +16,13 @@ use burn::module::Initializer;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, activation};
 
-/// Slope of the activations below 0.
+/// The slope of the leaky ReLU below 0.
 const NEGATIVE_SLOPE: f64 = 0.2;
 
-/// How the public code starts convolutions and linear layers; their biases start at 0.
+/// The initial weights of convolutions and linear layers in the public code. Their biases are 0 at first.
 const WEIGHTS: Initializer = Initializer::XavierNormal { gain: 1.0 };
 
-/// A linear layer with fresh weights.
+/// Returns a linear layer with initial weights.
 fn linear(input: usize, output: usize, device: &Device) -> Linear {
     Linear {
         weight: WEIGHTS.init_with([input, output], Some(input), Some(output), device),

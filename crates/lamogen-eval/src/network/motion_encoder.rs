@@ -1,4 +1,4 @@
-//! Movements as a point in the common space.
+//! The encoder from movements to an embedding of the motion.
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -10,7 +10,7 @@ use super::linear;
 use super::projection::Projection;
 use crate::EvaluatorConfig;
 
-/// A recurrent network over movements.
+/// The motion encoder: a recurrent network over movements.
 #[derive(Module, Debug)]
 pub(crate) struct MotionEncoder {
     input: Linear,
@@ -28,12 +28,16 @@ impl MotionEncoder {
         }
     }
 
+    /// Embeds motions that are given by their movements. `lengths` are the numbers of movements.
+    ///
     /// # Shapes
     ///
     /// - `movements`: `[batch, movements, dim_movement_latent]`
     /// - output: `[batch, dim_coemb_hidden]`
     pub(crate) fn forward(&self, movements: Tensor<3>, lengths: &[usize]) -> Tensor<2> {
-        let states = self.recurrent.last(self.input.forward(movements), lengths);
+        let states = self
+            .recurrent
+            .final_states(self.input.forward(movements), lengths);
         self.output.forward(states)
     }
 }

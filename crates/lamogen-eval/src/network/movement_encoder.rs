@@ -1,4 +1,4 @@
-//! Frames as movements.
+//! The encoder from frames to movements.
 
 use burn::module::{Initializer, Module};
 use burn::nn::conv::{Conv1d, Conv1dConfig};
@@ -9,9 +9,9 @@ use lamogen_model::{Keyed, Keys};
 use super::{Dropout, WEIGHTS, leaky_relu, linear};
 use crate::EvaluatorConfig;
 
-/// Two convolutions over frames, each halving their number, and a linear layer.
+/// The movement encoder: two convolutions over frames, each of which halves their number, and a linear layer.
 ///
-/// In the public code this is the encoder of a motion autoencoder, which is trained before the rest and then kept.
+/// In the public code it is the encoder of a motion autoencoder, which is trained first and not changed afterwards.
 #[derive(Module, Debug)]
 pub(crate) struct MovementEncoder {
     first: Conv1d,
@@ -23,12 +23,14 @@ impl MovementEncoder {
     pub(crate) fn new(config: &EvaluatorConfig, device: &Device) -> Self {
         let (hidden, latent) = (config.dim_movement_enc_hidden, config.dim_movement_latent);
         MovementEncoder {
-            first: halving(config.movement_features(), hidden, device),
-            second: halving(hidden, latent, device),
+            first: strided_convolution(config.movement_features(), hidden, device),
+            second: strided_convolution(hidden, latent, device),
             output: linear(latent, latent, device),
         }
     }
 
+    /// Encodes frames as movements.
+    ///
     /// # Shapes
     ///
     /// - `features`: `[batch, frames, movement_features]`, normalised
@@ -50,8 +52,8 @@ impl MovementEncoder {
     }
 }
 
-/// A convolution over 4 frames at every second one, with a frame of zeros around.
-fn halving(input: usize, output: usize, device: &Device) -> Conv1d {
+/// Returns a convolution over 4 frames with stride 2 and one frame of zeros on either side.
+fn strided_convolution(input: usize, output: usize, device: &Device) -> Conv1d {
     let config = Conv1dConfig::new(input, output, 4)
         .with_stride(2)
         .with_padding(PaddingConfig1d::Explicit(1, 1))

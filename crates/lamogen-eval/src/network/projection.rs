@@ -1,4 +1,4 @@
-//! From a recurrent network's states into the common space.
+//! The projection of a recurrent network's states into the space of embeddings.
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig, Linear};
@@ -7,7 +7,7 @@ use lamogen_model::{Keyed, Keys};
 
 use super::{leaky_relu, linear};
 
-/// Two linear layers around a layer normalization.
+/// The projection: a linear layer, a layer normalisation and a second linear layer.
 #[derive(Module, Debug)]
 pub(super) struct Projection {
     input: Linear,
@@ -16,16 +16,18 @@ pub(super) struct Projection {
 }
 
 impl Projection {
-    /// From the states of both directions, each `hidden` wide.
+    /// Returns a projection of the states of both directions, each of width `hidden`.
     pub(super) fn new(hidden: usize, output: usize, device: &Device) -> Self {
         Projection {
             input: linear(2 * hidden, hidden, device),
-            // As in PyTorch.
+            // The epsilon is PyTorch's default.
             norm: LayerNormConfig::new(hidden).with_epsilon(1e-5).init(device),
             output: linear(hidden, output, device),
         }
     }
 
+    /// Projects states into the space of embeddings.
+    ///
     /// # Shapes
     ///
     /// - `states`: `[batch, 2 * hidden]`

@@ -1,4 +1,4 @@
-//! Words or tokens as a point in the common space.
+//! The encoder from words or tokens to an embedding of the text.
 
 use burn::module::{Initializer, Module};
 use burn::nn::{Embedding, EmbeddingConfig, Linear};
@@ -10,21 +10,21 @@ use super::linear;
 use super::projection::Projection;
 use crate::{EvaluatorConfig, TextBatch, TextForm};
 
-/// A recurrent network over words or tokens.
+/// The text encoder: a recurrent network over words or tokens.
 #[derive(Module, Debug)]
 pub(crate) struct TextEncoder {
-    reading: Reading,
+    embedding: TextEmbedding,
     input: Linear,
     recurrent: BiGru,
     output: Projection,
 }
 
-/// How a text becomes one vector a word or token.
+/// The layer that gives one vector for each word or token.
 #[derive(Module, Debug)]
-enum Reading {
-    /// The word's vector, plus one for its part of speech.
+enum TextEmbedding {
+    /// The vector is the word's own plus a learned vector of its part of speech.
     Words(Linear),
-    /// A learned vector.
+    /// The vector of each token is learned.
     Tokens(Embedding),
 }
 
@@ -32,68 +32,76 @@ impl TextEncoder {
     pub(crate) fn new(config: &EvaluatorConfig, device: &Device) -> Self {
         let (hidden, width) = (config.dim_text_hidden, config.text.dim_word());
         TextEncoder {
-            reading: Reading::new(&config.text, device),
+            embedding: TextEmbedding::new(&config.text, device),
             input: linear(width, hidden, device),
             recurrent: BiGru::new(hidden, hidden, device),
             output: Projection::new(hidden, config.dim_coemb_hidden, device),
         }
     }
 
+    /// Embeds texts.
+    ///
     /// # Shapes
     ///
     /// - output: `[batch, dim_coemb_hidden]`
     pub(crate) fn forward(&self, texts: &TextBatch) -> Tensor<2> {
-        let read = self.reading.forward(texts);
+        let vectors = self.embedding.forward(texts);
         let states = self
             .recurrent
-            .last(self.input.forward(read), texts.lengths());
+            .final_states(self.input.forward(vectors), texts.lengths());
         self.output.forward(states)
     }
 }
 
-impl Reading {
+impl TextEmbedding {
     fn new(form: &TextForm, device: &Device) -> Self {
         match *form {
             TextForm::Words {
                 dim_word,
                 dim_pos_ohot,
-            } => Reading::Words(linear(dim_pos_ohot, dim_word, device)),
+            } => TextEmbedding::Words(linear(dim_pos_ohot, dim_word, device)),
             TextForm::Tokens {
                 vocab_size,
                 dim_word,
                 ..
             } => {
-                // As PyTorch starts an embedding.
+                // These are PyTorch's initial weights of an embedding.
                 let standard = Initializer::Normal {
                     mean: 0.0,
                     std: 1.0,
                 };
                 let config = EmbeddingConfig::new(vocab_size, dim_word).with_initializer(standard);
-                Reading::Tokens(config.init(device))
+                TextEmbedding::Tokens(config.init(device))
             }
         }
     }
 
+    /// Returns the vectors of the words or tokens.
+    ///
     /// # Shapes
     ///
     /// - output: `[batch, words or tokens, dim_word]`
+    ///
+    /// # Panics
+    ///
+    /// If the texts are not in the form that the network reads.
     fn forward(&self, texts: &TextBatch) -> Tensor<3> {
         match (self, texts) {
             (
-                Reading::Words(parts),
+                TextEmbedding::Words(parts),
                 TextBatch::Words {
                     vectors,
                     parts_of_speech,
                     ..
                 },
             ) => vectors.clone() + parts.forward(parts_of_speech.clone()),
-            (Reading::Tokens(embedding), TextBatch::Tokens { ids, .. }) => {
+            (TextEmbedding::Tokens(embedding), TextBatch::Tokens { ids, .. }) => {
                 embedding.forward(ids.clone())
             }
-            (Reading::Words(_), TextBatch::Tokens { .. }) => {
+            (TextEmbedding::Words(_), TextBatch::Tokens { .. }) => {
                 panic!("expected words with parts of speech, found tokens")
             }
-            (Reading::Tokens(_), TextBatch::Words { .. }) => {
+            (TextEmbedding::Tokens(_), TextBatch::Words { .. }) => {
                 panic!("expected tokens, found words with parts of speech")
             }
         }
@@ -102,9 +110,9 @@ impl Reading {
 
 impl Keyed for TextEncoder {
     fn keys(&mut self, keys: &mut Keys) {
-        match &mut self.reading {
-            Reading::Words(parts) => keys.linear("pos_emb", parts),
-            Reading::Tokens(embedding) => keys.embedding("token_emb", embedding),
+        match &mut self.embedding {
+            TextEmbedding::Words(parts) => keys.linear("pos_emb", parts),
+            TextEmbedding::Tokens(embedding) => keys.embedding("token_emb", embedding),
         }
         keys.linear("input_emb", &mut self.input);
         keys.flat(&mut self.recurrent);

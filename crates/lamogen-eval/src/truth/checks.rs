@@ -1,166 +1,114 @@
-//! What a motion can be asked to do, and how its measurements decide.
+//! The checks: what a motion can be required to do. Their conditions are in `terms.rs`.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Serialize, Serializer};
 
-use super::limits;
 use super::measurements::Measurements;
+use super::side::Direction;
+use super::side::Side::{self, Left, Right};
+use super::verdict::Verdict;
 
-/// A side of the body, or a direction as the body sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The body's own left.
-    Left,
-    /// The body's own right.
-    Right,
-}
-
-impl Side {
-    /// Both sides, in the order that measurements have.
-    pub const ALL: [Side; 2] = [Side::Left, Side::Right];
-
-    /// Index in pairs of measurements.
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-
-    /// The other side.
-    pub const fn other(self) -> Side {
-        match self {
-            Side::Left => Side::Right,
-            Side::Right => Side::Left,
-        }
-    }
-
-    /// The word, `left` or `right`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Side::Left => "left",
-            Side::Right => "right",
-        }
-    }
-
-    /// 1 to the left, -1 to the right, as headings and ways to the left are counted.
-    const fn sign(self) -> f32 {
-        match self {
-            Side::Left => 1.0,
-            Side::Right => -1.0,
-        }
-    }
-}
-
-/// A way to travel, as the body faces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum Direction {
-    Forward,
-    Backward,
-    Sideways(Side),
-}
-
-/// Something that a motion does. Where no side is given, either will do.
+/// An action that a motion is checked for. A check without a side holds for either side.
 ///
-/// A check is written as in [`Check::ALL`], such as `turns around left`.
+/// Checks are written in the words of [`Check::ALL`], such as `turns around left`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Check {
-    /// Goes a way, as the body faces step by step.
+    /// The body moves in a direction, by the way that it faces at each step.
     Travels(Direction),
-    /// Goes as fast as one runs.
+    /// The body moves at the speed of running.
     Runs,
-    /// Goes no faster than one walks slowly.
+    /// The body moves no faster than in a slow walk.
     GoesSlowly,
-    /// Remains about where it is.
+    /// The body stays near its start.
     Stays,
-    /// Lifts the feet in turn, and remains where it is.
+    /// The feet are lifted in turn, and the body stays near its start.
     StepsInPlace,
-    /// Has gone somewhere and stands at the end.
+    /// The body travels first and stands at the end.
     Stops,
-    /// Stands at the start and goes at the end.
+    /// The body stands at the start and travels at the end.
     Starts,
-    /// Faces farther to a side at the end than at the start.
+    /// The body turns to a side between start and end.
     Turns(Side),
-    /// Turns by about 90 degrees.
+    /// The body turns by about 90 degrees.
     TurnsQuarter(Side),
-    /// Turns by about 180 degrees.
+    /// The body turns by about 180 degrees.
     TurnsAround(Option<Side>),
-    /// Turns by about 360 degrees or more, on its way.
+    /// The body turns by about 360 degrees or more while it travels.
     TurnsInCircle(Option<Side>),
-    /// Raises one hand to the shoulder or higher, and not the other.
+    /// One hand is raised to the shoulder or higher, and the other is not.
     RaisesHand(Side),
-    /// Raises one hand over the head, and not the other.
+    /// One hand is raised over the head, and the other is not.
     RaisesHandOverHead(Side),
-    /// Raises both hands over the shoulders at once.
+    /// Both hands are raised over the shoulders at once.
     RaisesBothHands,
-    /// Raises both hands over the head at once.
+    /// Both hands are raised over the head at once.
     RaisesBothHandsOverHead,
-    /// Brings a hand near the head.
+    /// A hand comes near the head.
     BringsHandToHead,
-    /// Thrusts a fist out, or swings it, faster than the other one, about where the body stands.
+    /// A fist is thrust out or swung while the body stays near its start; with a side, farther than the other fist.
     Punches(Option<Side>),
-    /// Flings a stretched leg up or out, higher than the other one.
+    /// A stretched leg is flung up or out, higher than the other one.
     Kicks(Option<Side>),
-    /// Raises a knee towards the height of the hip while the other leg stands.
+    /// A knee is raised towards the height of the hip while the other leg stands.
     RaisesKnee(Side),
-    /// Stands on one leg for a while.
+    /// The body stands on one leg for a while.
     StandsOnLeg(Option<Side>),
-    /// Sinks down with that foot ahead of the other one.
+    /// The body goes down with the foot of this side ahead of the other.
     Lunges(Side),
-    /// Sinks down onto one leg, with the other one stretched to the side.
+    /// The body goes down onto the leg of this side, with the other leg stretched out to its side.
     LungesAside(Side),
-    /// Goes down and comes up as many times.
+    /// The body goes down and comes up this number of times.
     Squats(u8),
-    /// Leaves the floor with both feet.
+    /// Both feet leave the floor.
     Jumps,
-    /// Jumps and remains where it is.
+    /// The body jumps and stays near its start.
     JumpsInPlace,
-    /// Jumps and gets forward.
+    /// The body jumps and travels forward.
     JumpsForward,
-    /// Leaves the floor several times.
+    /// Both feet leave the floor several times.
     JumpsAgain,
-    /// Leaves the floor several times, with arms raised and legs spread.
+    /// Both feet leave the floor several times, with arms raised and legs spread.
     DoesJumpingJacks,
-    /// Stands at the start and sits at the end.
+    /// The body stands at the start and sits at the end.
     SitsDown,
-    /// Sits or crouches at the start and stands at the end.
+    /// The body sits or crouches at the start and stands at the end.
     StandsUp,
-    /// Stands at the start, goes down, and stands at the end.
+    /// The body stands at the start, goes down, and stands at the end.
     SitsDownAndGetsUp,
-    /// Comes to lie.
+    /// The body goes down and lies at the end.
     LiesDown,
-    /// Lies all the time.
+    /// The body lies all the time.
     Lies,
-    /// Lies at the start and is up at the end, on the feet or crouching.
+    /// The body lies at the start and is up at the end, on the feet or crouching.
     GetsUp,
-    /// Goes forward close to the floor, the trunk along it.
+    /// The body travels forward close to the floor, with the trunk along the floor.
     CrawlsForward,
-    /// Goes backward close to the floor, the trunk along it.
+    /// The body travels backward close to the floor, with the trunk along the floor.
     CrawlsBackward,
-    /// Has a knee on the floor for a while, the trunk up.
+    /// A knee is on the floor for a while, with the trunk up.
     Kneels,
-    /// Gets low on the feet.
+    /// The body gets low on the feet.
     Crouches,
-    /// Is higher at the end than at the start, and stood there.
+    /// The body stands at the start and is higher at the end.
     GoesUp,
-    /// Is lower at the end than at the start, and stands.
+    /// The body is lower at the end than at the start, and stands.
     GoesDown,
-    /// Lowers a hand far down, raises it again and stands.
+    /// A hand goes far down and comes up again, and the body stands at the end.
     PicksUp,
-    /// Inclines the trunk and raises it again.
+    /// The trunk bends and comes up again.
     BendsForward,
-    /// Remains calm on the feet.
+    /// The body stands on the feet with little movement.
     StandsStill,
-    /// Moves limbs a lot and gets nowhere fast.
+    /// The limbs move a lot while the body travels little.
     Dances,
-    /// Has the head lower than the hips at some time.
+    /// The head is lower than the hips at some time.
     GoesUpsideDown,
 }
 
-use Side::{Left, Right};
-
 impl Check {
-    /// Every check with the words that stand for it.
+    /// All checks, each with the words that it is written in.
     pub const ALL: &'static [(&'static str, Check)] = &[
         ("travels forward", Check::Travels(Direction::Forward)),
         ("travels backward", Check::Travels(Direction::Backward)),
@@ -240,304 +188,12 @@ impl Check {
         ("goes upside down", Check::GoesUpsideDown),
     ];
 
-    /// Decides of a motion by its measurements.
+    /// Checks a motion by its measurements.
     pub fn judge(self, measured: &Measurements) -> Verdict {
         Verdict {
             check: self,
             terms: self.terms(measured),
         }
-    }
-
-    /// What has to be so, all of it.
-    fn terms(self, m: &Measurements) -> Vec<Term> {
-        use limits::*;
-        match self {
-            Check::Travels(Direction::Forward) => {
-                vec![at_least("forward_speed", m.forward_speed, TRAVELS)]
-            }
-            Check::Travels(Direction::Backward) => {
-                vec![at_most("forward_speed", m.forward_speed, -TRAVELS)]
-            }
-            Check::Travels(Direction::Sideways(side)) => vec![
-                side.at_least("left_speed", m.left_speed, SIDESTEPS),
-                at_least("sideways_share", m.sideways_share, SIDEWAYS_SHARE),
-            ],
-            Check::Runs => vec![at_least("speed_high", m.speed_high, RUNS)],
-            Check::GoesSlowly => vec![at_most("speed_high", m.speed_high, SLOW)],
-            Check::Stays => vec![at_most("spread", m.spread, STAYS)],
-            Check::StepsInPlace => vec![
-                at_least("steps", m.steps, STEPS),
-                at_most("spread", m.spread, STAYS),
-            ],
-            Check::Stops => vec![
-                at_least("path", m.path, STOPS_AFTER),
-                at_most("speed_end", m.speed_end, STANDS),
-            ],
-            Check::Starts => vec![
-                at_most("speed_start", m.speed_start, STANDS),
-                at_least("speed_end", m.speed_end, STARTED),
-            ],
-            Check::Turns(side) => vec![side.at_least("turn", m.turn, TURNS)],
-            Check::TurnsQuarter(side) => vec![side.within("turn", m.turn, QUARTER_TURN)],
-            Check::TurnsAround(Some(side)) => vec![side.within("turn", m.turn, HALF_TURN)],
-            Check::TurnsAround(None) => vec![within("turn_either", m.turn_either, HALF_TURN)],
-            Check::TurnsInCircle(side) => vec![
-                match side {
-                    Some(side) => side.at_least("turn", m.turn, CIRCLE),
-                    None => at_least("turn_either", m.turn_either, CIRCLE),
-                },
-                at_least("path", m.path, CIRCLE_PATH),
-            ],
-            Check::RaisesHand(side) => vec![
-                at_least(
-                    "hand_over_shoulder",
-                    m.hand_over_shoulder[side.index()],
-                    HAND_RAISED,
-                ),
-                hangs(m, side.other()),
-            ],
-            Check::RaisesHandOverHead(side) => vec![
-                at_least("hand_over_head", m.hand_over_head[side.index()], OVER_HEAD),
-                hangs(m, side.other()),
-            ],
-            Check::RaisesBothHands => vec![at_least(
-                "hands_over_shoulders",
-                m.hands_over_shoulders,
-                HANDS_RAISED,
-            )],
-            Check::RaisesBothHandsOverHead => {
-                vec![at_least("hands_over_head", m.hands_over_head, OVER_HEAD)]
-            }
-            Check::BringsHandToHead => {
-                let nearest = m.hand_to_head[0].min(m.hand_to_head[1]);
-                vec![at_most("hand_to_head", nearest, HAND_AT_HEAD)]
-            }
-            Check::Punches(side) => {
-                let hand = side.unwrap_or(leader(m.thrust_lead)).index();
-                let mut terms = vec![
-                    at_least("hand_speed", m.hand_speed[hand], PUNCH_SPEED),
-                    at_least("hand_thrust", m.hand_thrust[hand], PUNCH_THRUST),
-                    at_most("spread", m.spread, PUNCH_SPREAD),
-                ];
-                // Both fists may, where none is named.
-                if side.is_some() {
-                    terms.push(at_least("thrust_lead", m.thrust_lead[hand], PUNCH_LEAD));
-                }
-                terms
-            }
-            Check::Kicks(side) => {
-                let side = side.unwrap_or(leader(m.kick_lead)).index();
-                vec![
-                    at_least("kick_height", m.kick_height[side], KICK_HEIGHT),
-                    at_least("kick_lead", m.kick_lead[side], KICK_LEAD),
-                    at_least("foot_speed", m.foot_speed[side], KICK_SPEED),
-                ]
-            }
-            Check::RaisesKnee(side) => vec![
-                at_least("knee_over_hip", m.knee_over_hip[side.index()], KNEE_HIGH),
-                at_most(
-                    "other knee_over_hip",
-                    m.knee_over_hip[side.other().index()],
-                    KNEE_RESTS,
-                ),
-            ],
-            Check::StandsOnLeg(side) => {
-                let longest = m.one_leg[0].max(m.one_leg[1]);
-                let time = side.map_or(longest, |side| m.one_leg[side.index()]);
-                vec![at_least("one_leg", time, ON_ONE_LEG)]
-            }
-            Check::Lunges(side) => vec![
-                at_least("foot_ahead", m.foot_ahead[side.index()], LUNGE_LENGTH),
-                at_most("stance_low", m.stance_low, LUNGE_DOWN),
-            ],
-            Check::LungesAside(side) => vec![
-                at_least("knee_bent", m.knee_bent[side.index()], LUNGE_KNEE),
-                at_least(
-                    "knee_bent_lead",
-                    m.knee_bent_lead[side.index()],
-                    LUNGE_KNEE_LEAD,
-                ),
-                at_least("feet_apart_low", m.feet_apart_low, LUNGE_WIDTH),
-            ],
-            Check::Squats(times) => {
-                let times = f32::from(times);
-                vec![within("squats", m.squats, [times, times])]
-            }
-            Check::Jumps => jumps(m),
-            Check::JumpsInPlace => with(jumps(m), at_most("spread", m.spread, STAYS)),
-            Check::JumpsForward => with(jumps(m), at_least("advance", m.advance, JUMP_LENGTH)),
-            Check::JumpsAgain => vec![at_least("flights", m.flights, SEVERAL)],
-            Check::DoesJumpingJacks => vec![
-                at_least("flights", m.flights, SEVERAL),
-                at_least("hands_over_shoulders", m.hands_over_shoulders, HANDS_RAISED),
-                at_least("feet_apart", m.feet_apart, LEGS_SPREAD),
-            ],
-            Check::SitsDown => vec![
-                at_least("stance_start", m.stance_start, UPRIGHT),
-                within("stance_end", m.stance_end, SEATED),
-                at_most("inclination_end", m.inclination_end, SEATED_TRUNK),
-            ],
-            Check::StandsUp => vec![
-                at_most("stance_start", m.stance_start, SEATED[1]),
-                at_least("stance_end", m.stance_end, UPRIGHT),
-            ],
-            Check::SitsDownAndGetsUp => vec![
-                at_least("stance_start", m.stance_start, UPRIGHT),
-                within("stance_low", m.stance_low, SEATED),
-                at_least("stance_end", m.stance_end, UPRIGHT),
-            ],
-            Check::LiesDown => vec![
-                at_most("stance_end", m.stance_end, LYING),
-                at_least("inclination_end", m.inclination_end, LYING_TRUNK),
-                at_most("rise", m.rise, -TO_FLOOR),
-            ],
-            Check::Lies => vec![
-                at_most("stance_median", m.stance_median, LYING),
-                at_least("inclination_median", m.inclination_median, LYING_TRUNK),
-                at_most("spread", m.spread, LYING_SPREAD),
-            ],
-            Check::GetsUp => vec![
-                at_most("stance_start", m.stance_start, LYING),
-                at_least("inclination_start", m.inclination_start, LYING_TRUNK),
-                at_least("rise", m.rise, TO_FLOOR),
-            ],
-            Check::CrawlsForward => with(
-                crawls(m),
-                at_least("forward_speed", m.forward_speed, CRAWLS),
-            ),
-            Check::CrawlsBackward => with(
-                crawls(m),
-                at_most("forward_speed", m.forward_speed, -CRAWLS),
-            ),
-            Check::Kneels => vec![
-                at_least("kneeling", m.kneeling, KNEELS),
-                at_least("stance_median", m.stance_median, KNEELING_STANCE),
-            ],
-            Check::Crouches => vec![
-                within("stance_low", m.stance_low, CROUCHED),
-                at_most("inclination_high", m.inclination_high, CROUCHED_TRUNK),
-            ],
-            Check::GoesUp => vec![
-                at_least("stance_start", m.stance_start, UPRIGHT),
-                at_least("rise", m.rise, CLIMBS),
-            ],
-            Check::GoesDown => vec![
-                at_most("rise", m.rise, -CLIMBS),
-                at_least("stance_end", m.stance_end, UPRIGHT),
-            ],
-            Check::PicksUp => vec![
-                at_most("hand_low", m.hand_low, HAND_DOWN),
-                at_least("hand_dip", m.hand_dip, HAND_DIPS),
-                at_least("stance_end", m.stance_end, UPRIGHT),
-            ],
-            Check::BendsForward => vec![
-                at_most("inclination_start", m.inclination_start, TRUNK_STRAIGHT),
-                at_least("inclination_high", m.inclination_high, TRUNK_BENT),
-                at_most("inclination_end", m.inclination_end, TRUNK_STRAIGHT),
-            ],
-            Check::StandsStill => vec![
-                at_most("spread", m.spread, STILL_SPREAD),
-                at_most("bustle", m.bustle, STILL_SPEED),
-                at_least("stance_low", m.stance_low, UPRIGHT),
-            ],
-            Check::Dances => vec![
-                at_least("liveliness", m.liveliness, DANCE_LIVELINESS),
-                within(
-                    "forward_speed",
-                    m.forward_speed,
-                    [-DANCE_TRAVELS, DANCE_TRAVELS],
-                ),
-                at_most("spread", m.spread, DANCE_SPREAD),
-            ],
-            Check::GoesUpsideDown => {
-                vec![at_least(
-                    "inclination_high",
-                    m.inclination_high,
-                    UPSIDE_DOWN,
-                )]
-            }
-        }
-    }
-}
-
-impl Side {
-    /// At least as much to this side; the value counts to the left.
-    fn at_least(self, quantity: &'static str, value: f32, limit: f32) -> Term {
-        match self {
-            Side::Left => at_least(quantity, value, limit),
-            Side::Right => at_most(quantity, value, -limit),
-        }
-    }
-
-    /// Between two amounts to this side; the value counts to the left.
-    fn within(self, quantity: &'static str, value: f32, [least, most]: [f32; 2]) -> Term {
-        let mut limits = [least, most].map(|limit| self.sign() * limit);
-        limits.sort_by(f32::total_cmp);
-        within(quantity, value, limits)
-    }
-}
-
-fn hangs(m: &Measurements, side: Side) -> Term {
-    let height = m.hand_over_shoulder[side.index()];
-    at_most("other hand_over_shoulder", height, limits::HAND_HANGS)
-}
-
-fn jumps(m: &Measurements) -> Vec<Term> {
-    vec![
-        at_least("flight", m.flight, limits::JUMP_TIME),
-        at_least("flight_height", m.flight_height, limits::JUMP_HEIGHT),
-        at_least("flight_rise", m.flight_rise, limits::JUMP_RISE),
-    ]
-}
-
-fn crawls(m: &Measurements) -> Vec<Term> {
-    vec![
-        at_most("stance_median", m.stance_median, limits::CRAWLING),
-        at_least(
-            "inclination_median",
-            m.inclination_median,
-            limits::CRAWLING_TRUNK,
-        ),
-    ]
-}
-
-fn with(mut terms: Vec<Term>, term: Term) -> Vec<Term> {
-    terms.push(term);
-    terms
-}
-
-/// The side with the larger value.
-fn leader([left, right]: [f32; 2]) -> Side {
-    match left >= right {
-        true => Side::Left,
-        false => Side::Right,
-    }
-}
-
-fn at_least(quantity: &'static str, value: f32, limit: f32) -> Term {
-    Term {
-        quantity,
-        value,
-        at_least: Some(limit),
-        at_most: None,
-    }
-}
-
-fn at_most(quantity: &'static str, value: f32, limit: f32) -> Term {
-    Term {
-        quantity,
-        value,
-        at_least: None,
-        at_most: Some(limit),
-    }
-}
-
-fn within(quantity: &'static str, value: f32, [least, most]: [f32; 2]) -> Term {
-    Term {
-        quantity,
-        value,
-        at_least: Some(least),
-        at_most: Some(most),
     }
 }
 
@@ -546,7 +202,7 @@ impl fmt::Display for Check {
         let words = Check::ALL.iter().find(|(_, check)| check == self);
         match words {
             Some((words, _)) => f.pad(words),
-            // No sentence has it, since there are no words for it.
+            // A check without words is in no sentence.
             None => write!(f, "{self:?}"),
         }
     }
@@ -558,7 +214,7 @@ impl Serialize for Check {
     }
 }
 
-/// Words that are no check.
+/// The error for words that are not a check. It holds the words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a check such as `travels forward`, found `{0}`")]
 pub struct CheckError(pub String);
@@ -568,66 +224,9 @@ impl FromStr for Check {
 
     fn from_str(words: &str) -> Result<Check, CheckError> {
         let words = words.trim();
-        let known = Check::ALL.iter().find(|(known, _)| *known == words);
-        known
+        let found = Check::ALL.iter().find(|(name, _)| *name == words);
+        found
             .map(|(_, check)| *check)
             .ok_or_else(|| CheckError(words.into()))
-    }
-}
-
-/// A measured value with what it has to be.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Term {
-    /// The field of [`Measurements`], which says the unit; with `other` before it that of the side that is not meant.
-    pub quantity: &'static str,
-    /// What was measured.
-    pub value: f32,
-    /// The least that it may be, if there is one.
-    pub at_least: Option<f32>,
-    /// The most that it may be, if there is one.
-    pub at_most: Option<f32>,
-}
-
-impl Term {
-    /// Whether the value is as it has to be. A value that is no number is not.
-    pub fn holds(&self) -> bool {
-        let is_enough = self.at_least.is_none_or(|limit| self.value >= limit);
-        let is_little_enough = self.at_most.is_none_or(|limit| self.value <= limit);
-        is_enough && is_little_enough && !self.value.is_nan()
-    }
-}
-
-impl fmt::Display for Term {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {:.2} (", self.quantity, self.value)?;
-        match (self.at_least, self.at_most) {
-            (Some(least), Some(most)) if least == most => write!(f, "{least}")?,
-            (Some(least), Some(most)) => write!(f, "{least} to {most}")?,
-            (Some(least), None) => write!(f, "at least {least}")?,
-            (None, Some(most)) => write!(f, "at most {most}")?,
-            (None, None) => write!(f, "any")?,
-        }
-        f.write_str(")")
-    }
-}
-
-/// What a check made of a motion.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Verdict {
-    /// The check.
-    pub check: Check,
-    /// What was measured for it; all of it has to hold.
-    pub terms: Vec<Term>,
-}
-
-impl Verdict {
-    /// Whether the motion does it.
-    pub fn holds(&self) -> bool {
-        self.terms.iter().all(Term::holds)
-    }
-
-    /// What is not as it has to be.
-    pub fn faults(&self) -> impl Iterator<Item = &Term> {
-        self.terms.iter().filter(|term| !term.holds())
     }
 }

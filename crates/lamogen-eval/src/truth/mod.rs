@@ -1,4 +1,4 @@
-//! Whether motions do what everyday sentences say, without a network that judges.
+//! Checks whether motions do what everyday sentences say, without a neural network.
 //!
 //! ```text
 //! Motion ──Measurements::of──▶ Measurements ──Check::judge──▶ Verdict ──▶ Report
@@ -6,10 +6,10 @@
 //! sentences.txt ──sentences──▶ Sentence: text, length, checks
 //! ```
 //!
-//! A [`Sentence`] is written as people try a text-to-motion program, and has one or several [`Check`]s: that the body gets forward,
-//! turns to the left, raises that hand. A check compares [`Measurements`] of joint positions with [`limits`]. Whether a check
-//! means what its name says is told by real motions: [`evidence`] names those that it has to hold for and those that it must not
-//! hold for, and [`Evidence::validate`] counts.
+//! A [`Sentence`] is one that people may try in a text-to-motion program. It has one or several [`Check`]s, such as that
+//! the body travels forward, turns to the left, or raises the left hand. A check compares [`Measurements`] of joint
+//! positions with [`limits`]. Real motions show whether a check is right: [`evidence`] lists those that it has to hold
+//! for and those that it must not hold for, and [`Evidence::validate`] counts.
 
 mod checks;
 mod evidence;
@@ -18,13 +18,18 @@ mod measurements;
 mod phrasing;
 mod report;
 mod sentences;
+mod side;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod trajectory;
+mod verdict;
 
-pub use checks::{Check, CheckError, Direction, Side, Term, Verdict};
+pub use checks::{Check, CheckError};
 pub use evidence::{Clip, Clips, Evidence, Validation, captioned, evidence};
 pub use measurements::Measurements;
 pub use phrasing::{Captions, Novelty};
 pub use report::{Quality, Report, SuccessRate, TruthTrial};
 pub use sentences::{Phrasing, Sentence, SentencesError, read_sentences, sentences};
+pub use side::{Direction, Side};
+pub use verdict::{Term, Verdict};

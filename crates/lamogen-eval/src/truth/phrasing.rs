@@ -1,31 +1,33 @@
-//! Whether a sentence is phrased as captions are.
+//! Comparison of a sentence's phrasing with captions.
 
 use std::collections::HashSet;
 
 use super::sentences::{Phrasing, Sentence};
 
-/// The words of captions, and which follow which.
+/// A set of captions, with their words and their pairs of consecutive words.
 #[derive(Clone, Debug, Default)]
 pub struct Captions {
-    whole: HashSet<Vec<String>>,
+    /// Each caption as its words.
+    captions: HashSet<Vec<String>>,
     words: HashSet<String>,
+    /// The pairs of consecutive words.
     pairs: HashSet<[String; 2]>,
 }
 
-/// How a sentence lies among captions.
+/// The words and pairs of words of a sentence that captions do not have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Novelty {
-    /// Whether it is a caption, but for case and punctuation.
+    /// Whether the sentence is a caption, apart from case and punctuation.
     pub is_caption: bool,
-    /// Its words that no caption has.
+    /// The words of the sentence that are in no caption.
     pub words: Vec<String>,
-    /// Two words each that follow each other in no caption.
+    /// The pairs of consecutive words that are in no caption.
     pub pairs: Vec<[String; 2]>,
 }
 
 impl Novelty {
-    /// Whether the sentence may be called so: `training` if every two words that follow each other do so in a caption, `novel` if
-    /// some do not, so that it is none.
+    /// Returns whether a sentence may have this phrasing: `training` if all its words and pairs of consecutive words are
+    /// in captions, `novel` if some are not and the sentence is not a caption.
     pub fn allows(&self, phrasing: Phrasing) -> bool {
         let is_known = self.words.is_empty() && self.pairs.is_empty();
         match phrasing {
@@ -36,19 +38,19 @@ impl Novelty {
 }
 
 impl Captions {
-    /// Learns what captions there are.
+    /// Collects the words and pairs of words of captions.
     pub fn new<'a>(captions: impl IntoIterator<Item = &'a str>) -> Captions {
-        let mut known = Captions::default();
+        let mut collected = Captions::default();
         for caption in captions {
             let words = words(caption);
-            known.pairs.extend(pairs(&words));
-            known.words.extend(words.iter().cloned());
-            known.whole.insert(words);
+            collected.pairs.extend(pairs(&words));
+            collected.words.extend(words.iter().cloned());
+            collected.captions.insert(words);
         }
-        known
+        collected
     }
 
-    /// Looks a sentence up.
+    /// Compares a sentence with the captions.
     pub fn novelty(&self, sentence: &Sentence) -> Novelty {
         let words = words(&sentence.text);
         let pairs = pairs(&words).filter(|pair| !self.pairs.contains(pair));
@@ -56,12 +58,12 @@ impl Captions {
         Novelty {
             pairs: pairs.collect(),
             words: unknown.cloned().collect(),
-            is_caption: self.whole.contains(&words),
+            is_caption: self.captions.contains(&words),
         }
     }
 }
 
-/// Letters and digits that follow each other, in lower case.
+/// Returns the words of a text in lower case: its runs of letters, digits and apostrophes.
 fn words(text: &str) -> Vec<String> {
     let text = text.to_lowercase();
     let words = text.split(|c: char| !c.is_alphanumeric() && c != '\'');
@@ -71,6 +73,7 @@ fn words(text: &str) -> Vec<String> {
         .collect()
 }
 
+/// Returns the pairs of consecutive words.
 fn pairs(words: &[String]) -> impl Iterator<Item = [String; 2]> {
     words
         .windows(2)
@@ -103,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn words_in_an_order_that_captions_have_are_phrased_as_they_are() {
+    fn words_in_an_order_that_captions_have_are_training_phrasing() {
         let found = novelty("a person walks to the left");
         assert!(!found.is_caption && found.allows(Phrasing::Training));
         assert!(!found.allows(Phrasing::Novel));

@@ -1,46 +1,46 @@
-//! What came of it: shares, failures, and the two files.
+//! The report on generated motions: success rates, failures, and the quality of the motions.
 
 use std::fmt::Write;
 
 use lamogen_motion::{FootSliding, Jitter, Joint, JointTurning, Motion};
 use serde::Serialize;
 
-use super::checks::Verdict;
 use super::measurements::Measurements;
 use super::sentences::{Phrasing, Sentence};
+use super::verdict::Verdict;
 
-/// A motion that was generated from a sentence, judged.
+/// The results of one motion that was generated from a sentence.
 #[derive(Clone, Debug, Serialize)]
 pub struct TruthTrial {
-    /// Which sentence, by its place in the report.
+    /// The index of the sentence in the report.
     pub sentence: usize,
-    /// Seed of the start noise.
+    /// The seed of the initial noise.
     pub seed: u64,
-    /// Whether it does all that the sentence says.
+    /// Whether all checks of the sentence hold.
     pub holds: bool,
-    /// What each check made of it.
+    /// The verdict of each check.
     pub verdicts: Vec<Verdict>,
-    /// How real it looks.
+    /// The quality of the motion.
     pub quality: Quality,
-    /// All that was measured.
+    /// All measurements of the motion.
     pub measured: Measurements,
 }
 
-/// How real a motion looks, whatever it does.
+/// Measures of how real a motion looks, whatever its action is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quality {
-    /// How far the pelvis turns at most from one frame to the next, degrees.
+    /// The greatest angle that the pelvis turns from one frame to the next, degrees.
     pub pelvis_turn: f32,
-    /// Mean jerk of all joints, m/s³ (see [`Jitter`]).
+    /// The mean jerk of all joints, m/s³ (see [`Jitter`]).
     pub jerk: f32,
     /// The share of the motion in which a standing foot slides, 0 to 1 (see [`FootSliding`]).
     pub sliding_share: f32,
-    /// How fast a standing foot moves on average, m/s.
+    /// The mean speed of a standing foot, m/s.
     pub sliding_speed: f32,
 }
 
 impl Quality {
-    /// Measures a motion, and the rotations that its files hold.
+    /// Measures a motion on its joint positions, and on the rotations that are written to files.
     pub fn of(motion: &Motion) -> Quality {
         let (jitter, sliding) = (Jitter::of(motion), FootSliding::of(motion));
         let turning = JointTurning::of(&motion.rotations());
@@ -52,36 +52,37 @@ impl Quality {
         }
     }
 
-    /// Whether the pelvis turns more than 60 degrees between two frames, which no body does.
+    /// Returns whether the pelvis turns more than 60 degrees between two frames, which no real body does.
     pub fn snaps(&self) -> bool {
         self.pelvis_turn > super::limits::PELVIS_SNAP
     }
 }
 
-/// Sentences with the motions that were generated from them.
+/// Sentences with the results of the motions that were generated from them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// The sentences.
     pub sentences: Vec<Sentence>,
-    /// Their motions.
+    /// The results of the motions.
     pub trials: Vec<TruthTrial>,
 }
 
-/// How many motions of how many do what is said.
+/// The number of motions that do what their sentence says, of a number of motions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SuccessRate {
-    /// Motions that do.
+    /// The number of motions that do.
     pub hold: usize,
-    /// Motions in all.
+    /// The number of all motions.
     pub of: usize,
 }
 
 impl SuccessRate {
-    /// The share, 0 to 1; `None` of no motions.
+    /// Returns the share of motions that do what their sentence says, 0 to 1; `None` if there are no motions.
     pub fn ratio(self) -> Option<f32> {
         (self.of > 0).then(|| self.hold as f32 / self.of as f32)
     }
 
+    /// Returns the share in percent; a dash if there are no motions.
     fn percent(self) -> String {
         match self.ratio() {
             Some(ratio) => format!("{:.0} %", 100.0 * ratio),
@@ -91,7 +92,7 @@ impl SuccessRate {
 }
 
 impl Report {
-    /// A report without motions.
+    /// Returns a report without motions.
     pub fn new(sentences: Vec<Sentence>) -> Report {
         Report {
             sentences,
@@ -99,7 +100,7 @@ impl Report {
         }
     }
 
-    /// Judges a motion of a sentence and keeps what was found.
+    /// Checks a motion of the sentence with the index `sentence` and adds the result.
     ///
     /// # Panics
     ///
@@ -118,29 +119,29 @@ impl Report {
         });
     }
 
-    /// How many motions of some sentences do what is said.
-    pub fn share(&self, mut of: impl FnMut(&Sentence) -> bool) -> SuccessRate {
-        let mut share = SuccessRate::default();
+    /// Returns the success rate of the motions of those sentences for which `includes` is true.
+    pub fn share(&self, mut includes: impl FnMut(&Sentence) -> bool) -> SuccessRate {
+        let mut rate = SuccessRate::default();
         for trial in &self.trials {
-            if of(&self.sentences[trial.sentence]) {
-                share.of += 1;
-                share.hold += usize::from(trial.holds);
+            if includes(&self.sentences[trial.sentence]) {
+                rate.of += 1;
+                rate.hold += usize::from(trial.holds);
             }
         }
-        share
+        rate
     }
 
-    /// How many motions of all sentences do what is said.
+    /// Returns the success rate of all motions.
     pub fn overall(&self) -> SuccessRate {
         self.share(|_| true)
     }
 
-    /// How many motions of a phrasing do what is said.
+    /// Returns the success rate of the motions of sentences with a phrasing.
     pub fn of_phrasing(&self, phrasing: Phrasing) -> SuccessRate {
         self.share(|sentence| sentence.phrasing == phrasing)
     }
 
-    /// The groups in the order of the sentences.
+    /// Returns the groups, in the order of the sentences.
     pub fn groups(&self) -> Vec<&str> {
         let mut groups: Vec<&str> = Vec::new();
         for sentence in &self.sentences {
@@ -151,32 +152,33 @@ impl Report {
         groups
     }
 
-    /// The motions of a sentence.
+    /// Returns the results of the motions of a sentence.
     pub fn trials_of(&self, sentence: usize) -> impl Iterator<Item = &TruthTrial> {
         let trials = self.trials.iter();
         trials.filter(move |trial| trial.sentence == sentence)
     }
 
-    /// How many motions of each sentence do what it says, by the sentence's place.
+    /// Returns the success rate of each sentence, in the order of the sentences.
     pub fn shares(&self) -> Vec<SuccessRate> {
-        let of = |sentence: usize| SuccessRate {
+        let rate = |sentence: usize| SuccessRate {
             hold: self.trials_of(sentence).filter(|trial| trial.holds).count(),
             of: self.trials_of(sentence).count(),
         };
-        (0..self.sentences.len()).map(of).collect()
+        (0..self.sentences.len()).map(rate).collect()
     }
 
-    /// Sentences of which fewer than half of the motions do what they say, by their places.
+    /// Returns the indices of the sentences for which fewer than half of the motions do what the sentence says.
     pub fn failing(&self) -> Vec<usize> {
-        let shares = self.shares().into_iter().enumerate();
-        let failing = shares.filter(|(_, share)| 2 * share.hold < share.of);
+        let rates = self.shares().into_iter().enumerate();
+        let failing = rates.filter(|(_, rate)| 2 * rate.hold < rate.of);
         failing.map(|(sentence, _)| sentence).collect()
     }
 
-    /// The means of [`Quality`] over the motions of some sentences, and how many of them snap.
-    fn quality(&self, mut of: impl FnMut(&Sentence) -> bool) -> (usize, usize, [f32; 3]) {
+    /// Returns, for the motions of those sentences for which `includes` is true, the number of motions with a snap, the
+    /// number of all, and the means of jerk, sliding share and sliding speed.
+    fn quality(&self, mut includes: impl FnMut(&Sentence) -> bool) -> (usize, usize, [f32; 3]) {
         let trials = self.trials.iter();
-        let trials = trials.filter(|trial| of(&self.sentences[trial.sentence]));
+        let trials = trials.filter(|trial| includes(&self.sentences[trial.sentence]));
         let qualities: Vec<Quality> = trials.map(|trial| trial.quality).collect();
         let count = qualities.len();
         let mean = |value: fn(&Quality) -> f32| {
@@ -191,37 +193,38 @@ impl Report {
         (snaps, count, means)
     }
 
-    /// The report to read, as Markdown.
+    /// Returns the whole report as Markdown.
     pub fn markdown(&self) -> String {
         let mut page = String::from("# Does it do what the sentence says\n\n");
         page.push_str(&self.summary());
         page.push_str("\n## Every sentence\n\n| does | sentence | what is not so, seed by seed |\n|---|---|---|\n");
-        for (place, (sentence, share)) in self.sentences.iter().zip(self.shares()).enumerate() {
-            let faults: Vec<String> = self.trials_of(place).filter_map(faults).collect();
-            let (hold, of, text) = (share.hold, share.of, &sentence.text);
+        for (index, (sentence, rate)) in self.sentences.iter().zip(self.shares()).enumerate() {
+            let faults: Vec<String> = self.trials_of(index).filter_map(describe_faults).collect();
+            let (hold, of, text) = (rate.hold, rate.of, &sentence.text);
             writeln!(page, "| {hold}/{of} | {text} | {} |", faults.join("; "))
                 .expect("writing to a string works");
         }
         page
     }
 
-    /// The tables alone: shares by group and phrasing, failing sentences, quality.
+    /// Returns the tables alone as Markdown: success rates by group and phrasing, failing sentences, quality.
     pub fn summary(&self) -> String {
         let mut page = String::from(
             "The share of motions that do all that their sentence says.\n\n\
              | group | sentences | all | training | novel |\n|---|---|---|---|---|\n",
         );
-        let mut row = |name: &str, of: &dyn Fn(&Sentence) -> bool| {
+        let mut row = |name: &str, includes: &dyn Fn(&Sentence) -> bool| {
             let count = self
                 .sentences
                 .iter()
-                .filter(|sentence| of(sentence))
+                .filter(|sentence| includes(sentence))
                 .count();
             let [training, novel] = Phrasing::ALL.map(|phrasing| {
-                let share = self.share(|sentence| of(sentence) && sentence.phrasing == phrasing);
-                share.percent()
+                let rate =
+                    self.share(|sentence| includes(sentence) && sentence.phrasing == phrasing);
+                rate.percent()
             });
-            let all = self.share(of).percent();
+            let all = self.share(includes).percent();
             writeln!(page, "| {name} | {count} | {all} | {training} | {novel} |")
                 .expect("writing to a string works");
         };
@@ -232,15 +235,15 @@ impl Report {
         let failing = self.failing();
         page.push_str("\nSentences of which fewer than half of the motions do what they say: ");
         writeln!(page, "{}.\n", failing.len()).expect("writing to a string works");
-        let shares = self.shares();
-        for place in failing {
-            let (sentence, share) = (&self.sentences[place], shares[place]);
+        let rates = self.shares();
+        for index in failing {
+            let (sentence, rate) = (&self.sentences[index], rates[index]);
             let checks: Vec<String> = sentence.checks.iter().map(ToString::to_string).collect();
             writeln!(
                 page,
                 "- {}/{} {} ({}): {}",
-                share.hold,
-                share.of,
+                rate.hold,
+                rate.of,
                 sentence.text,
                 sentence.phrasing,
                 checks.join(", ")
@@ -251,8 +254,8 @@ impl Report {
             "\n| motions of | pelvis turns more than 60° between two frames | jerk, m/s³ | feet slide, share | speed of standing feet, m/s |\n\
              |---|---|---|---|---|\n",
         );
-        let mut row = |name: &str, of: &dyn Fn(&Sentence) -> bool| {
-            let (snaps, count, [jerk, share, speed]) = self.quality(of);
+        let mut row = |name: &str, includes: &dyn Fn(&Sentence) -> bool| {
+            let (snaps, count, [jerk, share, speed]) = self.quality(includes);
             writeln!(
                 page,
                 "| {name} | {snaps} of {count} | {jerk:.0} | {share:.3} | {speed:.3} |"
@@ -267,8 +270,8 @@ impl Report {
     }
 }
 
-/// What is not as it has to be in a motion; `None` where all is.
-fn faults(trial: &TruthTrial) -> Option<String> {
+/// Returns the terms that do not hold in a motion; `None` if all checks hold.
+fn describe_faults(trial: &TruthTrial) -> Option<String> {
     if trial.holds {
         return None;
     }

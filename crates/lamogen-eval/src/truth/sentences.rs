@@ -1,4 +1,4 @@
-//! The sentences, and the table that they stand in.
+//! Everyday sentences and the table that contains them.
 
 use std::fmt;
 
@@ -6,35 +6,36 @@ use serde::{Serialize, Serializer};
 
 use super::checks::{Check, CheckError};
 
-/// A sentence as a user may try it, with what its motion has to do.
+/// A sentence that a user may try, with the checks of its motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sentence {
-    /// What it is about in a word, such as `walk` or `turns`.
+    /// The group of sentences that it belongs to, such as `walk` or `turns`.
     pub group: String,
-    /// How it is phrased.
+    /// The phrasing of the sentence.
     pub phrasing: Phrasing,
-    /// Length of the motion, s.
+    /// The length of the motion, s.
     pub seconds: f32,
     /// The sentence.
     pub text: String,
-    /// What the motion has to do, all of it; at least one.
+    /// The checks that must all hold for the motion; at least one.
     pub checks: Vec<Check>,
 }
 
-/// How a sentence is phrased, beside the captions of open motion capture that models here are trained on.
+/// The phrasing of a sentence, compared with the captions of open motion capture that the models of this project are
+/// trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Phrasing {
-    /// As captions are: every two words that follow each other do so in a caption, too.
+    /// Every pair of consecutive words is in a caption, too.
     Training,
-    /// In words or an order that no caption has.
+    /// The sentence has words, or pairs of consecutive words, that no caption has.
     Novel,
 }
 
 impl Phrasing {
-    /// Both.
+    /// Both phrasings.
     pub const ALL: [Phrasing; 2] = [Phrasing::Training, Phrasing::Novel];
 
-    /// The word, `training` or `novel`.
+    /// Returns the name, `training` or `novel`.
     pub const fn name(self) -> &'static str {
         match self {
             Phrasing::Training => "training",
@@ -55,54 +56,55 @@ impl Serialize for Phrasing {
     }
 }
 
-/// What is wrong with a line of a table of sentences; lines count from 1.
+/// An error in a line of a table of sentences. Lines are counted from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SentencesError {
-    /// Not five cells.
+    /// The line does not have five cells.
     #[error(
         "line {line}: expected `group | phrasing | seconds | sentence | checks`, found {found} cells"
     )]
     Cells { line: usize, found: usize },
-    /// No phrasing.
+    /// The second cell is not a phrasing.
     #[error("line {line}: expected the phrasing `training` or `novel`, found `{found}`")]
     Phrasing { line: usize, found: String },
-    /// No length.
+    /// The third cell is not a length.
     #[error("line {line}: expected a length in seconds above 0, found `{found}`")]
     Seconds { line: usize, found: String },
-    /// No check.
+    /// The last cell has a check that does not exist.
     #[error("line {line}: {reason}")]
     Check { line: usize, reason: CheckError },
 }
 
-/// The sentences of this crate, in the order of its table `sentences.txt`.
+/// Returns the sentences of this crate, in the order of its table `sentences.txt`.
 pub fn sentences() -> Vec<Sentence> {
     read_sentences(include_str!("sentences.txt")).expect("a test reads the table")
 }
 
-/// Reads a table of sentences: a line each, `group | phrasing | seconds | sentence | check, check`, the checks in the words of
-/// [`Check::ALL`]. Empty lines, and lines that begin with `#`, are left out.
+/// Reads a table of sentences. Every line is `group | phrasing | seconds | sentence | check, check`, with checks in the
+/// words of [`Check::ALL`]. Empty lines and lines that begin with `#` are ignored.
 ///
 /// # Errors
 ///
-/// If a line is not of that form.
+/// If a line does not have this form.
 pub fn read_sentences(table: &str) -> Result<Vec<Sentence>, SentencesError> {
     let lines = table.lines().enumerate();
     let lines = lines.map(|(index, line)| (index + 1, line.trim()));
     let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    lines.map(|(line, text)| sentence(line, text)).collect()
+    lines.map(|(line, text)| parse_line(line, text)).collect()
 }
 
-fn sentence(line: usize, text: &str) -> Result<Sentence, SentencesError> {
+/// Parses a line of the table.
+fn parse_line(line: usize, text: &str) -> Result<Sentence, SentencesError> {
     let cells: Vec<&str> = text.split('|').map(str::trim).collect();
     let &[group, phrasing, seconds, text, checks] = &cells[..] else {
         let found = cells.len();
         return Err(SentencesError::Cells { line, found });
     };
-    let known = Phrasing::ALL
+    let named = Phrasing::ALL
         .into_iter()
-        .find(|known| known.name() == phrasing);
-    let phrasing = known.ok_or_else(|| SentencesError::Phrasing {
+        .find(|named| named.name() == phrasing);
+    let phrasing = named.ok_or_else(|| SentencesError::Phrasing {
         line,
         found: phrasing.into(),
     })?;
@@ -145,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sentence_with_a_side_has_a_twin_with_the_other() {
+    fn every_check_of_a_side_has_one_of_the_other_side() {
         let sentences = sentences();
         let checks = |side: &str| {
             let checks = sentences.iter().flat_map(|sentence| &sentence.checks);
@@ -156,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_a_line_is_said() {
+    fn the_error_says_what_is_wrong_with_a_line() {
         for (line, expected) in [
             ("walk | training | 4 | a person walks", "found 4 cells"),
             ("walk | old | 4 | a person walks | jumps", "found `old`"),

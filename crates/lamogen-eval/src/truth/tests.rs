@@ -1,4 +1,4 @@
-//! Checks on a puppet that does one thing at a time.
+//! Tests of the checks on an artificial body that does one action at a time.
 
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
@@ -6,7 +6,7 @@ use super::*;
 
 type Pose = [[f32; 3]; JOINTS];
 
-/// A body that stands at the origin and faces z; x is its left.
+/// Returns the pose of a body that stands at the origin and faces z; x is its left.
 fn standing() -> Pose {
     let mut pose = [[0.0; 3]; JOINTS];
     let mut put = |joint: Joint, place: [f32; 3]| pose[joint.index()] = place;
@@ -33,18 +33,18 @@ fn standing() -> Pose {
     pose
 }
 
-/// Three seconds of a body that `at` shapes at every time, 0 to 1.
-fn motion(at: impl Fn(f32, &mut Pose)) -> Motion {
+/// Returns a motion of three seconds. `change` changes the standing pose at every time, which goes from 0 to 1.
+fn motion(change: impl Fn(f32, &mut Pose)) -> Motion {
     let frames = 3 * FRAMES_PER_SECOND as usize;
     let poses = (0..frames).map(|frame| {
         let mut pose = standing();
-        at(frame as f32 / (frames - 1) as f32, &mut pose);
+        change(frame as f32 / (frames - 1) as f32, &mut pose);
         pose
     });
     Motion::from_joints(poses.collect()).unwrap()
 }
 
-/// Turns a pose to its left about the origin, and carries it along the ground.
+/// Turns a pose to its left about the origin, and then moves it along the ground.
 fn carry(pose: &mut Pose, degrees: f32, to: [f32; 2]) {
     let (sine, cosine) = degrees.to_radians().sin_cos();
     for place in pose {
@@ -64,7 +64,7 @@ fn shift(pose: &mut Pose, joints: &[Joint], axis: usize, by: f32) {
     }
 }
 
-/// All but the feet goes down, and the knees bend forward.
+/// Lowers all joints but the feet, and bends the knees forward.
 fn sink(pose: &mut Pose, by: f32) {
     for joint in Joint::ALL {
         match joint {
@@ -73,7 +73,7 @@ fn sink(pose: &mut Pose, by: f32) {
         }
     }
     for knee in [Joint::LeftKnee, Joint::RightKnee] {
-        // Half way between hip and ankle, as far forward as the bones are long.
+        // The knee is half way between hip and ankle, and so far forward that the bones keep their lengths.
         let height = (0.81 - by) / 2.0;
         let place = &mut pose[knee.index()];
         place[1] = 0.06 + height;
@@ -81,7 +81,7 @@ fn sink(pose: &mut Pose, by: f32) {
     }
 }
 
-/// The trunk on the ground along z, face down.
+/// Lays the body on the ground along z, face down.
 fn lie(pose: &mut Pose) {
     for place in pose.iter_mut() {
         let [x, y, _] = *place;
@@ -89,12 +89,12 @@ fn lie(pose: &mut Pose) {
     }
 }
 
-/// 0 at the ends and 1 in between, `times` times.
+/// Returns a wave that goes from 0 to 1 and back to 0, `times` times while `time` goes from 0 to 1.
 fn wave(time: f32, times: f32) -> f32 {
     (1.0 - (std::f32::consts::TAU * times * time).cos()) / 2.0
 }
 
-/// The mirror image, left for right.
+/// Returns the mirror image of a motion, with left and right exchanged.
 fn mirrored(motion: &Motion) -> Motion {
     let poses = motion.joints().iter().map(|pose| {
         Joint::ALL.map(|joint| {
@@ -110,7 +110,8 @@ fn does(motion: &Motion, words: &str) -> bool {
     check.judge(&Measurements::of(motion)).holds()
 }
 
-/// The motion does what is said on the left and not on the right, and its mirror image the other way round.
+/// Asserts that a check of the left side holds for a motion and the same check of the right side does not, and the
+/// reverse for the mirror image.
 fn assert_left(motion: &Motion, words: &str) {
     let other = words.replace("left", "right");
     assert!(does(motion, words) && !does(motion, &other), "{words}");
@@ -119,7 +120,7 @@ fn assert_left(motion: &Motion, words: &str) {
 }
 
 #[test]
-fn who_stands_does_nothing_but_stand() {
+fn a_standing_body_passes_no_checks_but_those_of_standing() {
     let still = motion(|_, _| {});
     let done = Check::ALL.iter().filter(|(words, _)| does(&still, words));
     let done: Vec<&str> = done.map(|(words, _)| *words).collect();
@@ -162,7 +163,7 @@ fn turns_are_told_apart_by_side_and_angle() {
     assert!(does(&turning(-180.0), "turns around"));
     assert!(!does(&turning(90.0), "turns around"));
     assert!(!does(&turning(180.0), "turns a quarter left"));
-    // Past half a turn and more than once round: unwrapped.
+    // Turns of more than half a turn, and of more than a whole one, are measured in full.
     let found = Measurements::of(&turning(700.0)).turn;
     assert!((found - 700.0).abs() < 60.0, "{found}");
     assert!(!does(&turning(360.0), "turns in a circle"), "on the spot");
@@ -176,7 +177,7 @@ fn turns_are_told_apart_by_side_and_angle() {
 }
 
 #[test]
-fn stopping_and_starting_are_seen_at_the_ends() {
+fn stopping_and_starting_are_told_apart() {
     let going = |way: fn(f32) -> f32| {
         motion(move |time, pose| shift(pose, &Joint::ALL, 2, 4.0 * way(time)))
     };
@@ -296,7 +297,7 @@ fn lunges_need_the_named_foot() {
     let aside = motion(|time, pose| {
         let part = wave(time, 1.0);
         sink(pose, 0.4 * part);
-        // The left foot stays under the body, bent; the right leg lies out straight to the side.
+        // The left foot stays under the body with its knee bent; the right leg is stretched out to the side.
         pose[Joint::LeftKnee.index()] = [0.1, 0.42, 0.3 * part];
         for (joint, x, y) in [
             (Joint::RightKnee, -0.5, 0.25),
@@ -314,7 +315,7 @@ fn lunges_need_the_named_foot() {
 fn a_jump_leaves_the_floor_and_a_step_does_not() {
     let jumping = |times: f32, forward: f32| {
         motion(move |time, pose| {
-            // On the floor half of the time.
+            // The body is on the floor half of the time.
             let up = (2.0 * wave(time, times) - 1.0).max(0.0);
             shift(pose, &Joint::ALL, 1, 0.3 * up);
             shift(pose, &Joint::ALL, 2, forward * time);
@@ -349,7 +350,7 @@ fn a_jump_leaves_the_floor_and_a_step_does_not() {
 }
 
 #[test]
-fn sitting_lying_and_getting_up_go_their_ways() {
+fn sitting_lying_and_getting_up_are_told_apart() {
     let sits = |way: fn(f32) -> f32| motion(move |time, pose| sink(pose, 0.4 * way(time)));
     let down = sits(|time| (3.0 * time - 1.0).clamp(0.0, 1.0));
     let up = sits(|time| (2.0 - 3.0 * time).clamp(0.0, 1.0));
@@ -478,10 +479,10 @@ fn measurements_of_a_mirror_image_have_sides_swapped() {
 }
 
 #[test]
-fn the_shortest_motion_is_measured_without_a_number_that_is_none() {
+fn the_measurements_of_a_single_frame_are_finite() {
     let single = Motion::from_joints(vec![standing()]).unwrap();
     let measured = serde_json::to_string(&Measurements::of(&single)).unwrap();
-    // What is not finite is written as null.
+    // Numbers that are not finite are written as null.
     assert!(!measured.contains("null"), "{measured}");
 }
 
