@@ -13,8 +13,8 @@ pub(crate) struct Clip {
     pub(crate) seconds_per_frame: f64,
 }
 
-/// One node of a clip. `translations` and `rotations` have one entry for each frame, or a single entry if they do not
-/// change over time.
+/// One node of a clip. `translations`, `rotations` and `scales` have one entry for each frame, or a single entry if they
+/// do not change over time.
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     /// The name in the file. The end sites of a BVH are nodes too and are called [`END_SITE`].
@@ -24,7 +24,7 @@ pub(crate) struct Node {
     pub(crate) rest: DVec3,
     pub(crate) translations: Vec<DVec3>,
     pub(crate) rotations: Vec<DQuat>,
-    pub(crate) scale: DVec3,
+    pub(crate) scales: Vec<DVec3>,
 }
 
 /// The name of a node that only marks the end of a limb.
@@ -63,16 +63,18 @@ impl Clip {
             let translation = here.lerp(next, part);
             let (here, next) = frame_pair(&node.rotations, first);
             let rotation = here.slerp(next, part);
+            let (here, next) = frame_pair(&node.scales, first);
+            let scale = here.lerp(next, part);
             poses.push(match node.parent.map(|parent| poses[parent]) {
                 None => NodePose {
                     position: translation,
                     rotation,
-                    scale: node.scale,
+                    scale,
                 },
                 Some(parent) => NodePose {
                     position: parent.position + parent.rotation * (parent.scale * translation),
                     rotation: parent.rotation * rotation,
-                    scale: parent.scale * node.scale,
+                    scale: parent.scale * scale,
                 },
             });
         }
@@ -126,7 +128,7 @@ mod tests {
             rest,
             translations: vec![rest],
             rotations,
-            scale: DVec3::ONE,
+            scales: vec![DVec3::ONE],
         }
     }
 

@@ -172,7 +172,7 @@ mod tests {
                     rest: DVec3::ZERO,
                     translations: vec![DVec3::ZERO],
                     rotations: vec![DQuat::IDENTITY],
-                    scale: DVec3::ONE,
+                    scales: vec![DVec3::ONE],
                 })
                 .collect(),
             frames: 1,

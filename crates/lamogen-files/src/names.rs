@@ -1,5 +1,6 @@
 //! Recognition of the joints of a file by the names of its nodes.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 
 use lamogen_motion::{JOINTS, Joint};
@@ -26,6 +27,8 @@ pub struct UnknownSkeleton {
 /// The nodes of a file, by the [`key`] of their names.
 struct NodeIndex<'a> {
     clip: &'a Clip,
+    /// How many nodes move at or below each node.
+    moving: Vec<usize>,
     nodes: HashMap<String, Vec<usize>>,
 }
 
@@ -35,6 +38,15 @@ struct SchemeMatch {
     nodes: JointNodes,
     /// The number of joints that have a node.
     count: usize,
+    /// The number of nodes that move at or below the pelvis.
+    moving: usize,
+}
+
+impl SchemeMatch {
+    /// Returns what orders matches, the best last.
+    fn rank(&self) -> (usize, usize) {
+        (self.count, self.moving)
+    }
 }
 
 /// The most prefixes that are tried for a scheme. Every node whose name ends like a pelvis gives a prefix.
@@ -42,7 +54,8 @@ const MAX_PREFIXES: usize = 32;
 
 /// Recognises the naming scheme of a skeleton and returns its name and the nodes of the joints.
 ///
-/// Of the schemes for which the file has all required joints, the one with the most joints is chosen.
+/// Of the schemes for which the file has all required joints, the one with the most joints is chosen; of several characters with as many joints, the one
+/// that the animation moves most.
 pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, JointNodes), UnknownSkeleton> {
     let index = NodeIndex::new(clip);
     let mut best: Option<SchemeMatch> = None;
@@ -54,7 +67,7 @@ pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, JointNodes), Unkno
                 true => &mut best,
                 false => &mut closest,
             };
-            if slot.as_ref().is_none_or(|best| found.count > best.count) {
+            if slot.as_ref().is_none_or(|best| found.rank() > best.rank()) {
                 *slot = Some(found);
             }
         }
@@ -116,7 +129,22 @@ impl<'a> NodeIndex<'a> {
                 nodes.entry(key(&node.name)).or_default().push(index);
             }
         }
-        NodeIndex { clip, nodes }
+        let moves = clip
+            .nodes
+            .iter()
+            .map(|node| usize::from(node.translations.len() > 1 || node.rotations.len() > 1));
+        let mut moving: Vec<usize> = moves.collect();
+        // Parents come before their children.
+        for (index, node) in clip.nodes.iter().enumerate().rev() {
+            if let Some(parent) = node.parent {
+                moving[parent] += moving[index];
+            }
+        }
+        NodeIndex {
+            clip,
+            moving,
+            nodes,
+        }
     }
 
     /// Returns the prefixes that all names of a scheme may have in the file, the shortest first. They are what precedes
@@ -159,9 +187,12 @@ impl<'a> NodeIndex<'a> {
                             || ancestor
                                 .is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor))
                     })
-                    // Of several nodes with the same name, such as a bone and a mesh, prefer one inside the skeleton.
+                    // Of several nodes with the same name, such as a bone and a mesh, prefer one inside the skeleton; of those
+                    // of several characters, the one that the animation moves.
                     .min_by_key(|&node| {
-                        ancestor.is_none_or(|ancestor| !self.clip.is_at_or_below(node, ancestor))
+                        let is_inside = ancestor
+                            .is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor));
+                        (!is_inside, Reverse(self.moving[node]))
                     });
             }
         }
@@ -169,6 +200,7 @@ impl<'a> NodeIndex<'a> {
             scheme,
             nodes,
             count: nodes.iter().flatten().count(),
+            moving: nodes[Joint::Pelvis.index()].map_or(0, |pelvis| self.moving[pelvis]),
         }
     }
 }
@@ -211,7 +243,7 @@ mod tests {
             rest: DVec3::Y,
             translations: vec![DVec3::Y],
             rotations: vec![DQuat::IDENTITY],
-            scale: DVec3::ONE,
+            scales: vec![DVec3::ONE],
         });
         Clip {
             nodes: nodes.collect(),
@@ -256,6 +288,44 @@ mod tests {
             assert!(scheme.starts_with("Mixamo"), "{prefix}: {scheme}");
             assert_eq!(nodes[Joint::RightWrist.index()], Some(13));
             assert_eq!(nodes[Joint::Neck.index()], None);
+        }
+    }
+
+    #[test]
+    fn of_two_characters_the_one_that_moves_is_taken() {
+        // Of the same names below two armatures, and of two prefixes.
+        for second in ["", "B_"] {
+            let first: Vec<String> = MIXAMO.iter().map(|name| (*name).to_owned()).collect();
+            let other = first.iter().map(|name| match name.split_once('<') {
+                Some((name, parent)) => format!("{second}{name}<{second}{parent}"),
+                None => format!("{second}{name}"),
+            });
+            let names: Vec<String> = first.iter().cloned().chain(other).collect();
+            let names: Vec<&str> = names.iter().map(|name| &**name).collect();
+            for moving in [0, MIXAMO.len()] {
+                let mut clip = clip(&names);
+                for (place, node) in clip.nodes.iter_mut().enumerate() {
+                    if place >= MIXAMO.len() {
+                        // `clip` finds parents by their names, which are those of the first character.
+                        let own = names[place].split_once('<');
+                        node.parent = own.map(|(_, parent)| {
+                            let names = &names[MIXAMO.len()..];
+                            let found = names
+                                .iter()
+                                .position(|name| name.split('<').next() == Some(parent));
+                            MIXAMO.len() + found.unwrap()
+                        });
+                    }
+                }
+                clip.frames = 2;
+                for node in &mut clip.nodes[moving..][..MIXAMO.len()] {
+                    node.rotations = vec![DQuat::IDENTITY; 2];
+                }
+                let (_, nodes) = recognise(&clip).unwrap();
+                assert_eq!(nodes[Joint::Pelvis.index()], Some(moving));
+                assert_eq!(nodes[Joint::RightWrist.index()], Some(moving + 13));
+                assert_eq!(nodes[Joint::Head.index()], Some(moving + 7));
+            }
         }
     }
 

@@ -99,7 +99,7 @@ fn read_node_start(cursor: &mut Cursor<'_>, parent: Option<usize>) -> Result<Nod
         rest: DVec3::ZERO,
         translations: Vec::new(),
         rotations: Vec::new(),
-        scale: DVec3::ONE,
+        scales: vec![DVec3::ONE],
     })
 }
 

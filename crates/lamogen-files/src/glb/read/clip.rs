@@ -17,7 +17,12 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
     let mut tracks = node_tracks(file, animation)?;
     let curves = tracks.iter().flat_map(|tracks| {
         let translation = tracks.translation.as_ref().map(curve_times);
-        [translation, tracks.rotation.as_ref().map(curve_times)]
+        let scale = tracks.scale.as_ref().map(curve_times);
+        [
+            translation,
+            tracks.rotation.as_ref().map(curve_times),
+            scale,
+        ]
     });
     let curves: Vec<(&[f64], Interpolation)> = curves.flatten().collect();
     let grid = FrameGrid::of_curves(&curves);
@@ -52,12 +57,12 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
             rotation,
             scale,
         } = std::mem::take(&mut tracks[index]);
-        let scale = scale.unwrap_or(rest_scale);
+        let scales = scale.map_or(vec![rest_scale], |curve| grid.sample(&curve));
         let rest = parent_rotation * (parent_scale * rest_translation);
         rest_poses.push((
             parent_position + rest,
             parent_rotation * rest_rotation,
-            parent_scale * scale,
+            parent_scale * scales[0],
         ));
         let name = nodes[index].name.clone();
         clip.nodes.push(Node {
@@ -66,7 +71,7 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
             rest,
             translations: translation.map_or(vec![rest_translation], |curve| grid.sample(&curve)),
             rotations: rotation.map_or(vec![rest_rotation], |curve| grid.sample(&curve)),
-            scale,
+            scales,
         });
     }
     Ok(clip)

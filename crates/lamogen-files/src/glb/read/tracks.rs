@@ -8,16 +8,12 @@ use super::MAX_VALUES;
 use crate::glb::container::{FormatProblem, GltfFile};
 use crate::glb::curve::KeyframeCurve;
 
-/// The relative difference below which two sizes count as equal: exporters that split transforms into parts round.
-const SAME_SIZE: f64 = 1e-3;
-
 /// The animation of one node.
 #[derive(Default)]
 pub(super) struct NodeTracks {
     pub(super) translation: Option<KeyframeCurve<DVec3>>,
     pub(super) rotation: Option<KeyframeCurve<DQuat>>,
-    /// The scale, which does not change over time.
-    pub(super) scale: Option<DVec3>,
+    pub(super) scale: Option<KeyframeCurve<DVec3>>,
 }
 
 /// Reads the curves of an animation. The result has one entry for each node of the file.
@@ -57,18 +53,7 @@ pub(super) fn node_tracks(
             }
             Checked::Valid(Property::Scale) => {
                 let sizes = read_curve(file, sampler, DVec3::from_array).map_err(in_channel)?;
-                let first = sizes.keyframe_value(0);
-                let changes = |size: DVec3| {
-                    (size - first).abs().max_element() > SAME_SIZE * first.abs().max_element()
-                };
-                let has_children = nodes[node].children.as_ref().is_some_and(|c| !c.is_empty());
-                tracks[node].scale = Some(first);
-                if has_children && sizes.keyframe_values().any(changes) {
-                    let name = nodes[node].name.as_deref().unwrap_or("without a name");
-                    return Err(in_channel(format!(
-                        "expected nodes that keep their size, found that of node {node} ({name}) to change"
-                    )));
-                }
+                tracks[node].scale = Some(sizes);
             }
             // Weights of morph targets, such as shapes of a face, move no node.
             Checked::Valid(Property::MorphTargetWeights) => {}

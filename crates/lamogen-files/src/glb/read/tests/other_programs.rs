@@ -203,21 +203,23 @@ fn animations_that_are_not_read_are_named() {
 }
 
 #[test]
-fn changing_sizes_of_nodes_with_children_are_errors() {
+fn a_size_that_changes_moves_what_is_below() {
     let sizes: &[f32] = &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
     let on = |node| {
-        document(
-            two_nodes(),
-            &[0.0, 0.5],
-            &[(node, "scale", "LINEAR", sizes)],
-        )
+        let curves = [(node, "scale", "LINEAR", sizes)];
+        read_json(&document(two_nodes(), &[0.0, 0.5], &curves)).unwrap()
     };
-    assert!(read_json(&on(0)).is_ok());
-    // A constant size with the rounding errors of exporters.
-    let sizes: &[f32] = &[0.01, 0.01, 0.01, 0.0100001, 0.01, 0.0099999];
-    let steady = [(1, "scale", "LINEAR", sizes)];
-    let clip = read_json(&document(two_nodes(), &[0.0, 0.5], &steady)).unwrap();
-    assert!(clip.positions(0.5)[1].distance(DVec3::Y) < 1e-3);
-    let message = read_json(&on(1)).err().unwrap().to_string();
-    assert!(message.contains("Armature"), "{message}");
+    // A hundred units above the armature, which is 0.01, 1 and then 2 large; the leaf's own size moves nothing.
+    let [leaf, armature] = [on(0), on(1)];
+    for (clip, seconds, height) in [
+        (&leaf, 0.0, 1.0),
+        (&leaf, 0.5, 1.0),
+        (&armature, 0.0, 100.0),
+        (&armature, 0.25, 150.0),
+        (&armature, 0.5, 200.0),
+    ] {
+        let found = clip.positions(seconds)[1];
+        let expected = DVec3::new(0.0, height, 0.0);
+        assert!(found.distance(expected) < 1e-3, "{seconds}: {found}");
+    }
 }
