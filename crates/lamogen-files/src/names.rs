@@ -177,23 +177,22 @@ impl<'a> NodeIndex<'a> {
                     true => joint.parent().and_then(|parent| nodes[parent.index()]),
                     false => nodes[Joint::Pelvis.index()],
                 };
-                let names = scheme.keys(joint).into_iter();
-                let candidates = names.filter_map(|key| self.nodes.get(&format!("{prefix}{key}")));
+                let candidates = scheme.keys(joint).into_iter().enumerate();
+                let candidates = candidates.flat_map(|(rank, key)| {
+                    let found = self.nodes.get(&format!("{prefix}{key}"));
+                    found.into_iter().flatten().map(move |&node| (rank, node))
+                });
+                let is_inside = |node| {
+                    ancestor.is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor))
+                };
                 nodes[joint.index()] = candidates
-                    .flatten()
-                    .copied()
-                    .filter(|&node| {
-                        !is_limb_joint(joint)
-                            || ancestor
-                                .is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor))
-                    })
+                    .filter(|&(_, node)| !is_limb_joint(joint) || is_inside(node))
                     // Of several nodes with the same name, such as a bone and a mesh, prefer one inside the skeleton; of those
                     // of several characters, the one that the animation moves.
-                    .min_by_key(|&node| {
-                        let is_inside = ancestor
-                            .is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor));
-                        (!is_inside, Reverse(self.moving[node]))
-                    });
+                    .min_by_key(|&(rank, node)| {
+                        (!is_inside(node), rank, Reverse(self.moving[node]))
+                    })
+                    .map(|(_, node)| node);
             }
         }
         SchemeMatch {

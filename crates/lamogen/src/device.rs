@@ -1,15 +1,16 @@
-//! Where to compute, named by a word.
+//! Devices that compute, and their names.
 
 use std::fmt;
 use std::str::FromStr;
 
 use burn::tensor::{Device, DeviceKind, DeviceType};
 
-/// A device by its name: `flex`, `wgpu`, `wgpu:cpu`, `cuda:0`.
+/// The name of a device: `flex`, `wgpu`, `wgpu:cpu`, `cuda:0`.
 ///
-/// Before the colon stands a backend, one of the features of this crate. After it stands the number of
-/// a device, or `cpu` for a graphics driver that computes on the CPU; without it the backend's best device is
-/// meant, a graphics processor of its own before one beside the CPU, and never such a driver.
+/// The word before the colon is a backend, one of the features of this crate. After the colon stands the number of
+/// a device, or `cpu` for a graphics driver that computes on the CPU. A name without a colon means the best device of
+/// the backend: a discrete graphics processor comes before an integrated one, and a driver that computes on the CPU is
+/// never taken.
 ///
 /// ```
 /// use lamogen::DeviceName;
@@ -24,10 +25,10 @@ use burn::tensor::{Device, DeviceKind, DeviceType};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct DeviceName {
     backend: Backend,
-    which: Which,
+    choice: DeviceChoice,
 }
 
-/// A backend of burn. Whether it is part of this build is another matter.
+/// A backend of burn; it need not be part of this build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Backend {
     Flex,
@@ -39,24 +40,28 @@ enum Backend {
     Rocm,
 }
 
+/// Which device of a backend a name means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Which {
+enum DeviceChoice {
+    /// The best device.
     Best,
+    /// The graphics driver that computes on the CPU.
     Cpu,
+    /// The device with this number, from 0, in the order of [`Backend::devices`].
     Number(usize),
 }
 
-/// A device that there is not.
+/// Why a device cannot be opened.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError {
-    /// The word is no name of a device.
+    /// The text is not the name of a device.
     #[error(
         "no device is named `{name}`: expected one of flex, ndarray, wgpu, vulkan, cuda, metal, rocm, \
          alone or with a number (cuda:0); with :cpu, wgpu and vulkan compute on the CPU (wgpu:cpu)"
     )]
     #[allow(missing_docs)]
     Name { name: String },
-    /// The backend is no part of this build.
+    /// The backend is not part of this build.
     #[error(
         "`{name}` needs lamogen's feature `{feature}`, which this program was built without; \
          it was built with: {built}"
@@ -84,7 +89,8 @@ impl Backend {
         Backend::Rocm,
     ];
 
-    fn word(self) -> &'static str {
+    /// Returns the name of the backend, which is also the name of its feature.
+    fn name(self) -> &'static str {
         match self {
             Backend::Flex => "flex",
             Backend::NdArray => "ndarray",
@@ -96,12 +102,12 @@ impl Backend {
         }
     }
 
-    /// Whether a graphics driver may stand behind it that computes on the CPU.
+    /// Whether the backend uses graphics drivers, among which may be one that computes on the CPU.
     fn is_graphics(self) -> bool {
         matches!(self, Backend::Wgpu | Backend::Vulkan)
     }
 
-    /// What burn calls it; `None` if it is no part of this build.
+    /// Returns the type that burn has for the backend, or `None` if the backend is not part of this build.
     fn device_type(self) -> Option<DeviceType> {
         match self {
             #[cfg(feature = "flex")]
@@ -123,12 +129,12 @@ impl Backend {
         }
     }
 
-    /// The graphics device of a kind.
+    /// Returns the graphics device of a kind, or `None` if the backend does not use graphics drivers.
     #[cfg_attr(
         not(any(feature = "wgpu", feature = "vulkan")),
         allow(unused_variables)
     )]
-    fn graphics(self, kind: DeviceKind) -> Option<Device> {
+    fn graphics_device(self, kind: DeviceKind) -> Option<Device> {
         match self {
             #[cfg(feature = "wgpu")]
             Backend::Wgpu => Some(Device::wgpu(kind)),
@@ -139,31 +145,35 @@ impl Backend {
         }
     }
 
-    /// Graphics processors of their own first, then those beside the CPU, then virtual ones.
+    /// Returns the place of a device in the order of quality: discrete graphics processors come first, then integrated
+    /// ones, then virtual ones.
     fn rank(self, device: &Device) -> usize {
-        /// More devices of a kind than any machine has.
-        const MOST: usize = 64;
+        /// An upper bound: no machine has more devices of one kind.
+        const MAX_DEVICES: usize = 64;
         let kinds: [fn(usize) -> DeviceKind; 3] = [
             DeviceKind::DiscreteGpu,
             DeviceKind::IntegratedGpu,
             DeviceKind::VirtualGpu,
         ];
-        let all = kinds.into_iter().flat_map(|kind| (0..MOST).map(kind));
-        let mut named = all.map(|kind| self.graphics(kind));
-        named
-            .position(|named| named.as_ref() == Some(device))
+        let all = kinds
+            .into_iter()
+            .flat_map(|kind| (0..MAX_DEVICES).map(kind));
+        let mut ranked = all.map(|kind| self.graphics_device(kind));
+        ranked
+            .position(|ranked| ranked.as_ref() == Some(device))
             .unwrap_or(usize::MAX)
     }
 
-    /// The devices of this backend that this machine has, best first; those that are a CPU in disguise apart.
+    /// Returns the devices of this backend on this machine, best first, and separately the graphics driver that
+    /// computes on the CPU, if there is one.
     fn devices(self) -> (Vec<Device>, Option<Device>) {
         let Some(device_type) = self.device_type() else {
             return (Vec::new(), None);
         };
         let mut all = Device::enumerate(device_type).into_vec();
-        let software = self.graphics(DeviceKind::Cpu);
+        let software = self.graphics_device(DeviceKind::Cpu);
         if self.is_graphics() {
-            // burn lists some drivers' devices as the driver does.
+            // burn lists the devices of some drivers in the order of the driver.
             all.sort_by_key(|device| self.rank(device));
         }
         let place = all
@@ -175,60 +185,61 @@ impl Backend {
 }
 
 impl DeviceName {
-    /// The devices that this build can use and this machine has, each under its name.
+    /// Returns the names of the devices that this build can use and this machine has.
     pub fn available() -> Vec<DeviceName> {
         let mut names = Vec::new();
         for backend in Backend::ALL {
             let (devices, software) = backend.devices();
-            let alone = devices.len() == 1;
+            let is_single = devices.len() == 1;
             names.extend((0..devices.len()).map(|number| DeviceName {
                 backend,
-                which: match alone {
-                    true => Which::Best,
-                    false => Which::Number(number),
+                choice: match is_single {
+                    true => DeviceChoice::Best,
+                    false => DeviceChoice::Number(number),
                 },
             }));
             names.extend(software.map(|_| DeviceName {
                 backend,
-                which: Which::Cpu,
+                choice: DeviceChoice::Cpu,
             }));
         }
         names
     }
 
-    /// The device of this name.
+    /// Opens the device of this name.
     ///
     /// # Errors
     ///
-    /// If this program was built without its backend, or this machine has no such device.
+    /// If this program was built without the backend, or this machine has no such device.
     pub fn open(self) -> Result<Device, DeviceError> {
         if self.backend.device_type().is_none() {
             let built = Backend::ALL.into_iter();
             let built = built.filter(|backend| backend.device_type().is_some());
             return Err(DeviceError::NotBuilt {
                 name: self,
-                feature: self.backend.word(),
-                built: list(built.map(Backend::word)),
+                feature: self.backend.name(),
+                built: join_names(built.map(Backend::name)),
             });
         }
         let (devices, software) = self.backend.devices();
-        let device = match self.which {
-            Which::Best => devices.into_iter().next(),
-            Which::Number(number) => devices.into_iter().nth(number),
-            Which::Cpu => software,
+        let device = match self.choice {
+            DeviceChoice::Best => devices.into_iter().next(),
+            DeviceChoice::Number(number) => devices.into_iter().nth(number),
+            DeviceChoice::Cpu => software,
         };
         device.ok_or_else(|| DeviceError::NotFound {
             name: self,
-            offered: list(DeviceName::available()),
+            offered: join_names(DeviceName::available()),
         })
     }
 }
 
-fn list(items: impl IntoIterator<Item = impl ToString>) -> String {
-    let items: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
-    match items.is_empty() {
+/// Joins names by commas for an error message.
+fn join_names(names: impl IntoIterator<Item = impl ToString>) -> String {
+    let names: Vec<String> = names.into_iter().map(|name| name.to_string()).collect();
+    match names.is_empty() {
         true => "nothing".into(),
-        false => items.join(", "),
+        false => names.join(", "),
     }
 }
 
@@ -237,30 +248,30 @@ impl FromStr for DeviceName {
 
     fn from_str(name: &str) -> Result<Self, DeviceError> {
         let error = || DeviceError::Name { name: name.into() };
-        let (word, which) = match name.split_once(':') {
+        let (backend, choice) = match name.split_once(':') {
             None => (name, None),
-            Some((word, which)) => (word, Some(which)),
+            Some((backend, choice)) => (backend, Some(choice)),
         };
         let backend = Backend::ALL
             .into_iter()
-            .find(|backend| backend.word() == word)
+            .find(|known| known.name() == backend)
             .ok_or_else(error)?;
-        let which = match which {
-            None => Which::Best,
-            Some("cpu") if backend.is_graphics() => Which::Cpu,
-            Some(number) => Which::Number(number.parse().map_err(|_| error())?),
+        let choice = match choice {
+            None => DeviceChoice::Best,
+            Some("cpu") if backend.is_graphics() => DeviceChoice::Cpu,
+            Some(number) => DeviceChoice::Number(number.parse().map_err(|_| error())?),
         };
-        Ok(DeviceName { backend, which })
+        Ok(DeviceName { backend, choice })
     }
 }
 
 impl fmt::Display for DeviceName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.backend.word())?;
-        match self.which {
-            Which::Best => Ok(()),
-            Which::Cpu => f.write_str(":cpu"),
-            Which::Number(number) => write!(f, ":{number}"),
+        f.write_str(self.backend.name())?;
+        match self.choice {
+            DeviceChoice::Best => Ok(()),
+            DeviceChoice::Cpu => f.write_str(":cpu"),
+            DeviceChoice::Number(number) => write!(f, ":{number}"),
         }
     }
 }
@@ -285,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_name_is_answered_with_those_that_are() {
+    fn errors_of_unknown_names_list_the_known_ones() {
         for name in [
             "", "gpu", "cuda:", "cuda:one", "flex:cpu", "wgpu:-1", "Flex",
         ] {
@@ -297,7 +308,7 @@ mod tests {
 
     #[cfg(feature = "flex")]
     #[test]
-    fn flex_is_always_there_and_only_once() {
+    fn there_is_exactly_one_flex_device() {
         let flex: DeviceName = "flex".parse().unwrap();
         assert!(DeviceName::available().contains(&flex));
         assert_eq!(flex.open().unwrap(), Device::flex());
@@ -311,7 +322,7 @@ mod tests {
 
     #[cfg(not(feature = "rocm"))]
     #[test]
-    fn a_backend_that_was_left_out_names_its_feature() {
+    fn the_error_of_a_missing_backend_names_its_feature() {
         let name: DeviceName = "rocm:0".parse().unwrap();
         let message = name.open().unwrap_err().to_string();
         assert!(message.contains("feature `rocm`"), "{message}");

@@ -1,4 +1,4 @@
-//! What can go wrong, from loading a model to the last frame.
+//! The errors of loading a model and of generating motions.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -27,13 +27,13 @@ pub enum LoadError {
         path: PathBuf,
         reason: std::io::Error,
     },
-    /// The network's poses are not HumanML3D's.
+    /// The network does not have HumanML3D's pose features.
     #[error(
         "{path}: expected a network of {POSE_FEATURES} pose features (input_feats), found {found}"
     )]
     #[allow(missing_docs)]
     PoseFeatures { path: PathBuf, found: usize },
-    /// The folder has no config, and the network is not MotionDiffuse's.
+    /// The folder has no config, which only MotionDiffuse's own networks can do without.
     #[error(
         "{path}: No such file; only MotionDiffuse's networks, with embeddings for {public} tokens, do without: this one has {found}"
     )]
@@ -43,7 +43,7 @@ pub enum LoadError {
         public: usize,
         found: usize,
     },
-    /// The folder has no tokenizer, and CLIP's is not the network's.
+    /// The folder has no tokenizer, and CLIP's own does not fit the network.
     #[error(
         "{path}: No such file, and CLIP's own tokenizer ({clip} ids) is not that of a network with embeddings for {found}"
     )]
@@ -53,20 +53,20 @@ pub enum LoadError {
         clip: usize,
         found: usize,
     },
-    /// The config.
+    /// The config cannot be read.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// How the config says that the network is sampled.
+    /// The sampling options in the config are invalid.
     #[error("{path}: sampling: {problem}")]
     #[allow(missing_docs)]
     Sampling { path: PathBuf, problem: String },
-    /// The weights.
+    /// The weights cannot be read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The tokenizer.
+    /// The tokenizer cannot be read.
     #[error(transparent)]
     Tokenizer(#[from] TokenizerError),
-    /// Mean or standard deviation.
+    /// The mean or the standard deviation of the features cannot be read.
     #[error(transparent)]
     Normalization(#[from] NormalizationError),
 }
@@ -74,7 +74,7 @@ pub enum LoadError {
 /// Why a motion cannot be generated.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A request makes no sense. Nothing has been run.
+    /// A request is invalid. Nothing has been run.
     #[error("{which}: {reason}")]
     #[allow(missing_docs)]
     Request {
@@ -84,7 +84,7 @@ pub enum Error {
     /// The observer stopped the run.
     #[error("{0}")]
     Stopped(Box<StoppedRun>),
-    /// A pass failed.
+    /// A run failed.
     #[error("{which}: {reason}", which = .0.which, reason = .0.reason)]
     Failed(Box<FailedRun>),
 }
@@ -92,11 +92,11 @@ pub enum Error {
 /// One of the requests of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RequestIndex {
-    /// Its place among the requests, from 0.
+    /// The place of the request among those of the call, from 0.
     pub index: usize,
-    /// How many requests there are.
+    /// The number of requests of the call.
     pub count: usize,
-    /// Its prompt.
+    /// The prompt of the request.
     pub prompt: String,
 }
 
@@ -112,8 +112,9 @@ impl RequestIndex {
 
 impl fmt::Display for RequestIndex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const MOST: usize = 80;
-        let mut prompt: String = self.prompt.chars().take(MOST).collect();
+        /// Longer prompts are shortened to so many characters.
+        const MAX_CHARACTERS: usize = 80;
+        let mut prompt: String = self.prompt.chars().take(MAX_CHARACTERS).collect();
         if prompt.len() < self.prompt.len() {
             prompt.push('…');
         }
@@ -124,22 +125,22 @@ impl fmt::Display for RequestIndex {
     }
 }
 
-/// What makes no sense in a request.
+/// Why a request is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum RequestError {
-    /// No words.
+    /// The prompt has no words.
     #[error("the prompt is empty; expected a sentence such as \"a person jumps\"")]
     EmptyPrompt,
-    /// More than a model could read.
+    /// The prompt is longer than [`Request::LONGEST_PROMPT`].
     #[error("the prompt has {found} characters; expected at most {most}", most = Request::LONGEST_PROMPT)]
     #[allow(missing_docs)]
     LongPrompt { found: usize },
-    /// A length that the model cannot do.
+    /// The model cannot generate motions of this length.
     #[error(
         "expected {shortest} to {longest} frames ({:.1} to {:.1} s), found {}",
         *.shortest as f32 / FRAMES_PER_SECOND,
         *.longest as f32 / FRAMES_PER_SECOND,
-        length(.found)
+        format_length(.found)
     )]
     #[allow(missing_docs)]
     Length {
@@ -147,85 +148,86 @@ pub enum RequestError {
         shortest: usize,
         longest: usize,
     },
-    /// Tags and factors or other goals at once.
+    /// The request has tags, and factors or other goals too.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,
-    /// Tags that contradict each other.
+    /// The tags contradict each other.
     #[error(transparent)]
     Scale(#[from] ScaleError),
-    /// Goals that make no sense, such as a key past the motion's end.
+    /// The goals are invalid, such as a key past the end of the motion.
     #[error(transparent)]
     Goal(#[from] GoalError),
-    /// Steps or guidance options.
+    /// The number of steps or the guidance options are invalid.
     #[error(transparent)]
     Guidance(#[from] GuideError),
-    /// A prompt that the tokenizer cannot encode.
+    /// The tokenizer cannot encode the prompt.
     #[error(transparent)]
     Tokenizer(#[from] TokenizerError),
 }
 
-fn length(length: &Length) -> String {
+/// Formats a length in the unit in which it was given.
+fn format_length(length: &Length) -> String {
     match length {
         Length::Seconds(seconds) => format!("{seconds} s"),
         Length::Frames(frames) => format!("{frames} frames"),
     }
 }
 
-/// A run that the observer stopped, and what it has.
+/// A run that the observer stopped, with its partial results.
 #[derive(Clone, Debug)]
 pub struct StoppedRun {
     /// The pass that was stopped.
     pub pass: Pass,
-    /// The last step that was made, from 0.
+    /// The last finished step of the pass, from 0.
     pub index: usize,
-    /// How many steps the pass has.
+    /// The number of steps of the pass.
     pub steps: usize,
-    /// What there is.
+    /// The results up to the stop.
     pub partial: PartialResults,
 }
 
-/// A run that failed, and what it has.
+/// A run that failed, with its partial results.
 #[derive(Debug)]
 pub struct FailedRun {
-    /// The request that it failed at.
+    /// The request at which the run failed.
     pub which: RequestIndex,
-    /// Why.
+    /// Why the run failed.
     pub reason: PassError,
-    /// What there is.
+    /// The results up to the failure.
     pub partial: PartialResults,
 }
 
-/// How a pass fails.
+/// Why a pass failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PassError {
     /// A loss or gradient of the guided pass is not finite.
     #[error(transparent)]
     Guide(#[from] GuideError),
-    /// The network gave something that is no motion.
+    /// The output of the network is not a usable motion.
     #[error("the {pass} motion is not usable: {reason}")]
     #[allow(missing_docs)]
     Motion { pass: Pass, reason: MotionError },
 }
 
-/// What an interrupted run has.
+/// The results of a run that ended early.
 #[derive(Clone, Debug, Default)]
 pub struct PartialResults {
-    /// Requests that were finished before, with their places among the requests, from 0.
+    /// The finished requests, each with its place among the requests, from 0.
     pub finished: Vec<(usize, Generation)>,
-    /// Requests that were being worked on.
+    /// The requests of the batch that was running.
     pub unfinished: Vec<UnfinishedRequest>,
 }
 
-/// A request that was being worked on when a run ended early.
+/// A request that was running when the run ended early.
 #[derive(Clone, Debug)]
 pub struct UnfinishedRequest {
-    /// Its place among the requests, from 0.
+    /// The place among the requests, from 0.
     pub request: usize,
     /// The motion of the text alone, if that pass was finished.
     pub baseline: Option<Motion>,
-    /// The clean motion as a stopped pass last predicted it, if it is a motion.
+    /// The last prediction of the clean motion by the pass that was stopped, if it is a usable motion.
     pub prediction: Option<Motion>,
-    /// The Laban loss at every step that was made before a stop.
+    /// The Laban loss at every step before the stop.
     pub loss: Vec<f32>,
 }
 

@@ -1,4 +1,4 @@
-//! From requests to motions.
+//! The model, and the generation of motions from requests.
 
 use std::ops::ControlFlow;
 
@@ -9,10 +9,10 @@ use lamogen_model::{Denoiser, KnownWords, MotionDiffuse, Tokenizer};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, RequestError, RequestIndex};
-use crate::groups::{Group, assign, in_batches};
+use crate::groups::{JobGroup, assign_to_group, split_into_batches};
 use crate::licence::Licence;
 use crate::request::Request;
-use crate::run::Run;
+use crate::run::BatchRun;
 
 /// A text-to-motion model that Laban tags can steer.
 pub struct LaMoGen<D = MotionDiffuse> {
@@ -28,33 +28,38 @@ pub struct LaMoGen<D = MotionDiffuse> {
     stand_in: Option<String>,
 }
 
-/// A finished request.
+/// The result of a request.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Generation {
-    /// How many tokens of the prompt did not fit the model and were left out.
+    /// The number of tokens of the prompt that did not fit the model and were left out.
     pub cut_tokens: usize,
-    /// Words of the prompt that stand in no caption that the model was trained on, as far as its words are [known](LaMoGen::known_words). The
-    /// motion goes by the others and by what these are spelled like.
+    /// Words of the prompt that occur in no caption that the model was trained on. The list is empty if the model's
+    /// words are not [known](LaMoGen::known_words). The motion follows the other words, and the letters that these
+    /// words have in common with known ones.
     pub unseen_words: Vec<String>,
-    /// The sentence that was taken instead of the prompt, if the model has met no word of it ([`LaMoGen::with_stand_in`]).
+    /// The sentence that replaced the prompt, if the model knows no word of the prompt ([`LaMoGen::with_stand_in`]).
     pub stand_in: Option<String>,
-    /// What was asked for, by tags, factors or else.
+    /// The goals of the request, given by tags, by factors or in other ways.
     pub goals: Goals,
-    /// The motion of the text alone: that of a rigid body, unless [`Guidance::body`](lamogen_guide::Guidance::body) says otherwise.
+    /// The motion of the text alone. It is the motion of a rigid body, unless
+    /// [`Guidance::body`](lamogen_guide::Guidance::body) says otherwise.
     pub baseline: Motion,
-    /// The motion that follows the tags. Without tags or scale there is nothing to follow: the
-    /// second pass is left out and this is the baseline.
+    /// The motion that follows the tags. A request without tags and factors has no second pass: this is then the
+    /// baseline.
     pub guided: Motion,
-    /// What the network itself gave, with its pose features; both motions are made of these. Bones stretch and feet slide in them.
+    /// The motions that the network itself generated, with their pose features; `baseline` and `guided` are made from
+    /// these. Their bones stretch and their feet slide.
     pub network: NetworkMotions,
     /// Laban features of the baseline.
     pub baseline_laban: LabanSeries,
     /// Laban features of the guided motion.
     pub guided_laban: LabanSeries,
-    /// Laban features to reach; the baseline's where they may be anything.
+    /// Laban features that the guided motion should reach. Components that may become anything have the features of
+    /// the baseline.
     pub target: LabanSeries,
-    /// Where parts of the body have goals of their own: Weight, Time and Flow of each, and of the rest.
+    /// Weight, Time and Flow of each part of the body that has goals of its own, and of the rest of the body; empty
+    /// if no part has.
     pub parts: Vec<PartLaban>,
     /// The values of the loss terms that the request or its guidance added ([`Request::loss_term`]).
     pub terms: Vec<TermValues>,
@@ -80,49 +85,49 @@ pub struct TermValues {
     pub guided: Vec<Vec<f32>>,
 }
 
-/// The motions of pose features that a network gave.
+/// The motions of the pose features that the network generated.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct NetworkMotions {
-    /// In the first pass, of the text alone.
+    /// The motion of the first pass, of the text alone.
     pub baseline: Motion,
-    /// In the second pass; the baseline where there is none.
+    /// The motion of the second pass; the baseline if there was none.
     pub guided: Motion,
 }
 
-/// Laban features of some end-effectors; Shape is that of the whole body.
+/// Laban features of a part of the body; Shape is that of the whole body.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartLaban {
-    /// The joints that are meant.
+    /// The joints of the part that are measured.
     pub end_effectors: EndEffectors,
-    /// In the motion of the text alone.
+    /// Features of the part in the motion of the text alone.
     pub baseline: LabanSeries,
-    /// To reach.
+    /// Features that the part should reach.
     pub target: LabanSeries,
-    /// In the motion that follows.
+    /// Features of the part in the guided motion.
     pub guided: LabanSeries,
 }
 
-/// How far a call has come.
+/// The progress of a call.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// Steps made, over all passes and batches.
+    /// The number of finished steps, over all passes and batches.
     pub done: usize,
-    /// Steps in all; a fit to the body may end before its last one, so that fewer are made.
+    /// The largest number of steps that the call can take. Fewer are made if a fit to the body ends early.
     pub total: usize,
-    /// The step just made.
+    /// The step that was just finished.
     pub step: &'a Step<'a>,
 }
 
 impl<D: Denoiser> LaMoGen<D> {
-    /// Guides any denoiser, with the tokenizer and the feature statistics it was trained with. Requests
-    /// that say nothing else run with [`Preset::Fast`]; [`with_preset`](Self::with_preset) changes
-    /// that.
+    /// Makes a model of any denoiser, with the tokenizer and the feature statistics it was trained with.
+    ///
+    /// Requests without a preset run with [`Preset::Fast`]; [`with_preset`](Self::with_preset) changes that.
     ///
     /// # Panics
     ///
-    /// If the network's poses are not of 263 features, or the statistics of another width.
+    /// If the network or the statistics do not have 263 pose features.
     pub fn new(network: D, tokenizer: Tokenizer, normalization: Normalization) -> Self {
         assert_eq!(
             [network.pose_features(), normalization.features()],
@@ -130,7 +135,7 @@ impl<D: Denoiser> LaMoGen<D> {
             "the network and its statistics must be of HumanML3D's pose features"
         );
         LaMoGen {
-            batch_size: usual_batch_size(&network.device()),
+            batch_size: default_batch_size(&network.device()),
             network,
             tokenizer,
             normalization,
@@ -143,7 +148,7 @@ impl<D: Denoiser> LaMoGen<D> {
         }
     }
 
-    /// How many motions run together in [`generate_all`](Self::generate_all).
+    /// Returns the number of motions that run together in [`generate_all`](Self::generate_all).
     pub fn batch_size(&self) -> usize {
         self.batch_size
     }
@@ -152,38 +157,40 @@ impl<D: Denoiser> LaMoGen<D> {
         LaMoGen { licence, ..self }
     }
 
-    /// Sets what requests run with that say nothing else.
+    /// Sets the preset of requests that have none.
     pub fn with_preset(self, preset: Preset) -> Self {
         LaMoGen { preset, ..self }
     }
 
-    /// What requests run with that say nothing else.
+    /// Returns the preset of requests that have none.
     pub fn preset(&self) -> Preset {
         self.preset
     }
 
-    /// Sets how many motions run together in [`generate_all`](Self::generate_all): by default 1 on a CPU, where more are no faster, and 8
-    /// elsewhere. More need more memory.
+    /// Sets how many motions run together in [`generate_all`](Self::generate_all).
     ///
-    /// A motion that runs with others is rounded otherwise in its last bits. A fit to the body finds one of many motions that are as near
-    /// and reach their goals as well, and those bits may decide which: of 24 guided motions in batches of 8, joints were
-    /// 1.5 mm from those of single calls on the median, and 18 mm in the worst motion. One that runs alone is the same to the last bit whatever
-    /// other requests there are.
+    /// The default is 1 on a CPU, where larger batches are no faster, and 8 elsewhere. Larger batches need more memory.
+    ///
+    /// The numbers of a motion that runs with others differ in their last bits from those of a single call. A fit to
+    /// the body finds one of many motions that are equally near and reach their goals equally well, and the last bits
+    /// may decide which one. In 24 guided motions in batches of 8, the distance of the joints from those of single
+    /// calls was 1.5 mm in the median motion and 18 mm in the worst. A motion that runs alone is the same to the last
+    /// bit, whatever other requests there are.
     ///
     /// # Panics
     ///
-    /// If it is 0.
+    /// If the batch size is 0.
     pub fn with_batch_size(self, batch_size: usize) -> Self {
         assert!(batch_size > 0, "a batch has at least one motion");
         LaMoGen { batch_size, ..self }
     }
 
-    /// Sets whether predictions are smoothed along time (see [`TemporalSmoothing`]), which networks as small as the embedded one need; it is
-    /// off unless a model says otherwise.
+    /// Sets whether predictions are smoothed along time (see [`TemporalSmoothing`]). Networks as small as the embedded
+    /// one need it. It is off unless the config of a model turns it on.
     ///
     /// # Errors
     ///
-    /// If the numbers make no sense.
+    /// If the options are invalid.
     pub fn with_temporal_smoothing(
         self,
         temporal_smoothing: Option<TemporalSmoothing>,
@@ -197,12 +204,13 @@ impl<D: Denoiser> LaMoGen<D> {
         })
     }
 
-    /// How predictions are smoothed along time, if they are.
+    /// Returns how predictions are smoothed along time, if they are.
     pub fn temporal_smoothing(&self) -> Option<TemporalSmoothing> {
         self.temporal_smoothing
     }
 
-    /// Sets the words of the captions that the model was trained on, so that [generations](Generation::unseen_words) tell of others.
+    /// Sets the words of the captions that the model was trained on, so that each
+    /// [`Generation`](Generation::unseen_words) can list the words of its prompt that are not among them.
     pub fn with_known_words(self, known_words: Option<KnownWords>) -> Self {
         LaMoGen {
             known_words,
@@ -210,25 +218,30 @@ impl<D: Denoiser> LaMoGen<D> {
         }
     }
 
-    /// The words of the captions that the model was trained on, if it comes with them.
+    /// Returns the words of the captions that the model was trained on, if they are known.
     pub fn known_words(&self) -> Option<&KnownWords> {
         self.known_words.as_ref()
     }
 
-    /// Sets the sentence that is taken instead of prompts of which the model has met no word, such as numbers or another language; what it would make of
-    /// those is anything. [Generations](Generation::stand_in) say when it was. It acts where the model's words are [known](Self::with_known_words).
+    /// Sets the sentence that replaces prompts of which the model knows no word, such as numbers or another language.
+    /// Without it the motions of such prompts are arbitrary.
+    ///
+    /// A [`Generation`](Generation::stand_in) says whether its prompt was replaced. Prompts are replaced only if the
+    /// model's words are [known](Self::with_known_words).
     pub fn with_stand_in(self, stand_in: Option<String>) -> Self {
         LaMoGen { stand_in, ..self }
     }
 
-    /// The sentence that is taken for a prompt instead, if one is.
+    /// Returns the sentence that replaces a prompt, if one does.
     pub fn stand_in(&self, prompt: &str) -> Option<&str> {
         let knows_some = self.known_words.as_ref()?.knows_some(prompt);
         self.stand_in.as_deref().filter(|_| !knows_some)
     }
 
-    /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]): 1, the default, asks the network
-    /// once a step and takes what it says; above 1 it is asked twice. For networks that were trained with text dropout.
+    /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]).
+    ///
+    /// At 1, the default, the network is evaluated once a step and its prediction is used as it is; above 1 it is
+    /// evaluated twice. Other scales than 1 are for networks that were trained with text dropout.
     ///
     /// # Errors
     ///
@@ -238,27 +251,27 @@ impl<D: Denoiser> LaMoGen<D> {
         Ok(LaMoGen { text_scale, ..self })
     }
 
-    /// How strongly motions follow the sentence.
+    /// Returns the scale of classifier-free guidance: how strongly motions follow the sentence.
     pub fn text_scale(&self) -> f64 {
         self.text_scale
     }
 
-    /// The licence of the weights, if their file states one. PyTorch checkpoints do not.
+    /// Returns the licence of the weights, if their file states one. PyTorch checkpoints do not.
     pub fn licence(&self) -> Option<&Licence> {
         self.licence.as_ref()
     }
 
-    /// The network.
+    /// Returns the network.
     pub fn network(&self) -> &D {
         &self.network
     }
 
-    /// The tokenizer.
+    /// Returns the tokenizer.
     pub fn tokenizer(&self) -> &Tokenizer {
         &self.tokenizer
     }
 
-    /// Mean and standard deviation of the features that the network was trained on.
+    /// Returns the mean and the standard deviation of the features that the network was trained on.
     pub fn normalization(&self) -> &Normalization {
         &self.normalization
     }
@@ -267,16 +280,18 @@ impl<D: Denoiser> LaMoGen<D> {
     ///
     /// # Errors
     ///
-    /// If the request makes no sense, or numbers become infinite on the way.
+    /// If the request is invalid, or if numbers become infinite during the generation.
     pub fn generate(&self, request: &Request) -> Result<Generation, Error> {
         self.generate_with(request, &mut |_| ControlFlow::Continue(()))
     }
 
-    /// As [`generate`](Self::generate); `observer` sees every step and may stop the run.
+    /// Generates a motion as [`generate`](Self::generate) does; `observer` is called after every step and may stop the
+    /// run.
     ///
     /// # Errors
     ///
-    /// As [`generate`](Self::generate), and [`Error::Stopped`] with what there is if stopped.
+    /// The errors of [`generate`](Self::generate), and [`Error::Stopped`] with partial results if the observer stops
+    /// the run.
     pub fn generate_with(
         &self,
         request: &Request,
@@ -286,39 +301,42 @@ impl<D: Denoiser> LaMoGen<D> {
         Ok(all.pop().expect("one request gives one motion"))
     }
 
-    /// Generates several motions, those with the same steps and guidance options together where the
-    /// [batch size](Self::with_batch_size) allows it. In batches of one, as on a CPU by default, each is exactly the motion that
+    /// Generates several motions.
+    ///
+    /// Requests with the same steps and guidance options run together if the [batch size](Self::with_batch_size)
+    /// allows it. In batches of one, the default on a CPU, each motion is exactly the one that
     /// [`generate`](Self::generate) gives.
     ///
     /// # Errors
     ///
-    /// As [`generate`](Self::generate). All requests are checked before the first is run; a run that
-    /// fails later keeps what was finished ([`Error::Failed`]).
+    /// The errors of [`generate`](Self::generate). All requests are checked before the first one runs. The error of a
+    /// run that fails later contains the finished motions ([`Error::Failed`]).
     pub fn generate_all(&self, requests: &[Request]) -> Result<Vec<Generation>, Error> {
         self.generate_all_with(requests, &mut |_| ControlFlow::Continue(()))
     }
 
-    /// As [`generate_all`](Self::generate_all); `observer` sees every step and may stop the run.
+    /// Generates several motions as [`generate_all`](Self::generate_all) does; `observer` is called after every step
+    /// and may stop the run.
     ///
     /// # Errors
     ///
-    /// As [`generate_all`](Self::generate_all), and [`Error::Stopped`] with what there is if
-    /// stopped.
+    /// The errors of [`generate_all`](Self::generate_all), and [`Error::Stopped`] with partial results if the observer
+    /// stops the run.
     pub fn generate_all_with(
         &self,
         requests: &[Request],
         observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Vec<Generation>, Error> {
         let groups = self.groups(requests)?;
-        let total = groups.iter().map(Group::cost).sum();
+        let total = groups.iter().map(JobGroup::max_steps).sum();
         let mut done = 0;
-        let mut watch = |step: &Step<'_>| {
+        let mut observe_step = |step: &Step<'_>| {
             done += 1;
             observer(&Progress { done, total, step })
         };
         let mut finished: Vec<(usize, Generation)> = Vec::new();
         for group in &groups {
-            match Run::new(self, group, requests).generations(&mut watch) {
+            match BatchRun::new(self, group, requests).generations(&mut observe_step) {
                 Ok(generations) => finished.extend(generations),
                 Err(mut error) => {
                     finished.sort_by_key(|&(request, _)| request);
@@ -335,35 +353,37 @@ impl<D: Denoiser> LaMoGen<D> {
         Ok(finished.into_iter().map(|(_, motion)| motion).collect())
     }
 
-    /// Whether a request makes sense to this model. Everything that generates checks so itself, before it
-    /// runs.
+    /// Checks whether this model can run a request. All functions that generate motions check their requests
+    /// themselves before they run.
     ///
     /// # Errors
     ///
-    /// If it does not; the error says why.
+    /// If the request is invalid; the error says why.
     pub fn check(&self, request: &Request) -> Result<(), RequestError> {
-        self.join(&mut Vec::new(), 0, request)
+        self.assign(&mut Vec::new(), 0, request)
     }
 
-    fn groups(&self, requests: &[Request]) -> Result<Vec<Group>, Error> {
+    /// Checks all requests and groups them into batches.
+    fn groups(&self, requests: &[Request]) -> Result<Vec<JobGroup>, Error> {
         let mut groups = Vec::new();
         for (index, request) in requests.iter().enumerate() {
-            self.join(&mut groups, index, request)
+            self.assign(&mut groups, index, request)
                 .map_err(|reason| Error::Request {
                     which: RequestIndex::new(requests, index),
                     reason,
                 })?;
         }
-        Ok(in_batches(groups, self.batch_size))
+        Ok(split_into_batches(groups, self.batch_size))
     }
 
-    fn join(
+    /// Checks the request at the place `index` and adds it to a group.
+    fn assign(
         &self,
-        groups: &mut Vec<Group>,
+        groups: &mut Vec<JobGroup>,
         index: usize,
         request: &Request,
     ) -> Result<(), RequestError> {
-        assign(
+        assign_to_group(
             groups,
             (index, request),
             self.stand_in(&request.prompt),
@@ -374,10 +394,10 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 }
 
-/// Motions that run together where nothing else is said.
-// burn gives ndarray up for flex; as long as it is there, it is a CPU.
+/// Returns the default batch size on a device.
+// burn replaces ndarray by flex; while ndarray is still there, it counts as a CPU.
 #[cfg_attr(feature = "ndarray", allow(deprecated))]
-fn usual_batch_size(device: &Device) -> usize {
+fn default_batch_size(device: &Device) -> usize {
     let processors: &[Device] = &[
         #[cfg(feature = "flex")]
         Device::flex(),
@@ -396,9 +416,9 @@ mod tests {
 
     #[test]
     fn a_model_can_be_shared_between_threads() {
-        fn shared<T: Send + Sync>() {}
-        shared::<LaMoGen>();
-        shared::<Generation>();
-        shared::<Error>();
+        fn assert_shareable<T: Send + Sync>() {}
+        assert_shareable::<LaMoGen>();
+        assert_shareable::<Generation>();
+        assert_shareable::<Error>();
     }
 }

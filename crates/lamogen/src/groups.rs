@@ -1,4 +1,4 @@
-//! Which requests run together.
+//! Checking requests, and grouping them into batches.
 
 use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
@@ -9,34 +9,36 @@ use crate::request::Request;
 
 /// A request that has been checked against a model.
 #[derive(Clone, Debug)]
-pub(crate) struct Job {
-    /// Its place among the requests.
+pub(crate) struct GenerationJob {
+    /// The place among the requests, from 0.
     pub(crate) request: usize,
+    /// The token ids of the sentence that the model reads.
     pub(crate) ids: Vec<u32>,
-    pub(crate) cut: usize,
+    /// The number of tokens that did not fit the model.
+    pub(crate) cut_tokens: usize,
     pub(crate) frames: usize,
     pub(crate) seed: u64,
-    /// `None` where nothing is asked for: the text alone.
+    /// `None` where the motion of the text alone is requested.
     pub(crate) goals: Option<Goals>,
 }
 
-/// Jobs that are one batch: they agree in what all motions of a batch must share.
+/// Jobs that can run as one batch: they agree in the options that all motions of a batch must share.
 #[derive(Clone, Debug)]
-pub(crate) struct Group {
+pub(crate) struct JobGroup {
     pub(crate) steps: usize,
     pub(crate) guidance: Guidance,
     pub(crate) is_guided: bool,
-    pub(crate) jobs: Vec<Job>,
+    pub(crate) jobs: Vec<GenerationJob>,
 }
 
-impl Group {
-    /// Whether its motions are those of a rigid body.
+impl JobGroup {
+    /// Whether the motions are those of a rigid body.
     pub(crate) fn is_rigid(&self) -> bool {
         self.guidance.body == Body::Rig
     }
 
-    /// Steps that the group takes at most.
-    pub(crate) fn cost(&self) -> usize {
+    /// Returns the largest number of steps that the group can take.
+    pub(crate) fn max_steps(&self) -> usize {
         let guided = match self.is_guided {
             true => self.guidance.steps(self.steps),
             false => 0,
@@ -50,29 +52,31 @@ impl Group {
     }
 }
 
-/// The groups in parts of so many motions at most, those with the first requests first. Within a group motions of nearly the same length come
-/// together, because what a batch pads is computed as well.
-pub(crate) fn in_batches(groups: Vec<Group>, largest: usize) -> Vec<Group> {
-    let parts = groups.into_iter().flat_map(|mut group| {
-        if largest > 1 {
+/// Splits groups into batches of at most `batch_size` motions, and sorts the batches by their first request.
+///
+/// Motions of similar length share a batch, because the frames that pad a shorter motion are computed too.
+pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Vec<JobGroup> {
+    let batches = groups.into_iter().flat_map(|mut group| {
+        if batch_size > 1 {
             group.jobs.sort_by_key(|job| job.frames);
         }
-        let jobs = group.jobs.chunks(largest);
-        let part = |jobs: &[Job]| Group {
+        let jobs = group.jobs.chunks(batch_size);
+        let batch = |jobs: &[GenerationJob]| JobGroup {
             jobs: jobs.to_vec(),
             guidance: group.guidance.clone(),
             ..group
         };
-        jobs.map(part).collect::<Vec<_>>()
+        jobs.map(batch).collect::<Vec<_>>()
     });
-    let mut parts: Vec<Group> = parts.collect();
-    parts.sort_by_key(|group| group.jobs.iter().map(|job| job.request).min());
-    parts
+    let mut batches: Vec<JobGroup> = batches.collect();
+    batches.sort_by_key(|batch| batch.jobs.iter().map(|job| job.request).min());
+    batches
 }
 
-/// Checks a request and assigns it to a group, a new one if it can join none. The model reads the sentence that stands in for the prompt, if one does.
-pub(crate) fn assign(
-    groups: &mut Vec<Group>,
+/// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
+/// stands in for the prompt, the model reads that sentence.
+pub(crate) fn assign_to_group(
+    groups: &mut Vec<JobGroup>,
     (index, request): (usize, &Request),
     stand_in: Option<&str>,
     model: &impl Denoiser,
@@ -106,7 +110,7 @@ pub(crate) fn assign(
     guidance.loss_terms = terms.cloned().collect();
     guidance.check()?;
     let tokens = tokenizer.encode(&request.prompt)?;
-    // Some texts are cleaned away, such as "&nbsp;".
+    // The tokenizer removes some texts entirely, such as "&nbsp;".
     if tokens.own == 0 {
         return Err(RequestError::EmptyPrompt);
     }
@@ -118,20 +122,20 @@ pub(crate) fn assign(
         goals.check(frames, &guidance.laban.end_effectors)?;
     }
     let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
-    let job = Job {
+    let job = GenerationJob {
         request: index,
         ids: tokens.ids,
-        cut: tokens.cut,
+        cut_tokens: tokens.cut,
         frames,
         seed: request.seed,
         goals,
     };
-    let joins = |group: &&mut Group| {
+    let has_same_options = |group: &&mut JobGroup| {
         group.steps == steps && group.is_guided == is_guided && group.guidance == guidance
     };
-    match groups.iter_mut().find(joins) {
+    match groups.iter_mut().find(has_same_options) {
         Some(group) => group.jobs.push(job),
-        None => groups.push(Group {
+        None => groups.push(JobGroup {
             steps,
             guidance,
             is_guided,

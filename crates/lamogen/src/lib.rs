@@ -1,4 +1,4 @@
-//! From a sentence and a few words of Laban movement analysis to human motion.
+//! Generates human motion from a sentence and a few words of Laban movement analysis.
 //!
 //! ```no_run
 //! use lamogen::{Component, Device, LaMoGen, Request, TimeSummary, Tag};
@@ -17,30 +17,32 @@
 //! ```
 //!
 //! lamogen implements LaMoGen (arXiv 2509.24469): a pretrained text-to-motion diffusion model is
-//! steered while it samples. A first pass gives the motion that the text alone describes; its Laban
-//! features, scaled by the tags, are the target; a second pass from the same noise moves the
-//! sentence embedding, or the scales and shifts that it becomes, towards them at every step. Nothing is retrained and
-//! no reference clip is needed.
+//! steered while it samples. A first pass gives the motion that the text alone describes. The Laban
+//! features of this motion, scaled by the tags, are the target. A second pass starts from the same noise. At every
+//! step it changes the sentence embedding, or the scales and shifts that the network computes from the embedding, so
+//! that the features come closer to the target. Nothing is retrained and no reference clip is needed.
 //!
 //! # The embedded model
 //!
-//! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it moves the scales and shifts of every layer over 50 DDIM steps, fits the
-//! result to a rigid body and finishes it there. Its predictions are smoothed along time by one frame ([`TemporalSmoothing`]), and it follows
-//! sentences by classifier-free guidance ([`ClassifierFree`]), which asks the network twice a step. It makes motions of 40 to 196
-//! frames at 20 frames a second of one body with 22 joints. Its weights are CC BY 4.0 and may be used in products that name the
-//! sources ([`LaMoGen::licence`]); the code is MIT or Apache 2.0. [`LaMoGen::load`] takes other models, among them the public MotionDiffuse.
+//! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it changes the scales and shifts of every layer over 50 DDIM
+//! steps, fits the result to a rigid body and refines the motion of that body. Its predictions are smoothed along time
+//! by one frame ([`TemporalSmoothing`]). It follows sentences by classifier-free guidance ([`ClassifierFree`]), which
+//! evaluates the network twice a step. It makes motions of 40 to 196 frames at 20 frames a second of one body with
+//! 22 joints. Its weights are CC BY 4.0 and may be used in products that name the sources ([`LaMoGen::licence`]); the
+//! code is MIT or Apache 2.0. [`LaMoGen::load`] takes other models, among them the public MotionDiffuse.
 //!
 //! # Crates
 //!
-//! The parts are crates of their own, re-exported here: [`motion`] (the body, its features, `.npy`), [`laban`] (Weight, Time, Flow,
-//! Shape, tags and goals), [`model`] (the network, its text side, checkpoints), [`guide`] (sampling and guidance), [`body`] (rigid
-//! bones) and [`files`] (BVH, GLB, CSV, other skeletons).
+//! The parts are crates of their own, re-exported here: [`motion`] (the body, its features, `.npy`), [`laban`] (Weight,
+//! Time, Flow, Shape, tags and goals), [`model`] (the network, its text encoder, checkpoints), [`guide`] (sampling and
+//! guidance), [`body`] (rigid bones) and [`files`] (BVH, GLB, CSV, other skeletons).
 //!
 //! # Features
 //!
 //! - `compact`: the embedded model.
-//! - `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda`, `rocm`: where to compute ([`DeviceName`]), any number of them; `flex` is a CPU in pure Rust.
-//! - `command`: what only the program `lamogen` needs; a library does without.
+//! - `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda`, `rocm`: the backends that compute ([`DeviceName`]). A program
+//!   may have any number of them. `flex` computes on the CPU in pure Rust.
+//! - `command`: the dependencies of the program `lamogen`; programs that use the library leave it out.
 
 mod device;
 mod error;
@@ -79,7 +81,7 @@ pub use lamogen_laban as laban;
 pub use lamogen_model as model;
 pub use lamogen_motion as motion;
 
-/// The README's program, compiled with the doc tests.
+/// The program in the README, compiled with the doc tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -1,20 +1,20 @@
-//! Under which terms weights may be used.
+//! The licence of a model's weights.
 
 use std::fmt;
 
 use lamogen_model::Checkpoint;
 
-/// The licence that a weight file states. It is not that of lamogen's code.
+/// The licence that a weight file states. The code of lamogen has a licence of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Licence {
-    /// Its name, as an SPDX identifier where there is one: `CC-BY-NC-4.0`.
+    /// The name of the licence, as an SPDX identifier where there is one: `CC-BY-NC-4.0`.
     pub name: String,
-    /// Whom to name when the weights, or what they make, are passed on.
+    /// Whom to name when the weights, or motions made with them, are passed on.
     pub attribution: Option<String>,
 }
 
 impl Licence {
-    /// What a checkpoint says of itself; PyTorch checkpoints say nothing.
+    /// Returns the licence that a checkpoint states. PyTorch checkpoints state none.
     pub(crate) fn of(checkpoint: &Checkpoint) -> Option<Licence> {
         Some(Licence {
             name: checkpoint.metadata("license")?.to_owned(),
@@ -22,7 +22,7 @@ impl Licence {
         })
     }
 
-    /// Whether commercial use is excluded, as far as the name tells.
+    /// Whether the name of the licence says that commercial use is excluded.
     pub fn is_non_commercial(&self) -> bool {
         let name = self.name.to_lowercase();
         name.split(|c: char| !c.is_alphanumeric())
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn non_commercial_licences_are_told_by_their_names() {
+    fn non_commercial_licences_are_recognized_by_their_names() {
         let licence = |name: &str| Licence {
             name: name.into(),
             attribution: None,

@@ -1,4 +1,4 @@
-//! Where models come from.
+//! Loading models: the embedded one, and those in folders.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,9 +13,11 @@ use crate::generation::LaMoGen;
 use crate::licence::Licence;
 
 impl LaMoGen<MotionDiffuse> {
-    /// The compact model that is part of the program. Its licence, CC BY 4.0, allows products that name its sources
-    /// ([`licence`](Self::licence)). Requests that say nothing else run with [`Preset::Precise`], and predictions are smoothed
-    /// along time ([`TemporalSmoothing`]), as its `config.json` says.
+    /// Loads the compact model that is part of the program.
+    ///
+    /// Its licence, CC BY 4.0, allows products that name its sources ([`licence`](Self::licence)). As its `config.json`
+    /// says, requests without a preset run with [`Preset::Precise`], and predictions are smoothed along time
+    /// ([`TemporalSmoothing`]).
     ///
     /// # Errors
     ///
@@ -38,20 +40,23 @@ impl LaMoGen<MotionDiffuse> {
         LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(Some(KnownWords::from_lines(compact::WORDS)))
-            .sampled_by_default(Path::new(&name("config.json")))
+            .with_sampling_defaults(Path::new(&name("config.json")))
     }
 
-    /// A model from a folder: weights in `model.safetensors` or `latest.tar` (the first where both are
-    /// there), and `mean.npy` and `std.npy`; or MotionDiffuse's own folder with `model/latest.tar`,
-    /// `meta/mean.npy` and `meta/std.npy`.
+    /// Loads a model from a folder.
     ///
-    /// A `config.json` states the sizes of the network; without one they are read off the weights (see
-    /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the
-    /// tokenizer; without one it is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the captions that it was
-    /// trained on, one a line.
+    /// The folder has the weights in `model.safetensors` or `latest.tar` (the first where both are there), and
+    /// `mean.npy` and `std.npy`. MotionDiffuse's own folder with `model/latest.tar`, `meta/mean.npy` and
+    /// `meta/std.npy` is read too.
     ///
-    /// Requests that say nothing else run as the `sampling` of `config.json` says ([`SamplingDefaults`](lamogen_model::SamplingDefaults)); where it
-    /// says nothing, with the paper's numbers ([`Preset::Paper`]) and without smoothing.
+    /// A `config.json` states the sizes of the network; without one they are derived from the weights (see
+    /// [`Checkpoint::config`]), as for MotionDiffuse's `latest.tar`. A `tokenizer.json` holds the tokenizer; without
+    /// one the tokenizer is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the
+    /// captions that the model was trained on, one a line.
+    ///
+    /// Requests without a preset run as the `sampling` of `config.json` says
+    /// ([`SamplingDefaults`](lamogen_model::SamplingDefaults)). Where it says nothing, they run with the paper's
+    /// numbers ([`Preset::Paper`]) and without smoothing.
     ///
     /// # Errors
     ///
@@ -63,32 +68,33 @@ impl LaMoGen<MotionDiffuse> {
         let weights = weights.into_iter().find(|path| path.exists());
         let weights = weights.ok_or_else(|| LoadError::NoWeights {
             folder: folder.to_owned(),
-            found: content(folder),
+            found: folder_contents(folder),
         })?;
-        let (config, sizes_from, checkpoint) = sizes(folder, weights)?;
+        let (config, config_source, checkpoint) = open_weights(folder, weights)?;
         if config.input_feats != POSE_FEATURES {
             return Err(LoadError::PoseFeatures {
-                path: sizes_from,
+                path: config_source,
                 found: config.input_feats,
             });
         }
-        let tokenizer = tokenizer(folder, &config)?;
+        let tokenizer = load_tokenizer(folder, &config)?;
         let normalization = Normalization::from_files(
-            statistics(folder, "mean.npy"),
-            statistics(folder, "std.npy"),
+            statistics_path(folder, "mean.npy"),
+            statistics_path(folder, "std.npy"),
             config.input_feats,
             device,
         )?;
-        let known_words = known_words(folder)?;
+        let known_words = load_known_words(folder)?;
         let network = checkpoint.load(&config, device)?;
         LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(known_words)
-            .sampled_by_default(&sizes_from)
+            .with_sampling_defaults(&config_source)
     }
 
-    /// Samples as the network's config says; `path` is where it stands.
-    fn sampled_by_default(self, path: &Path) -> Result<Self, LoadError> {
+    /// Sets the preset and the other sampling options that the network's config states. Errors name `path`, the file
+    /// of the config.
+    fn with_sampling_defaults(self, path: &Path) -> Result<Self, LoadError> {
         let sampling = self.config().sampling.clone().unwrap_or_default();
         let problem = |problem: &dyn fmt::Display| LoadError::Sampling {
             path: path.to_owned(),
@@ -110,14 +116,17 @@ impl LaMoGen<MotionDiffuse> {
             .map_err(|error| problem(&error))
     }
 
-    /// Sizes of the network.
+    /// Returns the config of the network, which states its sizes.
     pub fn config(&self) -> &ModelConfig {
         self.network().config()
     }
 }
 
-/// Sizes of the network, the file that tells them, and the opened weights.
-fn sizes(folder: &Path, weights: PathBuf) -> Result<(ModelConfig, PathBuf, Checkpoint), LoadError> {
+/// Opens the weights. Returns the config of the network, the file that the config comes from, and the checkpoint.
+fn open_weights(
+    folder: &Path,
+    weights: PathBuf,
+) -> Result<(ModelConfig, PathBuf, Checkpoint), LoadError> {
     let path = folder.join("config.json");
     if path.exists() {
         let config = ModelConfig::from_file(&path)?;
@@ -125,7 +134,8 @@ fn sizes(folder: &Path, weights: PathBuf) -> Result<(ModelConfig, PathBuf, Check
     }
     let checkpoint = Checkpoint::open(&weights)?;
     let config = checkpoint.config()?;
-    // Heads and prediction are in no shape: they are known of MotionDiffuse alone.
+    // The shapes of the weights tell neither the number of heads nor what the network predicts. Without a config they
+    // are known only of MotionDiffuse.
     let (public, found) = (
         ModelConfig::motion_diffuse().clip.vocab_size,
         config.clip.vocab_size,
@@ -140,8 +150,9 @@ fn sizes(folder: &Path, weights: PathBuf) -> Result<(ModelConfig, PathBuf, Check
     }
 }
 
-/// Mean or standard deviation: in the folder or, as MotionDiffuse has them, in `meta`.
-fn statistics(folder: &Path, name: &str) -> PathBuf {
+/// Returns the path of the mean or the standard deviation: in the folder or, as in MotionDiffuse's own folder, in
+/// `meta`.
+fn statistics_path(folder: &Path, name: &str) -> PathBuf {
     let (here, meta) = (folder.join(name), folder.join("meta").join(name));
     match !here.exists() && meta.exists() {
         true => meta,
@@ -149,8 +160,8 @@ fn statistics(folder: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// The folder's tokenizer, or CLIP's.
-fn tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError> {
+/// Loads the tokenizer of the folder, or CLIP's if the folder has none.
+fn load_tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError> {
     let path = folder.join("tokenizer.json");
     if path.exists() {
         let clip = &config.clip;
@@ -171,8 +182,8 @@ fn tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, LoadError
     }
 }
 
-/// The words of the captions that the model was trained on, where the folder says them.
-fn known_words(folder: &Path) -> Result<Option<KnownWords>, LoadError> {
+/// Loads the words of the captions that the model was trained on, if the folder lists them.
+fn load_known_words(folder: &Path) -> Result<Option<KnownWords>, LoadError> {
     let path = folder.join("words.txt");
     if !path.exists() {
         return Ok(None);
@@ -182,8 +193,8 @@ fn known_words(folder: &Path) -> Result<Option<KnownWords>, LoadError> {
     Ok(Some(KnownWords::from_lines(&lines)))
 }
 
-/// The names of a folder's files, for messages.
-fn content(folder: &Path) -> String {
+/// Lists the names of the files in a folder, for error messages.
+fn folder_contents(folder: &Path) -> String {
     let entries = match std::fs::read_dir(folder) {
         Ok(entries) => entries.flatten(),
         Err(error) => return format!("no folder that can be read ({error})"),

@@ -1,4 +1,4 @@
-//! What is asked for.
+//! Requests: the prompt, the length, the goals and the options of a motion to generate.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::error::RequestError;
 
-/// How long a motion shall be.
+/// The length of a motion to generate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Length {
     /// In seconds, rounded to frames.
@@ -17,7 +17,7 @@ pub enum Length {
     Frames(usize),
 }
 
-/// A motion to generate: a sentence, and how its motion shall differ from what the sentence alone
+/// A motion to generate: a sentence, and how the motion shall differ from the one that the sentence alone
 /// gives.
 ///
 /// ```
@@ -43,10 +43,11 @@ pub struct Request {
 }
 
 impl Request {
-    /// The longest prompt, in characters: several times what the text encoders of text-to-motion networks read.
+    /// The length of the longest prompt in characters: several times as many as the text encoders of text-to-motion
+    /// networks read.
     pub const LONGEST_PROMPT: usize = 2000;
 
-    /// A motion of 3 seconds with seed 0 and no tags.
+    /// Makes a request for a motion of 3 seconds with seed 0 and no tags.
     pub fn new(prompt: impl Into<String>) -> Self {
         Request {
             prompt: prompt.into(),
@@ -103,8 +104,8 @@ impl Request {
         }
     }
 
-    /// Sets what a component shall become, instead of a tag: a factor, a peak or a mean in its own unit, a series, or anything
-    /// it likes.
+    /// Sets the goal of a component, instead of a tag: a factor, a peak or a mean in the unit of the component, a
+    /// series, or [`Goal::Any`], which leaves the component free.
     ///
     /// ```
     /// use lamogen::{Component, Goal, Request};
@@ -118,8 +119,8 @@ impl Request {
         self.scale(goals.with(component, goal))
     }
 
-    /// Asks for the Laban features of another motion, whatever its length: they are stretched to this one's. Other goals may
-    /// be set after it.
+    /// Sets the Laban features of another motion as the goals. That motion may have any length: its features are
+    /// stretched to the length of this one. Other goals may be set afterwards.
     pub fn like(self, series: &LabanSeries) -> Self {
         self.scale(Goals::like(series))
     }
@@ -139,7 +140,7 @@ impl Request {
         self
     }
 
-    /// Sets steps and guidance together; each can still be set apart.
+    /// Sets steps and guidance together; each can still be set separately.
     pub fn preset(self, preset: Preset) -> Self {
         Request {
             preset: Some(preset),
@@ -174,7 +175,7 @@ impl Request {
 }
 
 impl Length {
-    /// Frames, if they are within what a model can do.
+    /// Returns the length in frames, if a model can generate motions of this length.
     pub(crate) fn frames(self, shortest: usize, longest: usize) -> Result<usize, RequestError> {
         let frames = match self {
             Length::Frames(frames) => Some(frames),
@@ -183,7 +184,7 @@ impl Length {
             }
             Length::Seconds(_) => None,
         };
-        // A motion without frames is none, whatever a network says.
+        // A motion has at least one frame, whatever the network states.
         let shortest = shortest.max(1);
         match frames {
             Some(frames) if (shortest..=longest).contains(&frames) => Ok(frames),
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_that_the_model_cannot_do_are_refused() {
+    fn lengths_that_the_model_cannot_generate_are_refused() {
         for length in [
             Length::Frames(0),
             Length::Frames(39),

@@ -1,4 +1,4 @@
-//! One batch from start noise to finished motions.
+//! Running one batch: from start noise to finished motions.
 
 use std::ops::ControlFlow;
 
@@ -15,32 +15,32 @@ use crate::error::{
     Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
 };
 use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValues};
-use crate::groups::Group;
+use crate::groups::JobGroup;
 use crate::request::Request;
 
-/// Sees every step and may stop the run.
-type Watch<'w> = &'w mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
+/// A function that is called after every step and may stop the run.
+type StepObserver<'o> = &'o mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
 
-/// A group of requests that a model works on.
-pub(crate) struct Run<'a, D> {
+/// The run of a model on one batch of requests.
+pub(crate) struct BatchRun<'a, D> {
     model: &'a LaMoGen<D>,
-    group: &'a Group,
+    group: &'a JobGroup,
     requests: &'a [Request],
 }
 
-impl<'a, D: Denoiser> Run<'a, D> {
-    pub(crate) fn new(model: &'a LaMoGen<D>, group: &'a Group, requests: &'a [Request]) -> Self {
-        Run {
+impl<'a, D: Denoiser> BatchRun<'a, D> {
+    pub(crate) fn new(model: &'a LaMoGen<D>, group: &'a JobGroup, requests: &'a [Request]) -> Self {
+        BatchRun {
             model,
             group,
             requests,
         }
     }
 
-    /// The group's motions, with their places among the requests.
+    /// Generates the motions of the batch. Each comes with the place of its request among the requests.
     pub(crate) fn generations(
         &self,
-        mut watch: Watch<'_>,
+        mut observer: StepObserver<'_>,
     ) -> Result<Vec<(usize, Generation)>, Error> {
         let LaMoGen {
             network,
@@ -57,20 +57,21 @@ impl<'a, D: Denoiser> Run<'a, D> {
             .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
             .map_err(|error| self.interrupted(error, &[]))?;
         let baseline = sampler
-            .baseline(&batch, &mut watch)
+            .baseline(&batch, &mut observer)
             .map_err(|error| self.interrupted(error, &[]))?;
-        // A baseline that is no motion must not be blamed on guidance.
-        let networks = self.motions(&baseline, Pass::Baseline, &[])?;
+        // The baseline is checked before the guided pass, so that an unusable baseline is not reported as an error of
+        // guidance.
+        let network_baselines = self.motions(&baseline, Pass::Baseline, &[])?;
         let embedding = batch.prompt.embedding.clone();
-        let mut body = OnBody {
+        let mut fitter = BodyFitter {
             run: self,
             rig: Rig::new(&self.group.guidance, &network.device()),
             embedding: &embedding,
-            watch,
+            observer,
         };
-        let baselines = body.baselines(&networks, &baseline)?;
+        let baselines = fitter.baselines(&network_baselines, &baseline)?;
         if !self.group.is_guided {
-            return Ok(self.text_alone(baselines, networks));
+            return Ok(self.text_alone(baselines, network_baselines));
         }
         let jobs = self.group.jobs.iter();
         let goals: Vec<Goals> = { jobs }
@@ -82,23 +83,23 @@ impl<'a, D: Denoiser> Run<'a, D> {
                 baseline,
                 &goals,
                 &self.group.guidance,
-                &mut body.watch,
+                &mut fitter.observer,
             )
             .map_err(|error| self.interrupted(error, &baselines))?;
         let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
-        let Made {
+        let GuidedMotions {
             motions,
             whole,
             parts,
             terms,
-        } = body.guided(&network_guided, &baselines, &goals, &guided)?;
+        } = fitter.guided(&network_guided, &baselines, &goals, &guided)?;
 
-        let networks = networks.into_iter().zip(network_guided);
-        let motions = baselines.into_iter().zip(motions).zip(networks);
+        let network_motions = network_baselines.into_iter().zip(network_guided);
+        let motions = baselines.into_iter().zip(motions).zip(network_motions);
         let jobs = self.group.jobs.iter().zip(motions).enumerate();
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
-                cut_tokens: job.cut,
+                cut_tokens: job.cut_tokens,
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
@@ -120,7 +121,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         Ok(generations.collect())
     }
 
-    /// Words of a request's prompt that the model has not met.
+    /// Returns the words of a request's prompt that occur in no caption that the model was trained on.
     fn unseen_words(&self, request: usize) -> Vec<String> {
         let known = self.model.known_words.as_ref();
         known.map_or(Vec::new(), |known| {
@@ -128,25 +129,26 @@ impl<'a, D: Denoiser> Run<'a, D> {
         })
     }
 
-    /// What a request's prompt was read as.
+    /// Returns the sentence that replaced a request's prompt, if one did.
     fn stand_in(&self, request: usize) -> Option<String> {
         let prompt = &self.requests[request].prompt;
         self.model.stand_in(prompt).map(str::to_owned)
     }
 
-    /// What there is without tags: the baseline is all.
-    fn text_alone(&self, motions: Vec<Motion>, networks: Vec<Motion>) -> Vec<(usize, Generation)> {
+    /// Returns the results of a batch without goals: the baseline is the guided motion too.
+    fn text_alone(
+        &self,
+        motions: Vec<Motion>,
+        network_motions: Vec<Motion>,
+    ) -> Vec<(usize, Generation)> {
         let device = self.model.network.device();
         let options = &self.group.guidance.laban;
-        let jobs = self
-            .group
-            .jobs
-            .iter()
-            .zip(motions.into_iter().zip(networks));
+        let motions = motions.into_iter().zip(network_motions);
+        let jobs = self.group.jobs.iter().zip(motions);
         jobs.map(|(job, (motion, network))| {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
-                cut_tokens: job.cut,
+                cut_tokens: job.cut_tokens,
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: Goals::default(),
@@ -168,7 +170,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         .collect()
     }
 
-    /// Encoded prompts and start noise, padded to the longest motion.
+    /// Encodes the prompts and draws the start noise, padded to the longest motion.
     fn batch<N: Denoiser>(&self, network: &N) -> Batch<N::Context> {
         let tokenizer = &self.model.tokenizer;
         let device = network.device();
@@ -198,6 +200,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         self.group.jobs.iter().map(|job| job.frames).collect()
     }
 
+    /// Decodes one motion of `normalized`, the pose features of the batch with shape `(motions, frames, features)`.
     fn motion(&self, normalized: &Tensor<3>, index: usize) -> Result<Motion, MotionError> {
         let [_, _, features] = normalized.dims();
         let frames = self.group.jobs[index].frames;
@@ -206,6 +209,8 @@ impl<'a, D: Denoiser> Run<'a, D> {
         Motion::from_features(rows.reshape([frames, features]))
     }
 
+    /// Decodes all motions of `normalized`, the pose features of the batch. `baselines` are empty until the first pass
+    /// is finished; they become part of an error.
     fn motions(
         &self,
         normalized: &Tensor<3>,
@@ -219,8 +224,8 @@ impl<'a, D: Denoiser> Run<'a, D> {
         (0..self.group.jobs.len()).map(motion).collect()
     }
 
-    /// Motions of a rigid body.
-    fn rigid(
+    /// Makes motions of a rigid body from rotations of its joints.
+    fn rigid_motions(
         &self,
         rotations: Vec<Rotations>,
         pass: Pass,
@@ -234,6 +239,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         motions.collect()
     }
 
+    /// Returns the Laban features of one motion of a batch; `features` have the shape `(motions, frames, 4)`.
     fn series(&self, features: &Tensor<3>, index: usize) -> LabanSeries {
         let frames = self.group.jobs[index].frames;
         let rows = features.clone().narrow(0, index, 1).narrow(1, 0, frames);
@@ -259,7 +265,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }
     }
 
-    /// Laban features of the parts that a motion asks something of.
+    /// Returns the Laban features of the parts of the body for which a motion has goals.
     fn parts(
         &self,
         goals: &Goals,
@@ -268,11 +274,11 @@ impl<'a, D: Denoiser> Run<'a, D> {
         index: usize,
     ) -> Vec<PartLaban> {
         let all = &self.group.guidance.laban.end_effectors;
-        let own = goals.terms(all).into_iter().skip(1);
-        let own = own.map(|term| {
-            let found = parts.iter();
-            let mut found = found.filter(|part| part.end_effectors == term.end_effectors);
-            let part = found.next().unwrap_or(whole);
+        let part_terms = goals.terms(all).into_iter().skip(1);
+        let part_features = part_terms.map(|term| {
+            let mut parts = parts.iter();
+            let part = parts.find(|part| part.end_effectors == term.end_effectors);
+            let part = part.unwrap_or(whole);
             PartLaban {
                 end_effectors: term.end_effectors,
                 baseline: self.series(&part.baseline, index),
@@ -280,15 +286,15 @@ impl<'a, D: Denoiser> Run<'a, D> {
                 guided: self.series(&part.guided, index),
             }
         });
-        own.collect()
+        part_features.collect()
     }
 
-    /// The end of a pass before its time. `baselines` are empty until the first pass is finished.
+    /// Converts the error of a pass. `baselines` are empty until the first pass is finished.
     fn interrupted(&self, error: GuideError, baselines: &[Motion]) -> Error {
         match error {
             GuideError::Stopped(stopped) => {
-                let at = (stopped.pass, stopped.index, stopped.steps);
-                self.stopped(at, baselines, &stopped.loss, |index| {
+                let position = (stopped.pass, stopped.index, stopped.steps);
+                self.stopped(position, baselines, &stopped.loss, |index| {
                     self.motion(&stopped.prediction, index).ok()
                 })
             }
@@ -299,7 +305,8 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }
     }
 
-    /// What a stopped pass leaves: the baselines, if they are finished, and what else there is of every motion.
+    /// Makes the error of a stopped pass. It contains the baselines, if they are finished, and the losses and the
+    /// prediction of every motion.
     fn stopped(
         &self,
         (pass, index, steps): (Pass, usize, usize),
@@ -320,6 +327,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }))
     }
 
+    /// Makes the error of a pass that failed at one motion of the batch.
     fn failed(&self, index: usize, reason: PassError, baselines: &[Motion]) -> Error {
         Error::Failed(Box::new(FailedRun {
             which: RequestIndex::new(self.requests, self.group.jobs[index].request),
@@ -328,6 +336,7 @@ impl<'a, D: Denoiser> Run<'a, D> {
         }))
     }
 
+    /// Returns the partial results of this batch; those of earlier batches are added later.
     fn partial(&self, baselines: &[Motion]) -> PartialResults {
         let jobs = self.group.jobs.iter().enumerate();
         let unfinished = jobs.map(|(index, job)| UnfinishedRequest {
@@ -343,96 +352,115 @@ impl<'a, D: Denoiser> Run<'a, D> {
     }
 }
 
-/// What follows each pass of the network: its motions on a rigid body, where that is asked for.
-struct OnBody<'r, 'w, D> {
-    run: &'r Run<'r, D>,
+/// Fits the motions of each pass of the network to a rigid body, if the guidance options say so.
+struct BodyFitter<'r, 'o, D> {
+    run: &'r BatchRun<'r, D>,
     rig: Rig<'r>,
     embedding: &'r Tensor<2>,
-    watch: Watch<'w>,
+    observer: StepObserver<'o>,
 }
 
-/// The guided motions of a group, and what they reached.
-struct Made {
+/// The guided motions of a batch, and their Laban features beside the baseline's and the target.
+struct GuidedMotions {
     motions: Vec<Motion>,
+    /// Features of the whole body.
     whole: LabanComparison,
+    /// Features of each part of the body that has goals of its own.
     parts: Vec<LabanComparison>,
     terms: Vec<TermComparison>,
 }
 
-impl<D: Denoiser> OnBody<'_, '_, D> {
-    /// The motions of the first pass, which the network gave as `normalized`.
+impl<D: Denoiser> BodyFitter<'_, '_, D> {
+    /// Fits the motions of the first pass. `normalized` are the pose features of these motions.
     fn baselines(
         &mut self,
-        networks: &[Motion],
+        network_motions: &[Motion],
         normalized: &Tensor<3>,
     ) -> Result<Vec<Motion>, Error> {
         if !self.run.group.is_rigid() {
-            return Ok(networks.to_vec());
+            return Ok(network_motions.to_vec());
         }
-        let mut last = 0;
-        let mut watch = watching(self.embedding, normalized, &mut self.watch, &mut last);
-        let (rotations, is_stopped) = self.rig.fit(networks, &mut watch);
-        drop(watch);
-        let motions = self.run.rigid(rotations, Pass::Baseline, &[])?;
+        let mut last_step = 0;
+        let mut observer = fit_observer(
+            self.embedding,
+            normalized,
+            &mut self.observer,
+            &mut last_step,
+        );
+        let (rotations, is_stopped) = self.rig.fit(network_motions, &mut observer);
+        drop(observer);
+        let motions = self.run.rigid_motions(rotations, Pass::Baseline, &[])?;
         match is_stopped {
             true => {
                 let steps = self.run.group.guidance.fit.allowed(false);
-                let at = (Pass::Body, last, steps);
-                Err(self.run.stopped(at, &motions, &[], |_| None))
+                let position = (Pass::Body, last_step, steps);
+                Err(self.run.stopped(position, &motions, &[], |_| None))
             }
             false => Ok(motions),
         }
     }
 
-    /// The motions of the second pass.
+    /// Fits and guides the motions of the second pass.
     fn guided(
         &mut self,
-        networks: &[Motion],
+        network_motions: &[Motion],
         baselines: &[Motion],
         goals: &[Goals],
         guided: &Guided,
-    ) -> Result<Made, Error> {
+    ) -> Result<GuidedMotions, Error> {
         if !self.run.group.is_rigid() {
-            return Ok(Made {
-                motions: networks.to_vec(),
+            return Ok(GuidedMotions {
+                motions: network_motions.to_vec(),
                 whole: guided.whole.clone(),
                 parts: guided.parts.clone(),
                 terms: guided.terms.clone(),
             });
         }
-        let mut last = 0;
-        let mut watch = watching(self.embedding, &guided.motion, &mut self.watch, &mut last);
-        let made = self.rig.guide(networks, baselines, goals, &mut watch);
-        drop(watch);
-        let made = made.map_err(|error| self.run.interrupted(error, baselines))?;
-        let motions = self.run.rigid(made.rotations, Pass::Guided, baselines)?;
-        match made.is_stopped {
+        let mut last_step = 0;
+        let mut observer = fit_observer(
+            self.embedding,
+            &guided.motion,
+            &mut self.observer,
+            &mut last_step,
+        );
+        let rigid = self
+            .rig
+            .guide(network_motions, baselines, goals, &mut observer);
+        drop(observer);
+        let rigid = rigid.map_err(|error| self.run.interrupted(error, baselines))?;
+        let motions = self
+            .run
+            .rigid_motions(rigid.rotations, Pass::Guided, baselines)?;
+        match rigid.is_stopped {
             true => {
                 let steps = self.run.group.guidance.fit.allowed(true);
-                let at = (Pass::Body, last, steps);
+                let position = (Pass::Body, last_step, steps);
                 let prediction = |index: usize| motions.get(index).cloned();
-                Err(self.run.stopped(at, baselines, &guided.loss, prediction))
+                Err(self
+                    .run
+                    .stopped(position, baselines, &guided.loss, prediction))
             }
-            false => Ok(Made {
+            false => Ok(GuidedMotions {
                 motions,
-                whole: made.whole,
-                parts: made.parts,
-                terms: made.terms,
+                whole: rigid.whole,
+                parts: rigid.parts,
+                terms: rigid.terms,
             }),
         }
     }
 }
 
-/// What sees a fit as steps of a run; `last` is told the number of the step just made.
-fn watching<'s>(
+/// Makes an observer of a fit that passes the progress on as steps of a run. It writes the number of the last finished
+/// step into `last_step`.
+fn fit_observer<'s>(
     embedding: &'s Tensor<2>,
     prediction: &'s Tensor<3>,
-    watch: &'s mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
-    last: &'s mut usize,
+    observer: &'s mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
+    last_step: &'s mut usize,
 ) -> impl FnMut(FitProgress) -> ControlFlow<()> + 's {
     move |progress| {
-        *last = progress.done - 1;
-        watch(&Step {
+        *last_step = progress.done - 1;
+        observer(&Step {
             pass: Pass::Body,
             index: progress.done - 1,
             steps: progress.total,

@@ -1,4 +1,5 @@
-//! `lamogen batch`: many requests, stopped and gone on with at will.
+//! `lamogen batch`: generates the motions of many requests. It can be stopped at any time, and then goes on where it
+//! was stopped.
 //!
 //! ```text
 //! requests.jsonl ──read──▶ lines ──shard──▶ items ──finished?──▶ pending ──checked──▶ groups of motions
@@ -17,54 +18,55 @@ use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Generation, Request};
 use serde_json::{Value, json};
 
-use crate::arguments::Batch;
+use crate::arguments::BatchArguments;
 use crate::console::Console;
-use crate::each::generate_each;
-use crate::failure::{Code, Failure};
-use crate::generate::facts;
-use crate::opened::STANDARD_INPUT;
-use crate::output::{Format, Output};
+use crate::failure::{Failure, FailureCode};
+use crate::generate::generation_facts;
+use crate::generate_each::generate_each;
+use crate::motion_file::STANDARD_INPUT;
+use crate::output::{OutputFile, OutputFormat};
 use crate::scene::Scene;
-use crate::source::Source;
-use line::Item;
+use crate::source::ModelSource;
+use line::BatchItem;
 
-/// Wrong lines that are named.
-const NAMED: usize = 10;
+/// The largest number of wrong lines that an error lists.
+const MAX_LISTED: usize = 10;
 
-pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
-    let mut items = items(options, console)?;
-    for unused in options.writing.unused(&options.format) {
-        console.notice(unused);
+/// Runs `lamogen batch`.
+pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
+    let mut items = read_items(options, console)?;
+    for notice in options.writing.unused_option_notices(&options.format) {
+        console.notice(notice);
     }
     std::fs::create_dir_all(&options.out)
         .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
         .map_err(|error| Failure::output(&options.out, error))?;
     remove_stale_temporaries(&options.out);
-    let mut source = Source::open(&options.source, console)?;
+    let mut source = ModelSource::open(&options.source, console)?;
     let batch_size = options.batch_size.map(|size| size as usize);
     let batch_size = batch_size.unwrap_or(source.model.batch_size());
     source.model = source.model.with_batch_size(batch_size);
-    let work = Work {
+    let runner = BatchRunner {
         options,
         source: &source,
         console,
     };
-    let mut known = HashMap::new();
+    let mut checksums = HashMap::new();
     for item in &mut items {
-        item.note_like(&mut known);
+        item.compute_like_checksum(&mut checksums);
     }
-    let (finished, mut pending): (Vec<Item>, Vec<Item>) =
-        items.into_iter().partition(|item| work.is_finished(item));
-    work.prepare(&mut pending)?;
-    work.check(&pending)?;
+    let (finished, mut pending): (Vec<BatchItem>, Vec<BatchItem>) =
+        items.into_iter().partition(|item| runner.is_finished(item));
+    runner.resolve_goals(&mut pending)?;
+    runner.check(&pending)?;
 
     let start = Instant::now();
-    let bar = console.bar("motions");
+    let bar = console.progress_bar("motions");
     bar.set_length(pending.len() as u64);
     let mut failed: Vec<(String, String)> = Vec::new();
     sort_within_windows(&mut pending, batch_size);
     for items in pending.chunks(batch_size) {
-        work.generate(items, &bar, &mut failed)?;
+        runner.generate(items, &bar, &mut failed)?;
     }
     bar.finish_and_clear();
 
@@ -81,13 +83,13 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
         "folder": options.out.to_string_lossy(),
     });
     match console.json {
-        true => console.say(summary.to_string())?,
+        true => console.print(summary.to_string())?,
         false => {
             let each = match made {
                 0 => String::new(),
                 made => format!(" in {seconds:.1} s, {:.2} s each", seconds / made as f64),
             };
-            console.say(format!(
+            console.print(format!(
                 "{made} made{each}; {} finished before; {} failed; {}",
                 finished.len(),
                 failed.len(),
@@ -102,15 +104,16 @@ pub fn run(options: &Batch, console: &Console) -> Result<(), Failure> {
                 .iter()
                 .map(|(id, reason)| format!("{id}: {reason}"))
                 .collect();
-            Err(Failure::new(Code::Partly, reasons.join("\n")))
+            Err(Failure::new(FailureCode::Partial, reasons.join("\n")))
         }
     }
 }
 
-/// Puts motions that run together well beside each other: those with goals or without, of nearly the same length. Only within windows, so that
-/// a batch that is stopped has finished the first lines of its file and not some of all.
-fn sort_within_windows(items: &mut [Item], batch_size: usize) {
-    /// Batches in a window.
+/// Sorts items so that motions that run together well are neighbours: those with goals, those without, and those of
+/// similar length. Items are sorted within windows only, so that a command that is stopped has finished the first lines
+/// of its file.
+fn sort_within_windows(items: &mut [BatchItem], batch_size: usize) {
+    /// The number of batches in a window.
     const WINDOW: usize = 16;
     if batch_size > 1 {
         for window in items.chunks_mut(WINDOW * batch_size) {
@@ -122,55 +125,57 @@ fn sort_within_windows(items: &mut [Item], batch_size: usize) {
     }
 }
 
-/// The file of requests, for messages.
-fn requests_name(options: &Batch) -> &Path {
+/// Returns the name of the file of requests for messages.
+fn requests_name(options: &BatchArguments) -> &Path {
     match options.requests == Path::new(STANDARD_INPUT) {
         true => Path::new("standard input"),
         false => &options.requests,
     }
 }
 
-/// The lines of the file that are this part's, in their order.
-fn items(options: &Batch, console: &Console) -> Result<Vec<Item>, Failure> {
+/// Reads the requests of the file that belong to this shard, in their order.
+fn read_items(options: &BatchArguments, console: &Console) -> Result<Vec<BatchItem>, Failure> {
     let path = requests_name(options);
     let text = match options.requests == Path::new(STANDARD_INPUT) {
         true => std::io::read_to_string(std::io::stdin()),
         false => std::fs::read_to_string(&options.requests),
     };
-    let text =
-        text.map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
-    let endings: Vec<&str> = { formats(options).chain([Format::Json]) }
-        .map(Format::ending)
+    let text = text.map_err(|error| {
+        Failure::new(FailureCode::Input, format!("{}: {error}", path.display()))
+    })?;
+    let endings: Vec<&str> = { formats(options).chain([OutputFormat::Json]) }
+        .map(OutputFormat::ending)
         .collect();
-    let (items, wrong) = line::items(&text, &endings);
-    refuse(path, wrong)?;
+    let (items, wrong) = line::parse_items(&text, &endings);
+    reject_lines(path, wrong)?;
     if items.is_empty() {
         console.notice(format!(
             "{}: expected requests, one JSON object a line; found no line that is not blank",
             path.display()
         ));
     }
-    let (part, parts) = options.shard.unwrap_or((1, 1));
-    let mine = items
+    let (shard, shards) = options.shard.unwrap_or((1, 1));
+    let items_of_shard = items
         .into_iter()
         .enumerate()
-        .filter(|(place, _)| place % parts == part - 1);
-    Ok(mine.map(|(_, item)| item).collect())
+        .filter(|(place, _)| place % shards == shard - 1);
+    Ok(items_of_shard.map(|(_, item)| item).collect())
 }
 
-/// Formats beside the JSON, which is always written, and last.
-fn formats(options: &Batch) -> impl Iterator<Item = Format> + '_ {
+/// Returns the formats to write without JSON, which is always written, and last.
+fn formats(options: &BatchArguments) -> impl Iterator<Item = OutputFormat> + '_ {
     let formats = options.format.iter().copied();
-    formats.filter(|format| *format != Format::Json)
+    formats.filter(|format| *format != OutputFormat::Json)
 }
 
-/// Names the lines that are no requests or make no sense. Nothing has been run.
-fn refuse(path: &Path, mut wrong: Vec<(usize, String)>) -> Result<(), Failure> {
+/// Fails if there are wrong lines, each given by its number and the reason. This is called before anything is
+/// generated.
+fn reject_lines(path: &Path, mut wrong: Vec<(usize, String)>) -> Result<(), Failure> {
     if wrong.is_empty() {
         return Ok(());
     }
-    let more = wrong.len().saturating_sub(NAMED);
-    wrong.truncate(NAMED);
+    let more = wrong.len().saturating_sub(MAX_LISTED);
+    wrong.truncate(MAX_LISTED);
     let mut lines: Vec<String> = wrong
         .into_iter()
         .map(|(number, reason)| format!("{}, line {number}: {reason}", path.display()))
@@ -178,22 +183,25 @@ fn refuse(path: &Path, mut wrong: Vec<(usize, String)>) -> Result<(), Failure> {
     if more > 0 {
         lines.push(format!("and {more} more lines"));
     }
-    Err(Failure::new(Code::Usage, lines.join("\n")).hint("nothing was run"))
+    Err(Failure::new(FailureCode::Usage, lines.join("\n")).hint("nothing was run"))
 }
 
-struct Work<'a> {
-    options: &'a Batch,
-    source: &'a Source,
+/// Generates motions and writes their files.
+struct BatchRunner<'a> {
+    options: &'a BatchArguments,
+    source: &'a ModelSource,
     console: &'a Console,
 }
 
-impl Work<'_> {
-    fn request(&self, item: &Item) -> Request {
+impl BatchRunner<'_> {
+    /// Makes the request of an item.
+    fn request(&self, item: &BatchItem) -> Request {
         item.request(&self.options.pass, self.source.model.preset())
     }
 
-    /// What makes a motion this one: a finished file that says the same need not be made again.
-    fn identity(&self, item: &Item) -> Value {
+    /// Returns everything that determines the files of a motion. A motion with the same identity in its JSON file is
+    /// not generated again.
+    fn identity(&self, item: &BatchItem) -> Value {
         let pass = item.pass(&self.options.pass);
         let formats = self.options.format.iter().map(|format| format.ending());
         let writing = &self.options.writing;
@@ -218,21 +226,23 @@ impl Work<'_> {
         })
     }
 
-    fn output(&self, item: &Item, format: Format) -> Output {
+    /// Returns the file of an item in a format.
+    fn output(&self, item: &BatchItem, format: OutputFormat) -> OutputFile {
         let name = format!("{}.{}", item.id, format.ending());
-        Output {
+        OutputFile {
             path: self.options.out.join(name),
             format,
         }
     }
 
-    fn is_finished(&self, item: &Item) -> bool {
-        let record = self.output(item, Format::Json).path;
-        // Through JSON numbers lose what they would lose in the file.
+    /// Whether the files of an item exist and have the same identity.
+    fn is_finished(&self, item: &BatchItem) -> bool {
+        let record = self.output(item, OutputFormat::Json).path;
+        // The numbers take the way through text that those in the file took, so that both are rounded alike.
         let identity = serde_json::from_str::<Value>(&self.identity(item).to_string());
-        let found = read_identity(&record);
-        found.is_some()
-            && found == identity.ok()
+        let identity_in_file = read_identity(&record);
+        identity_in_file.is_some()
+            && identity_in_file == identity.ok()
             && formats(self.options).all(|format| {
                 self.output(item, format)
                     .path
@@ -241,29 +251,30 @@ impl Work<'_> {
             })
     }
 
-    /// Reads what requests refer to, before anything is run.
-    fn prepare(&self, items: &mut [Item]) -> Result<(), Failure> {
+    /// Resolves the goals of all items, before anything is generated.
+    fn resolve_goals(&self, items: &mut [BatchItem]) -> Result<(), Failure> {
         let device = self.source.device();
         let wrong = items.iter_mut().filter_map(|item| {
-            let reason = item.prepare(&device).err()?;
+            let reason = item.resolve_goals(&device).err()?;
             Some((item.number, reason))
         });
-        refuse(requests_name(self.options), wrong.collect())
+        reject_lines(requests_name(self.options), wrong.collect())
     }
 
-    /// Refuses requests that make no sense, before anything is run.
-    fn check(&self, items: &[Item]) -> Result<(), Failure> {
+    /// Rejects requests that the model cannot run, before anything is generated.
+    fn check(&self, items: &[BatchItem]) -> Result<(), Failure> {
         let wrong = items.iter().filter_map(|item| {
             let reason = self.source.model.check(&self.request(item)).err()?;
             Some((item.number, reason.to_string()))
         });
-        refuse(requests_name(self.options), wrong.collect())
+        reject_lines(requests_name(self.options), wrong.collect())
     }
 
-    /// Makes some motions together. One that fails is left out, and the others are made without it.
+    /// Generates the motions of some items together, and writes their files. If one fails, the others are generated
+    /// without it, and its id and the reason are added to `failed`.
     fn generate(
         &self,
-        items: &[Item],
+        items: &[BatchItem],
         bar: &indicatif::ProgressBar,
         failed: &mut Vec<(String, String)>,
     ) -> Result<(), Failure> {
@@ -282,9 +293,10 @@ impl Work<'_> {
         Ok(())
     }
 
-    fn write(&self, item: &Item, generation: Generation) -> Result<(), Failure> {
+    /// Writes the files of a motion.
+    fn write(&self, item: &BatchItem, generation: Generation) -> Result<(), Failure> {
         let pass = item.pass(&self.options.pass);
-        let mut facts = facts(
+        let mut facts = generation_facts(
             &item.line.prompt,
             item.seed(),
             &generation,
@@ -294,26 +306,26 @@ impl Work<'_> {
         facts.insert("id".into(), item.id.as_str().into());
         facts.insert("batch".into(), self.identity(item));
         let licence = self.source.model.licence();
-        let scene = Scene::generated(&item.line.prompt, generation, facts, licence);
-        // The JSON says that the motion is finished, so it comes last.
-        // An old one would say that of a motion of other options while files of this one are written beside it.
-        let record = self.output(item, Format::Json).path;
+        let scene = Scene::from_generation(&item.line.prompt, generation, facts, licence);
+        // The JSON file marks the motion as finished, so it is written last. An old one from a run with other options
+        // is removed first, since it would mark the motion as finished while its files are being written.
+        let record = self.output(item, OutputFormat::Json).path;
         match std::fs::remove_file(&record) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 return Err(Failure::output(&record, error));
             }
             _ => {}
         }
-        for format in formats(self.options).chain([Format::Json]) {
+        for format in formats(self.options).chain([OutputFormat::Json]) {
             let output = self.output(item, format);
-            let quiet = self.console.hushed();
+            let quiet = self.console.without_notices();
             output.write(&scene, &self.options.writing, &quiet)?;
         }
         Ok(())
     }
 }
 
-/// What a finished motion's record says of how it was made; none if it is not there or not whole.
+/// Reads the identity in the JSON file of a motion. Returns `None` if the file does not exist or is incomplete.
 fn read_identity(path: &Path) -> Option<Value> {
     let text = std::fs::read_to_string(path).ok()?;
     let mut record: Value = serde_json::from_str(&text).ok()?;

@@ -1,4 +1,4 @@
-//! What is said, and where: results on stdout, everything else on stderr.
+//! Printing: results go to stdout, everything else to stderr.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -7,40 +7,45 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lamogen::Licence;
 
 use crate::arguments::ConsoleArguments;
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 
-/// Prints a line on stderr. Where nobody can read it, such as on a full disk or a closed pipe, the work goes on without.
-pub fn tell(text: impl AsRef<str>) {
-    let _ = writeln!(std::io::stderr(), "{}", visible(text.as_ref()));
+/// Prints a line on stderr. Errors, such as a full disk or a closed pipe, are ignored, so that the work goes on.
+pub fn print_to_stderr(text: impl AsRef<str>) {
+    let _ = writeln!(
+        std::io::stderr(),
+        "{}",
+        escape_control_characters(text.as_ref())
+    );
 }
 
-/// A number of things in words: `1 clip`, `2 clips`.
-pub fn counted(count: usize, one: &str, many: &str) -> String {
+/// Formats a number with its noun: `1 clip`, `2 clips`.
+pub fn count_noun(count: usize, singular: &str, plural: &str) -> String {
     match count {
-        1 => format!("1 {one}"),
-        _ => format!("{count} {many}"),
+        1 => format!("1 {singular}"),
+        _ => format!("{count} {plural}"),
     }
 }
 
-/// A text without control characters that could drive a terminal: a prompt or a file's name may have any.
-fn visible(text: &str) -> Cow<'_, str> {
-    let drives = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    if !text.contains(drives) {
+/// Escapes the control characters of a text, which could control the terminal: a prompt or the name of a file may
+/// contain any.
+fn escape_control_characters(text: &str) -> Cow<'_, str> {
+    let is_unsafe = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(is_unsafe) {
         return Cow::Borrowed(text);
     }
-    let mut shown = String::with_capacity(text.len());
+    let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
-        match drives(c) {
-            true => shown.extend(c.escape_default()),
-            false => shown.push(c),
+        match is_unsafe(c) {
+            true => escaped.extend(c.escape_default()),
+            false => escaped.push(c),
         }
     }
-    Cow::Owned(shown)
+    Cow::Owned(escaped)
 }
 
-/// Where results, notices and progress go.
+/// Prints results, notices and progress.
 pub struct Console {
-    /// Results are JSON.
+    /// Whether results are printed as JSON.
     pub json: bool,
     quiet: bool,
 }
@@ -53,48 +58,49 @@ impl Console {
         }
     }
 
-    /// The same without notices and bars, for parts of a work that has a bar itself.
-    pub fn hushed(&self) -> Console {
+    /// Returns a console without notices and progress bars, for parts of a task that has a progress bar itself.
+    pub fn without_notices(&self) -> Console {
         Console {
             json: self.json,
             quiet: true,
         }
     }
 
-    /// Whether notices go nowhere.
+    /// Whether notices are not printed.
     pub fn is_quiet(&self) -> bool {
         self.quiet
     }
 
     /// Prints a result.
-    pub fn say(&self, text: impl AsRef<str>) -> Result<(), Failure> {
+    pub fn print(&self, text: impl AsRef<str>) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
         let text = text.as_ref().trim_end_matches('\n');
-        match writeln!(out, "{}", visible(text)) {
-            // Whoever reads along may stop reading.
-            Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-                Err(Failure::new(Code::Output, format!("stdout: {error}")))
-            }
+        match writeln!(out, "{}", escape_control_characters(text)) {
+            // The program that reads stdout may stop early; that is not an error.
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::new(
+                FailureCode::Output,
+                format!("stdout: {error}"),
+            )),
             _ => Ok(()),
         }
     }
 
-    /// Prints something that is good to know.
+    /// Prints a notice.
     pub fn notice(&self, text: impl AsRef<str>) {
         if !self.quiet {
-            tell(text);
+            print_to_stderr(text);
         }
     }
 
-    /// Says under which terms the weights may be used, if they exclude commercial use.
-    pub fn licence(&self, licence: Option<&Licence>) {
+    /// Prints the licence of the weights as a notice, if it excludes commercial use.
+    pub fn notice_licence(&self, licence: Option<&Licence>) {
         if let Some(licence) = licence.filter(|licence| licence.is_non_commercial()) {
             self.notice(format!("Model: {licence}"));
         }
     }
 
-    /// A bar for long work; hidden where nobody sees it.
-    pub fn bar(&self, unit: &str) -> ProgressBar {
+    /// Makes a progress bar; it is hidden if notices are off or stderr is not a terminal.
+    pub fn progress_bar(&self, unit: &str) -> ProgressBar {
         if self.quiet || !std::io::stderr().is_terminal() {
             return ProgressBar::hidden();
         }
@@ -107,13 +113,13 @@ impl Console {
 
 #[cfg(test)]
 mod tests {
-    use super::visible;
+    use super::escape_control_characters;
 
     #[test]
-    fn control_characters_are_shown_instead_of_obeyed() {
-        assert_eq!(visible("a\tb\nc é"), "a\tb\nc é");
+    fn control_characters_are_escaped() {
+        assert_eq!(escape_control_characters("a\tb\nc é"), "a\tb\nc é");
         assert_eq!(
-            visible("\u{1b}[31mred\u{7}\r\u{9b}2J"),
+            escape_control_characters("\u{1b}[31mred\u{7}\r\u{9b}2J"),
             "\\u{1b}[31mred\\u{7}\\r\\u{9b}2J"
         );
     }

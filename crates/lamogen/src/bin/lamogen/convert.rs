@@ -1,4 +1,4 @@
-//! `lamogen convert`.
+//! `lamogen convert`: converts a motion file to another format.
 
 use std::ops::ControlFlow;
 
@@ -8,41 +8,48 @@ use lamogen::body::{FitInput, FitOptions, ground};
 use lamogen::motion::RestPose;
 use serde_json::json;
 
-use crate::arguments::Convert;
+use crate::arguments::ConvertArguments;
 use crate::console::Console;
-use crate::failure::{Code, Failure};
-use crate::opened::open;
-use crate::source::device;
+use crate::failure::{Failure, FailureCode};
+use crate::motion_file::open_motion_file;
+use crate::source::open_device;
 
-pub fn run(options: &Convert, console: &Console) -> Result<(), Failure> {
+/// Runs `lamogen convert`.
+pub fn run(options: &ConvertArguments, console: &Console) -> Result<(), Failure> {
     options.to.check()?;
-    for unused in options.writing.unused(&[options.to.format]) {
-        console.notice(unused);
+    for notice in options.writing.unused_option_notices(&[options.to.format]) {
+        console.notice(notice);
     }
-    let mut opened = open(&options.source, &options.reading, &device(None)?, console)?;
-    if !opened.assumed.is_empty() {
-        console.notice(format!("Read with {}.", opened.assumed));
+    let mut file = open_motion_file(
+        &options.source,
+        &options.reading,
+        &open_device(None)?,
+        console,
+    )?;
+    if !file.assumptions.is_empty() {
+        console.notice(format!("Read with {}.", file.assumptions));
     }
     if options.clean_feet {
-        let bar = console.bar("steps");
-        let motion = clean_feet(&opened.scene.main().motion, &bar)?;
+        let bar = console.progress_bar("steps");
+        let motion = clean_feet(&file.scene.main().motion, &bar)?;
         bar.finish_and_clear();
-        opened.scene.replace_main(motion, &device(None)?);
+        file.scene.replace_main(motion, &open_device(None)?);
     }
-    options.to.write(&opened.scene, &options.writing, console)?;
-    let motion = &opened.scene.main().motion;
+    options.to.write(&file.scene, &options.writing, console)?;
+    let motion = &file.scene.main().motion;
     if console.json {
         let (from, to) = (
             options.source.to_string_lossy(),
             options.to.path.to_string_lossy(),
         );
         let result = json!({ "from": from, "to": to, "frames": motion.frames(), "seconds": motion.seconds() });
-        return console.say(result.to_string());
+        return console.print(result.to_string());
     }
-    console.say(format!("{}: {:.2} s", options.to, motion.seconds()))
+    console.print(format!("{}: {:.2} s", options.to, motion.seconds()))
 }
 
-/// The motion of a rigid body with the motion's own bones, whose feet stand where they stand.
+/// Fits a rigid body to a motion. The body has the bones of the motion, and its feet neither slide nor sink into the
+/// ground while they stand.
 fn clean_feet(motion: &Motion, bar: &ProgressBar) -> Result<Motion, Failure> {
     let input = FitInput {
         motion,
@@ -55,5 +62,5 @@ fn clean_feet(motion: &Motion, bar: &ProgressBar) -> Result<Motion, Failure> {
         ControlFlow::Continue(())
     });
     let rotations = fitted.rotations.pop().expect("one motion was fitted");
-    Motion::from_rotations(rotations).map_err(|error| Failure::new(Code::Run, error))
+    Motion::from_rotations(rotations).map_err(|error| Failure::new(FailureCode::Run, error))
 }

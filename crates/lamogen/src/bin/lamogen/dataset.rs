@@ -1,4 +1,4 @@
-//! A data set as the command opens it.
+//! Opening a data set.
 
 use std::path::Path;
 
@@ -6,17 +6,17 @@ use lamogen_data::{Dataset, LoadOptions};
 
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::pack::tell_problems;
+use crate::pack::print_problems;
 
-/// Reads a data set, with a bar, and says what was left out.
+/// Reads a data set with a progress bar, and prints which motions were left out.
 pub fn open(folder: &Path, limits: &LoadOptions, console: &Console) -> Result<Dataset, Failure> {
-    let bar = console.bar("files");
+    let bar = console.progress_bar("files");
     let dataset = Dataset::open(folder, limits, &mut |progress| {
         bar.set_length(progress.all as u64);
         bar.set_position(progress.done as u64);
     });
     bar.finish_and_clear();
     let dataset = dataset?;
-    tell_problems(dataset.problems(), console);
+    print_problems(dataset.problems(), console);
     Ok(dataset)
 }

@@ -1,4 +1,4 @@
-//! `lamogen devices`.
+//! `lamogen devices`: lists the available devices.
 
 use lamogen::DeviceName;
 use serde_json::json;
@@ -6,13 +6,14 @@ use serde_json::json;
 use crate::console::Console;
 use crate::failure::Failure;
 
+/// Runs `lamogen devices`.
 pub fn run(console: &Console) -> Result<(), Failure> {
     let names: Vec<String> = DeviceName::available()
         .iter()
         .map(DeviceName::to_string)
         .collect();
     if console.json {
-        return console.say(json!({ "devices": names, "default": names.first() }).to_string());
+        return console.print(json!({ "devices": names, "default": names.first() }).to_string());
     }
     for (place, name) in names.iter().enumerate() {
         let default = if place == 0 {
@@ -20,7 +21,7 @@ pub fn run(console: &Console) -> Result<(), Failure> {
         } else {
             ""
         };
-        console.say(format!("{name}{default}"))?;
+        console.print(format!("{name}{default}"))?;
     }
     let about = "Backends are features of the build: cargo install … --features wgpu, vulkan, cuda, metal or rocm.";
     console.notice(about);

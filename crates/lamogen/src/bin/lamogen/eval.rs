@@ -1,8 +1,8 @@
-//! `lamogen eval`: the paper's evidence for a model.
+//! `lamogen eval`: evaluates a model by the experiments of the paper.
 //!
 //! ```text
-//! options ──plan.rs──▶ cells ──work.rs──▶ records (a line each) ──summary.rs──▶ figures ─┬─report.rs──▶ report.md, report.html
-//!                      measure.rs: on a BVH ─┘                      stays.rs ─┘ pictures.rs ──┘
+//! options ──plan.rs──▶ planned motions ──runner.rs──▶ records (a line each) ──summary.rs──▶ figures ──report.rs──▶ report
+//!                 measure.rs: on a BVH ─┘                   side_effects.rs ─┘             pictures.rs ─┘
 //! ```
 
 mod document;
@@ -12,9 +12,9 @@ mod pictures;
 mod plan;
 mod record;
 mod report;
-mod stays;
+mod runner;
+mod side_effects;
 mod summary;
-mod work;
 
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -30,63 +30,64 @@ use lamogen_data::{Checksum, Entry, LoadOptions};
 use lamogen_eval::{Embeddings, Evaluator};
 use serde_json::{Value, json};
 
-use crate::arguments::Eval;
+use crate::arguments::EvalArguments;
 use crate::console::Console;
 use crate::dataset;
-use crate::failure::{Code, Failure};
-use crate::source::{Source, device};
-pub use measure::Measure;
-use plan::{Basis, Cell, Places, Plan, Prompt};
+use crate::failure::{Failure, FailureCode};
+use crate::source::{ModelSource, open_device};
+pub use measure::MeasurementTarget;
+use plan::{EvalPlan, EvalPrompt, PlanDefaults, PlannedMotion, PromptSelection};
 pub use plan::{Method, Study};
-use record::{Body, Key, Outcome, Store, read};
-use summary::Evidence;
-use work::{Real, Work, unjudged};
+use record::{BodyMeasurements, MotionOutcome, RecordFile, RecordKey, read_records};
+use runner::{EvalRunner, RealMotions, evaluation_failure};
+use summary::EvalData;
 
-/// Judged at a time, and generated together.
-const TOGETHER: usize = 8;
+/// The number of motions that are generated and measured together.
+const BATCH_SIZE: usize = 8;
 
-pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
+/// Runs `lamogen eval`.
+pub fn run(options: &EvalArguments, console: &Console) -> Result<(), Failure> {
     if options.out.exists() && !options.out.is_dir() {
         let reason = "expected a folder, found a file";
         return Err(Failure::output(&options.out, reason));
     }
     remove_stale_temporaries(&options.out);
-    let device = device(options.source.device)?;
-    let source = Source::open(&options.source, console)?;
+    let device = open_device(options.source.device)?;
+    let source = ModelSource::open(&options.source, console)?;
     let evaluator = Evaluator::load(&options.evaluator, &device).map_err(|error| {
-        Failure::new(Code::Input, error)
+        Failure::new(FailureCode::Input, error)
             .hint("lamogen train --evaluator makes one: its folder is best")
     })?;
-    let (prompts, real) = prompts(options, &source, &evaluator, console)?;
-    let plan = Plan::new(options, source.model.preset(), prompts.len());
-    let work = Work {
+    let (prompts, real) = load_prompts(options, &source, &evaluator, console)?;
+    let plan = EvalPlan::new(options, source.model.preset(), prompts.len());
+    let runner = EvalRunner {
         source: &source,
         evaluator: &evaluator,
         prompts: &prompts,
         device: &device,
         measure: options.measure,
     };
-    let all: Vec<Cell<'_>> = plan.cells().collect();
-    // All that can be wrong with a sentence is better known before the first motion.
-    work.check(&all)?;
-    let texts = texts(&work, options.repeats)?;
-    let identity = identity(&plan, &work, &real);
+    let all: Vec<PlannedMotion<'_>> = plan.planned_motions().collect();
+    // All sentences are checked before the first motion is generated.
+    runner.check(&all)?;
+    let texts = embed_captions(&runner, options.repeats)?;
+    let identity = run_identity(&plan, &runner, &real);
     let is_begun = is_begun(options, &identity)?;
     if options.dry_run {
         let records = match is_begun {
-            true => read(&files(&options.out)?)?,
+            true => read_records(&record_files(&options.out)?)?,
             false => HashMap::new(),
         };
-        return estimate(&plan, &missing(&all, &records), &work, console);
+        return print_estimate(&plan, &missing_motions(&all, &records), &runner, console);
     }
     if !is_begun {
-        begin(&options.out, &identity)?;
+        begin_folder(&options.out, &identity)?;
     }
     if !options.merge {
-        generate(options, &all, &work, console)?;
+        generate_missing(options, &all, &runner, console)?;
     }
-    let records = read(&files(&options.out)?)?;
-    let missing = missing(&all, &records).len();
+    let records = read_records(&record_files(&options.out)?)?;
+    let missing = missing_motions(&all, &records).len();
     let mut paths = Vec::new();
     if missing > 0 && options.shard.is_some() {
         console.notice(format!(
@@ -94,7 +95,7 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
             all.len()
         ));
     } else {
-        let evidence = Evidence {
+        let data = EvalData {
             records: &records,
             prompts: &prompts,
             texts: &texts,
@@ -107,43 +108,49 @@ pub fn run(options: &Eval, console: &Console) -> Result<(), Failure> {
                 all.len()
             ));
         }
-        let report = report::Report::new(&plan, &evidence, &work, missing).map_err(unjudged)?;
+        let report =
+            report::Report::new(&plan, &data, &runner, missing).map_err(evaluation_failure)?;
         paths = report.write(&options.out)?;
     }
     let paths = paths.iter().map(|path| path.display().to_string());
     let paths: Vec<String> = paths.collect();
-    let there = all.len() - missing;
-    console.say(match (console.json, paths.is_empty()) {
-        (true, _) => json!({ "motions": there, "missing": missing, "files": paths }).to_string(),
-        (false, true) => format!("{there} of {} motions", all.len()),
+    let done = all.len() - missing;
+    console.print(match (console.json, paths.is_empty()) {
+        (true, _) => json!({ "motions": done, "missing": missing, "files": paths }).to_string(),
+        (false, true) => format!("{done} of {} motions", all.len()),
         (false, false) => paths.join("\n"),
     })
 }
 
-/// What there is no record of.
-fn missing<'a>(all: &[Cell<'a>], records: &HashMap<Key, Outcome>) -> Vec<Cell<'a>> {
-    let missing = all.iter().filter(|cell| !records.contains_key(&cell.key()));
+/// Returns the planned motions without a record.
+fn missing_motions<'a>(
+    all: &[PlannedMotion<'a>],
+    records: &HashMap<RecordKey, MotionOutcome>,
+) -> Vec<PlannedMotion<'a>> {
+    let missing = all
+        .iter()
+        .filter(|planned| !records.contains_key(&planned.key()));
     missing.copied().collect()
 }
 
-/// The captions of every repeat, where the evaluator sees them.
-fn texts(work: &Work<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
-    let of_repeat = |repeat| {
-        let captions = work.prompts.iter().map(|prompt| prompt.caption(repeat));
+/// Returns the evaluator's embeddings of the captions of every repeat.
+fn embed_captions(runner: &EvalRunner<'_>, repeats: u64) -> Result<Vec<Embeddings>, Failure> {
+    let embed_repeat = |repeat| {
+        let captions = runner.prompts.iter().map(|prompt| prompt.caption(repeat));
         let captions: Vec<&str> = captions.collect();
-        work.evaluator.texts(&captions)
+        runner.evaluator.texts(&captions)
     };
-    let texts = (0..repeats).map(of_repeat).collect::<Result<_, _>>();
-    texts.map_err(|error| Failure::new(Code::Input, error))
+    let texts = (0..repeats).map(embed_repeat).collect::<Result<_, _>>();
+    texts.map_err(|error| Failure::new(FailureCode::Input, error))
 }
 
-/// The sentences, and their motions.
-fn prompts(
-    options: &Eval,
-    source: &Source,
+/// Loads the prompts, and embeds and measures the real motions of these prompts.
+fn load_prompts(
+    options: &EvalArguments,
+    source: &ModelSource,
     evaluator: &Evaluator,
     console: &Console,
-) -> Result<(Vec<Prompt>, Real), Failure> {
+) -> Result<(Vec<EvalPrompt>, RealMotions), Failure> {
     use lamogen::model::Denoiser;
     let network = source.model.network();
     let longest = network
@@ -167,7 +174,7 @@ fn prompts(
             entries.len()
         ));
     }
-    let places = Places::spread(wanted, entries.len()).iter();
+    let places = PromptSelection::spread(wanted, entries.len()).iter();
     let entries: Vec<&Entry> = places.map(|place| entries[place]).collect();
     if entries.len() < 2 {
         let message = format!(
@@ -178,21 +185,22 @@ fn prompts(
             options.split,
             entries.len()
         );
-        return Err(Failure::new(Code::Input, message));
+        return Err(Failure::new(FailureCode::Input, message));
     }
-    let subject = |entry: &&Entry| {
+    let measure = |entry: &&Entry| {
         let motion = data.motion(entry).map_err(|error| error.to_string())?;
-        let subject = options.measure.subject(&motion)?;
-        Ok((subject.features(), subject.body()))
+        let measured = options.measure.measured_motion(&motion)?;
+        Ok((measured.features(), measured.body()))
     };
-    let subjects: Result<(Vec<Vec<f32>>, Vec<Body>), String> =
-        entries.iter().map(subject).collect();
-    let (features, bodies) = subjects.map_err(|error| Failure::new(Code::Input, error))?;
-    let real = Real {
-        points: evaluator.motions(&features).map_err(unjudged)?,
+    let measurements: Result<(Vec<Vec<f32>>, Vec<BodyMeasurements>), String> =
+        entries.iter().map(measure).collect();
+    let (features, bodies) =
+        measurements.map_err(|error| Failure::new(FailureCode::Input, error))?;
+    let real = RealMotions {
+        points: evaluator.motions(&features).map_err(evaluation_failure)?,
         bodies,
     };
-    let prompts = entries.iter().map(|entry| Prompt {
+    let prompts = entries.iter().map(|entry| EvalPrompt {
         captions: entry
             .captions
             .iter()
@@ -203,11 +211,11 @@ fn prompts(
     Ok((prompts.collect(), real))
 }
 
-/// Makes what is not there yet.
-fn generate(
-    options: &Eval,
-    all: &[Cell<'_>],
-    work: &Work<'_>,
+/// Generates and measures the motions of this shard that have no record yet.
+fn generate_missing(
+    options: &EvalArguments,
+    all: &[PlannedMotion<'_>],
+    runner: &EvalRunner<'_>,
     console: &Console,
 ) -> Result<(), Failure> {
     let (part, parts) = options.shard.unwrap_or((1, 1));
@@ -215,20 +223,21 @@ fn generate(
         1 => "records.jsonl".into(),
         _ => format!("records-{part}-of-{parts}.jsonl"),
     };
-    let mut store = Store::open(&options.out.join(name))?;
-    let found = read(&files(&options.out)?)?;
-    // Whole groups, so that a group is the same with and without shards, and with it the last bits of its numbers.
+    let mut record_file = RecordFile::open(&options.out.join(name))?;
+    let records = read_records(&record_files(&options.out)?)?;
+    // A shard gets whole groups. The groups are then the same with and without shards, and so are the last bits of the
+    // numbers.
     let settings = all.chunk_by(|a, b| a.setting.name == b.setting.name);
-    let groups = settings.flat_map(|setting| setting.chunks(TOGETHER));
-    let own = groups.skip(part - 1).step_by(parts);
-    let open = own.map(|group| missing(group, &found));
-    let open: Vec<Vec<Cell<'_>>> = open.filter(|group| !group.is_empty()).collect();
-    let bar = console.bar("motions");
-    bar.set_length(open.iter().map(Vec::len).sum::<usize>() as u64);
-    for group in &open {
+    let groups = settings.flat_map(|setting| setting.chunks(BATCH_SIZE));
+    let groups_of_shard = groups.skip(part - 1).step_by(parts);
+    let pending = groups_of_shard.map(|group| missing_motions(group, &records));
+    let pending: Vec<Vec<PlannedMotion<'_>>> = pending.filter(|group| !group.is_empty()).collect();
+    let bar = console.progress_bar("motions");
+    bar.set_length(pending.iter().map(Vec::len).sum::<usize>() as u64);
+    for group in &pending {
         bar.set_message(group[0].setting.name.clone());
-        for record in work.records(group)? {
-            store.add(&record)?;
+        for record in runner.records(group)? {
+            record_file.add(&record)?;
         }
         bar.inc(group.len() as u64);
     }
@@ -236,45 +245,51 @@ fn generate(
     Ok(())
 }
 
-/// Says what there is still to do, and how long it takes by the first motions of each setting's kind.
-fn estimate(
-    plan: &Plan,
-    missing: &[Cell<'_>],
-    work: &Work<'_>,
+/// Prints how many motions are missing, and an estimate of the time to generate them. The estimate comes from generating
+/// the first motions of each setting.
+fn print_estimate(
+    plan: &EvalPlan,
+    missing: &[PlannedMotion<'_>],
+    runner: &EvalRunner<'_>,
     console: &Console,
 ) -> Result<(), Failure> {
     let mut lines = Vec::new();
     let mut seconds = 0.0;
     for setting in &plan.settings {
-        let of_setting = missing.iter();
-        let of_setting = of_setting.filter(|cell| cell.setting.name == setting.name);
-        let of_setting: Vec<Cell<'_>> = of_setting.copied().collect();
-        if of_setting.is_empty() {
+        let motions = missing.iter();
+        let motions = motions.filter(|planned| planned.setting.name == setting.name);
+        let motions: Vec<PlannedMotion<'_>> = motions.copied().collect();
+        if motions.is_empty() {
             continue;
         }
-        let first = &of_setting[..TOGETHER.min(of_setting.len())];
+        let first = &motions[..BATCH_SIZE.min(motions.len())];
         let start = Instant::now();
-        work.records(first)?;
+        runner.records(first)?;
         let each = start.elapsed().as_secs_f64() / first.len() as f64;
-        seconds += each * of_setting.len() as f64;
-        lines.push((setting.name.clone(), of_setting.len(), each));
+        seconds += each * motions.len() as f64;
+        lines.push((setting.name.clone(), motions.len(), each));
     }
     if console.json {
         let settings = lines.iter().map(|(name, motions, each)| {
             json!({ "setting": name, "motions": motions, "seconds_each": each })
         });
-        return console.say(
+        return console.print(
             json!({ "motions": missing.len(), "seconds": seconds, "settings": settings.collect::<Vec<_>>() }).to_string(),
         );
     }
     let rows = lines
         .iter()
         .map(|(name, motions, each)| format!("{motions:6} × {each:6.2} s  {name}"));
-    let all = format!("{:6} motions, about {}", missing.len(), duration(seconds));
-    console.say(rows.chain([all]).collect::<Vec<_>>().join("\n"))
+    let all = format!(
+        "{:6} motions, about {}",
+        missing.len(),
+        format_duration(seconds)
+    );
+    console.print(rows.chain([all]).collect::<Vec<_>>().join("\n"))
 }
 
-fn duration(seconds: f64) -> String {
+/// Formats a duration in seconds, minutes or hours.
+fn format_duration(seconds: f64) -> String {
     match seconds {
         ..120.0 => format!("{seconds:.0} s"),
         ..7200.0 => format!("{:.0} min", seconds / 60.0),
@@ -282,13 +297,13 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// The file that says what a folder's records are of: one model, one evaluator and one data set.
+/// The file with the identity of the run that the records of a folder belong to.
 const IDENTITY: &str = "eval.json";
 
-/// What this run is of.
-fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
+/// Returns the identity of a run: the model, the evaluator, the data set and the options.
+fn run_identity(plan: &EvalPlan, runner: &EvalRunner<'_>, real: &RealMotions) -> Value {
     let mut data = Checksum::new(0);
-    for (place, prompt) in work.prompts.iter().enumerate() {
+    for (place, prompt) in runner.prompts.iter().enumerate() {
         let captions = prompt.captions.join("\n");
         for bytes in [captions.as_bytes(), &prompt.frames.to_le_bytes()] {
             data.add(bytes);
@@ -297,38 +312,40 @@ fn identity(plan: &Plan, work: &Work<'_>, real: &Real) -> Value {
             data.add(&number.to_le_bytes());
         }
     }
-    let Basis {
+    let PlanDefaults {
         preset,
         given_steps: _,
         noise_steps,
-    } = plan.basis;
+    } = plan.defaults;
     json!({
-        "model": lamogen_train::fingerprint(work.source.model.network()),
-        "evaluator": lamogen_train::fingerprint(work.evaluator.network()),
-        "temporal_smoothing": work.source.temporal_smoothing_frames(),
-        "text_scale": work.source.model.text_scale(),
-        "prompts": work.prompts.len(),
+        "model": lamogen_train::fingerprint(runner.source.model.network()),
+        "evaluator": lamogen_train::fingerprint(runner.evaluator.network()),
+        "temporal_smoothing": runner.source.temporal_smoothing_frames(),
+        "text_scale": runner.source.model.text_scale(),
+        "prompts": runner.prompts.len(),
         "data": format!("{:016x}", data.value()),
         "preset": preset.name(),
-        "steps": plan.basis.steps(),
-        "embedding_steps": plan.basis.steps_of(Preset::Fast),
+        "steps": plan.defaults.steps(),
+        "embedding_steps": plan.defaults.steps_of(Preset::Fast),
         "noise_steps": noise_steps,
-        "measure": work.measure.name(),
+        "measure": runner.measure.name(),
         "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
     })
 }
 
-/// Whether the folder is one of this run. One of another, or with records of which nobody knows, is an error.
-fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
+/// Whether the folder has records of this run. A folder with records of another run, or with records of an unknown run,
+/// is an error.
+fn is_begun(options: &EvalArguments, identity: &Value) -> Result<bool, Failure> {
     let path = options.out.join(IDENTITY);
-    let input =
-        |reason: &dyn Display| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
+    let input = |reason: &dyn Display| {
+        Failure::new(FailureCode::Input, format!("{}: {reason}", path.display()))
+    };
     let found = match fs::read_to_string(&path) {
         Ok(found) => found,
         Err(error)
             if error.kind() == ErrorKind::NotFound
                 && !options.merge
-                && (!options.out.exists() || files(&options.out)?.is_empty()) =>
+                && (!options.out.exists() || record_files(&options.out)?.is_empty()) =>
         {
             return Ok(false);
         }
@@ -345,7 +362,8 @@ fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
         .filter(differs)
         .collect();
     if other.contains(&"prompts") || other.contains(&"measure") {
-        // Of more or fewer sentences the motions are others too, and so are those that are measured otherwise.
+        // The checksum of the data depends on the number of sentences and on how the real motions are measured, so it
+        // is not listed beside these.
         other.retain(|name| *name != "data");
     }
     if other.is_empty() {
@@ -353,8 +371,8 @@ fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
     }
     let other: Vec<String> = { other.into_iter() }
         .map(|name| {
-            let of = |value: &Value| value.get(name).map_or("nothing".into(), Value::to_string);
-            format!("{name} is {}, now {}", of(&found), of(identity))
+            let text = |value: &Value| value.get(name).map_or("nothing".into(), Value::to_string);
+            format!("{name} is {}, now {}", text(&found), text(identity))
         })
         .collect();
     let message = format!(
@@ -363,15 +381,15 @@ fn is_begun(options: &Eval, identity: &Value) -> Result<bool, Failure> {
         other.join(", ")
     );
     Err(
-        Failure::new(Code::Usage, message).hint(match options.merge {
+        Failure::new(FailureCode::Usage, message).hint(match options.merge {
             true => "--merge goes with the options of the run",
             false => "another --out begins anew",
         }),
     )
 }
 
-/// Makes a folder for the records of this run.
-fn begin(folder: &Path, identity: &Value) -> Result<(), Failure> {
+/// Makes a folder for the records of this run, with the file of its identity.
+fn begin_folder(folder: &Path, identity: &Value) -> Result<(), Failure> {
     fs::create_dir_all(folder).map_err(|error| Failure::output(folder, error))?;
     let path = folder.join(IDENTITY);
     let text = format!("{identity:#}\n");
@@ -379,9 +397,10 @@ fn begin(folder: &Path, identity: &Value) -> Result<(), Failure> {
         .map_err(|error| Failure::output(&path, error))
 }
 
-/// All files of records in a folder, in the order of their names.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let unreadable = |error| Failure::new(Code::Input, format!("{}: {error}", folder.display()));
+/// Returns all record files in a folder, in the order of their names.
+fn record_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let unreadable =
+        |error| Failure::new(FailureCode::Input, format!("{}: {error}", folder.display()));
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

@@ -1,4 +1,4 @@
-//! How a command ends that did not succeed.
+//! The failure of a command: exit code, message and hint.
 
 use std::path::Path;
 
@@ -10,31 +10,31 @@ use lamogen_train::VariationError;
 /// Exit codes, as `lamogen --help` documents them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Code {
+pub enum FailureCode {
     /// A motion could not be generated.
     Run = 1,
-    /// Arguments or requests make no sense; clap's code too.
+    /// Arguments or requests are invalid; clap uses this code too.
     Usage = 2,
     /// A file or a model cannot be read.
     Input = 3,
     /// A file cannot be written.
     Output = 4,
-    /// A batch is done but for some motions.
-    Partly = 5,
-    /// A training was stopped, or its time was over, before its last step.
+    /// A batch is finished except for some motions.
+    Partial = 5,
+    /// A training was stopped, or reached its time limit, before its last step.
     Stopped = 6,
 }
 
-/// What went wrong, and what might help.
+/// Why a command failed, and a hint that may help.
 #[derive(Debug)]
 pub struct Failure {
-    pub code: Code,
+    pub code: FailureCode,
     pub message: String,
     pub hint: Option<String>,
 }
 
 impl Failure {
-    pub fn new(code: Code, message: impl ToString) -> Self {
+    pub fn new(code: FailureCode, message: impl ToString) -> Self {
         Failure {
             code,
             message: message.to_string(),
@@ -42,11 +42,12 @@ impl Failure {
         }
     }
 
-    /// An end of which everything is said already.
-    pub fn said(code: Code) -> Self {
+    /// Makes a failure without a message, for commands that have printed the reason already.
+    pub fn silent(code: FailureCode) -> Self {
         Failure::new(code, "")
     }
 
+    /// Sets the hint.
     pub fn hint(self, hint: impl Into<String>) -> Self {
         Failure {
             hint: Some(hint.into()),
@@ -54,18 +55,18 @@ impl Failure {
         }
     }
 
-    /// A file that cannot be written.
+    /// Makes the failure of a file that cannot be written.
     pub fn output(path: &Path, reason: impl std::fmt::Display) -> Self {
-        Failure::new(Code::Output, format!("{}: {reason}", path.display()))
+        Failure::new(FailureCode::Output, format!("{}: {reason}", path.display()))
     }
 }
 
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         match error {
-            Error::Request { .. } => Failure::new(Code::Usage, error),
-            Error::Stopped(_) => Failure::new(Code::Run, error),
-            Error::Failed(_) => Failure::new(Code::Run, error)
+            Error::Request { .. } => Failure::new(FailureCode::Usage, error),
+            Error::Stopped(_) => Failure::new(FailureCode::Run, error),
+            Error::Failed(_) => Failure::new(FailureCode::Run, error)
                 .hint("goals nearer to what the sentence alone gives, or another seed, may help"),
         }
     }
@@ -73,41 +74,44 @@ impl From<Error> for Failure {
 
 impl From<LoadError> for Failure {
     fn from(error: LoadError) -> Self {
-        Failure::new(Code::Input, error).hint("`lamogen help model-folder` says what one has")
+        Failure::new(FailureCode::Input, error)
+            .hint("`lamogen help model-folder` says what one has")
     }
 }
 
 impl From<DeviceError> for Failure {
     fn from(error: DeviceError) -> Self {
-        Failure::new(Code::Usage, error).hint("lamogen devices lists what there is")
+        Failure::new(FailureCode::Usage, error).hint("lamogen devices lists what there is")
     }
 }
 
 impl From<ReadError> for Failure {
     fn from(error: ReadError) -> Self {
-        Failure::new(Code::Input, error)
+        Failure::new(FailureCode::Input, error)
     }
 }
 
 impl From<DataError> for Failure {
     fn from(error: DataError) -> Self {
         let (code, hint) = match &error {
-            DataError::Uncaptioned { .. } => (Code::Usage, Some("--captions names the file")),
-            DataError::Superfluous { .. } => (Code::Usage, Some("leave --captions out")),
-            DataError::Limits { .. } => (Code::Usage, None),
+            DataError::Uncaptioned { .. } => {
+                (FailureCode::Usage, Some("--captions names the file"))
+            }
+            DataError::Superfluous { .. } => (FailureCode::Usage, Some("leave --captions out")),
+            DataError::Limits { .. } => (FailureCode::Usage, None),
             DataError::Occupied { .. } => (
-                Code::Output,
+                FailureCode::Output,
                 Some("--force replaces a packed data set, and nothing else"),
             ),
-            DataError::Write { .. } => (Code::Output, None),
+            DataError::Write { .. } => (FailureCode::Output, None),
             DataError::Statistics { .. } => (
-                Code::Input,
+                FailureCode::Input,
                 Some(
                     "\"split\": \"train\" in the captions, or another --seed, gives motions to train on",
                 ),
             ),
             _ => (
-                Code::Input,
+                FailureCode::Input,
                 Some("`lamogen help data` says what a data set has"),
             ),
         };
@@ -122,10 +126,10 @@ impl From<DataError> for Failure {
 impl From<VariationError> for Failure {
     fn from(error: VariationError) -> Self {
         let code = match error {
-            VariationError::Options(_) | VariationError::OtherWork { .. } => Code::Usage,
-            VariationError::Guide { .. } => Code::Run,
-            VariationError::Motion { .. } | VariationError::Npy(_) => Code::Input,
-            VariationError::Io { .. } => Code::Output,
+            VariationError::Options(_) | VariationError::OtherWork { .. } => FailureCode::Usage,
+            VariationError::Guide { .. } => FailureCode::Run,
+            VariationError::Motion { .. } | VariationError::Npy(_) => FailureCode::Input,
+            VariationError::Io { .. } => FailureCode::Output,
         };
         Failure::new(code, error)
     }
@@ -133,12 +137,12 @@ impl From<VariationError> for Failure {
 
 impl From<MappingError> for Failure {
     fn from(error: MappingError) -> Self {
-        Failure::new(Code::Input, error)
+        Failure::new(FailureCode::Input, error)
     }
 }
 
 impl From<WriteError> for Failure {
     fn from(error: WriteError) -> Self {
-        Failure::new(Code::Output, error)
+        Failure::new(FailureCode::Output, error)
     }
 }

@@ -1,27 +1,28 @@
-//! `lamogen generate`.
+//! `lamogen generate`: generates the motions of one sentence.
 
 use std::ops::ControlFlow;
 
 use lamogen::{Generation, Request};
 use serde_json::{Map, Value, json};
 
-use crate::arguments::{BodyName, Generate, PassArguments, PresetName};
+use crate::arguments::{BodyName, GenerateArguments, PassArguments, PresetName};
 use crate::console::Console;
-use crate::failure::{Code, Failure};
-use crate::output::{Format, Output};
+use crate::failure::{Failure, FailureCode};
+use crate::output::{OutputFile, OutputFormat};
 use crate::report;
 use crate::scene::Scene;
-use crate::source::Source;
+use crate::source::ModelSource;
 
-pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
+/// Runs `lamogen generate`.
+pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure> {
     let seeds = seeds(options)?;
-    let outputs = outputs(options, &seeds)?;
-    let formats: Vec<Format> = options.out.iter().map(|output| output.format).collect();
-    for unused in options.writing.unused(&formats) {
-        console.notice(unused);
+    let outputs = sample_files(options, &seeds)?;
+    let formats: Vec<OutputFormat> = options.out.iter().map(|output| output.format).collect();
+    for notice in options.writing.unused_option_notices(&formats) {
+        console.notice(notice);
     }
-    let source = Source::open(&options.source, console)?;
-    let goals = options.goals.asked().goals(&source.device())?;
+    let source = ModelSource::open(&options.source, console)?;
+    let goals = options.goals.requested_goals().resolve(&source.device())?;
     if options.pass.emphasis.is_some() && goals.is_none() {
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
@@ -38,15 +39,16 @@ pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
             }
         })
         .collect();
-    let bar = console.bar("steps");
-    // Written as they come: what is done is kept.
-    let parts = requests.len().div_ceil(TOGETHER);
-    let samples = seeds.chunks(TOGETHER).zip(outputs.chunks(TOGETHER));
-    for (part, (requests, (seeds, outputs))) in requests.chunks(TOGETHER).zip(samples).enumerate() {
+    let bar = console.progress_bar("steps");
+    // The files of each batch are written at once, so that a stop loses no finished motion.
+    let batches = requests.len().div_ceil(BATCH_SIZE);
+    let samples = { seeds.chunks(BATCH_SIZE) }.zip(outputs.chunks(BATCH_SIZE));
+    let samples = requests.chunks(BATCH_SIZE).zip(samples);
+    for (batch, (requests, (seeds, outputs))) in samples.enumerate() {
         let generations = source.model.generate_all_with(requests, &mut |progress| {
-            bar.set_length((parts * progress.total) as u64);
+            bar.set_length((batches * progress.total) as u64);
             bar.set_message(progress.step.pass.to_string());
-            bar.set_position((part * progress.total + progress.done) as u64);
+            bar.set_position((batch * progress.total + progress.done) as u64);
             ControlFlow::Continue(())
         })?;
         for ((generation, &seed), outputs) in generations.into_iter().zip(seeds).zip(outputs) {
@@ -58,21 +60,22 @@ pub fn run(options: &Generate, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Motions that run together.
-const TOGETHER: usize = 8;
+/// The number of motions that are generated before their files are written.
+const BATCH_SIZE: usize = 8;
 
-/// One of the motions, and its files.
+/// One of the motions, with its seed and its files.
 struct Sample<'a> {
     seed: u64,
-    outputs: &'a [Output],
+    outputs: &'a [OutputFile],
 }
 
 impl Sample<'_> {
+    /// Writes the files of the motion, and prints notices and measurements.
     fn write(
         &self,
         generation: Generation,
-        options: &Generate,
-        source: &Source,
+        options: &GenerateArguments,
+        source: &ModelSource,
         console: &Console,
     ) -> Result<(), Failure> {
         if generation.cut_tokens > 0 {
@@ -81,10 +84,10 @@ impl Sample<'_> {
                 generation.cut_tokens
             ));
         }
-        if let Some(notice) = unseen(&generation) {
+        if let Some(notice) = unseen_words_notice(&generation) {
             console.notice(notice);
         }
-        let facts = facts(
+        let facts = generation_facts(
             &options.prompt,
             self.seed,
             &generation,
@@ -92,26 +95,29 @@ impl Sample<'_> {
             source,
         );
         let licence = source.model.licence();
-        let scene = Scene::generated(&options.prompt, generation, facts, licence);
+        let scene = Scene::from_generation(&options.prompt, generation, facts, licence);
         for output in self.outputs {
             output.write(&scene, &options.writing, console)?;
         }
-        console.say(result(&scene, self.outputs, console.json))
+        console.print(format_result(&scene, self.outputs, console.json))
     }
 }
 
-/// The files of every sample, checked.
-fn outputs(options: &Generate, seeds: &[u64]) -> Result<Vec<Vec<Output>>, Failure> {
+/// Returns the files of every sample, after a check whether they can be written.
+fn sample_files(
+    options: &GenerateArguments,
+    seeds: &[u64],
+) -> Result<Vec<Vec<OutputFile>>, Failure> {
     for output in &options.out {
         output.check()?;
     }
     for (place, output) in options.out.iter().enumerate() {
         if options.out[..place].contains(output) {
             let message = format!("--out {output} is given twice");
-            return Err(Failure::new(Code::Usage, message));
+            return Err(Failure::new(FailureCode::Usage, message));
         }
     }
-    let of = |seed: &u64| match options.samples {
+    let files_of_seed = |seed: &u64| match options.samples {
         1 => options.out.clone(),
         _ => options
             .out
@@ -119,23 +125,24 @@ fn outputs(options: &Generate, seeds: &[u64]) -> Result<Vec<Vec<Output>>, Failur
             .map(|output| output.numbered(*seed))
             .collect(),
     };
-    Ok(seeds.iter().map(of).collect())
+    Ok(seeds.iter().map(files_of_seed).collect())
 }
 
-fn seeds(options: &Generate) -> Result<Vec<u64>, Failure> {
+/// Returns the seed of every sample.
+fn seeds(options: &GenerateArguments) -> Result<Vec<u64>, Failure> {
     let last = options.seed.checked_add(u64::from(options.samples) - 1);
     let message = format!("the last of {} seeds is too large", options.samples);
-    let last = last.ok_or_else(|| Failure::new(Code::Usage, message))?;
+    let last = last.ok_or_else(|| Failure::new(FailureCode::Usage, message))?;
     Ok((options.seed..=last).collect())
 }
 
-/// What the files say of how a motion was made.
-pub fn facts(
+/// Returns the facts about the generation of a motion that its files contain.
+pub fn generation_facts(
     prompt: &str,
     seed: u64,
     generation: &Generation,
     pass: &PassArguments,
-    source: &Source,
+    source: &ModelSource,
 ) -> Map<String, Value> {
     let preset = { pass.preset }.map_or(source.model.preset(), PresetName::preset);
     let licence = source.model.licence().map(ToString::to_string);
@@ -160,24 +167,26 @@ pub fn facts(
     facts.as_object().cloned().unwrap_or_default()
 }
 
-/// What is printed at the end.
-fn result(scene: &Scene, outputs: &[Output], json: bool) -> String {
-    let files: Vec<String> = outputs.iter().map(Output::to_string).collect();
+/// Formats the measurements of a motion and the names of its files.
+fn format_result(scene: &Scene, outputs: &[OutputFile], json: bool) -> String {
+    let files: Vec<String> = outputs.iter().map(OutputFile::to_string).collect();
     if json {
-        let mut summary = report::summary(scene);
+        let mut summary = report::summary_json(scene);
         summary.remove("loss");
         summary.insert("files".into(), files.into());
         return Value::from(summary).to_string();
     }
     let table = match (&scene.motions[..], &scene.target) {
-        ([baseline, guided], Some(target)) => report::guided(scene, baseline, guided, target),
-        _ => report::text(scene.main()),
+        ([baseline, guided], Some(target)) => {
+            report::guidance_table(scene, baseline, guided, target)
+        }
+        _ => report::measurement_table(scene.main()),
     };
     format!("{}\n{table}{}", scene.heading(), files.join("\n"))
 }
 
-/// Which words the model has not met, if there are any.
-fn unseen(generation: &Generation) -> Option<String> {
+/// Returns a notice about words of the prompt that the model does not know, if there are any.
+fn unseen_words_notice(generation: &Generation) -> Option<String> {
     if let Some(sentence) = &generation.stand_in {
         return Some(format!(
             "The model has met no word of the prompt: the motion is that of \"{sentence}\"."

@@ -1,4 +1,4 @@
-//! What is asked of a motion, as options and lines of a batch have it.
+//! The goals of a motion, as the options of the command line and the lines of a batch state them.
 
 use std::path::PathBuf;
 
@@ -9,20 +9,24 @@ use lamogen::{
 
 use crate::failure::Failure;
 
-/// All that can be asked for.
+/// The goals that a user states.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Asked {
-    /// In the order of the components.
+pub struct RequestedGoals {
+    /// The goals of single components, in the order of the components.
     pub goals: [Option<Goal>; COMPONENTS],
+    /// Factors on all four components.
     pub scale: Option<Scale>,
+    /// A motion file with the Laban features to reach.
     pub like: Option<PathBuf>,
+    /// The goals of parts of the body.
     pub parts: Vec<PartScale>,
 }
 
-impl Asked {
-    /// The goals together; none if nothing is asked for. Goals of single components replace those of another motion.
-    pub fn goals(&self, device: &Device) -> Result<Option<Goals>, Failure> {
-        if *self == Asked::default() {
+impl RequestedGoals {
+    /// Combines the goals, and reads the motion file if there is one. Returns `None` if no goal is stated. Goals of
+    /// single components replace those of the motion file.
+    pub fn resolve(&self, device: &Device) -> Result<Option<Goals>, Failure> {
+        if *self == RequestedGoals::default() {
             return Ok(None);
         }
         let mut goals = match &self.like {

@@ -1,12 +1,12 @@
-//! `lamogen help`: a command's help, or a topic that error messages point to.
+//! `lamogen help`: prints the help of a command, or a topic that error messages refer to.
 
 use clap::CommandFactory;
 
 use crate::arguments::Arguments;
 use crate::console::Console;
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 
-/// What there is to read beside the commands.
+/// The topics, each with its text.
 const TOPICS: [(&str, &str); 4] = [
     ("model-folder", include_str!("topics/model-folder.txt")),
     ("data", include_str!("topics/data.txt")),
@@ -14,21 +14,21 @@ const TOPICS: [(&str, &str); 4] = [
     ("sentences", include_str!("topics/sentences.txt")),
 ];
 
-/// Prints the help of a command, of a part of one, or a topic.
+/// Prints the help of a command, of a subcommand, or a topic.
 pub fn run(words: &[String], console: &Console) -> Result<(), Failure> {
     if let [word] = words
         && let Some((_, text)) = TOPICS.iter().find(|(topic, _)| topic == word)
     {
-        return console.say(text);
+        return console.print(text);
     }
     let mut command = Arguments::command();
     command.build();
-    let mut found = &mut command;
+    let mut subcommand = &mut command;
     for word in words {
-        found = found.find_subcommand_mut(word).ok_or_else(|| {
+        subcommand = subcommand.find_subcommand_mut(word).ok_or_else(|| {
             let topics: Vec<&str> = TOPICS.iter().map(|(topic, _)| *topic).collect();
             Failure::new(
-                Code::Usage,
+                FailureCode::Usage,
                 format!(
                     "expected a command, or one of the topics {}; found {word}",
                     topics.join(", ")
@@ -36,5 +36,5 @@ pub fn run(words: &[String], console: &Console) -> Result<(), Failure> {
             )
         })?;
     }
-    console.say(found.render_long_help().to_string())
+    console.print(subcommand.render_long_help().to_string())
 }

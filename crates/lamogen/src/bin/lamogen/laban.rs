@@ -1,19 +1,20 @@
-//! `lamogen laban`.
+//! `lamogen laban`: measures motion files.
 
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::arguments::Laban;
+use crate::arguments::LabanArguments;
 use crate::console::Console;
 use crate::failure::Failure;
-use crate::opened::{Opened, open};
+use crate::motion_file::{MotionFile, open_motion_file};
 use crate::report;
-use crate::source::device;
+use crate::source::open_device;
 
-pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
-    let device = device(None)?;
-    let open = |path: &Path| open(path, &options.reading, &device, console);
+/// Runs `lamogen laban`.
+pub fn run(options: &LabanArguments, console: &Console) -> Result<(), Failure> {
+    let device = open_device(None)?;
+    let open = |path: &Path| open_motion_file(path, &options.reading, &device, console);
     let other = options.compare.as_deref().map(open).transpose()?;
     let mut failures: Vec<Failure> = Vec::new();
     for (place, path) in options.files.iter().enumerate() {
@@ -25,15 +26,15 @@ pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
             }
         };
         if console.json {
-            console.say(as_json(&file, other.as_ref()).to_string())?;
+            console.print(as_json(&file, other.as_ref()).to_string())?;
             continue;
         }
         if place > 0 {
-            console.say("\n")?;
+            console.print("\n")?;
         }
-        console.say(as_text(&file, other.as_ref()))?;
+        console.print(as_text(&file, other.as_ref()))?;
     }
-    // The others were measured; what could not be is told at the end.
+    // The files that could be read were measured; the errors of the others are printed at the end.
     let messages: Vec<&str> = failures
         .iter()
         .map(|failure| failure.message.as_str())
@@ -44,34 +45,36 @@ pub fn run(options: &Laban, console: &Console) -> Result<(), Failure> {
     }
 }
 
-fn as_text(file: &Opened, other: Option<&Opened>) -> String {
-    let shown = file.scene.main();
-    let motion = &shown.motion;
+/// Formats the measurements of a file as text, and its comparison with another file.
+fn as_text(file: &MotionFile, other: Option<&MotionFile>) -> String {
+    let measured = file.scene.main();
+    let motion = &measured.motion;
     let mut text = format!(
         "{}: {:.2} s, {} frames\n",
-        shown.label,
+        measured.label,
         motion.seconds(),
         motion.frames()
     );
-    if !file.assumed.is_empty() {
-        text += &format!("read with {}\n", file.assumed);
+    if !file.assumptions.is_empty() {
+        text += &format!("read with {}\n", file.assumptions);
     }
-    text += &report::text(shown);
+    text += &report::measurement_table(measured);
     if let Some(other) = other {
-        let with = other.scene.main();
-        let columns = [short(&with.label), short(&shown.label)];
-        text += &format!("\ncompared with {}\n", with.label);
-        text += &report::comparison([&columns[0], &columns[1]], &with.laban, &shown.laban);
+        let other = other.scene.main();
+        let columns = [shorten(&other.label), shorten(&measured.label)];
+        let columns = [&*columns[0], &*columns[1]];
+        text += &format!("\ncompared with {}\n", other.label);
+        text += &report::comparison_table(columns, &other.laban, &measured.laban);
         text += &format!(
             "joints are {:.3} m apart on average\n",
-            motion.distance(&with.motion)
+            motion.distance(&other.motion)
         );
     }
     text
 }
 
-/// A name that fits a column.
-fn short(name: &str) -> String {
+/// Shortens a name so that it fits a column.
+fn shorten(name: &str) -> String {
     let letters: Vec<char> = name.chars().collect();
     match letters.len() > 12 {
         true => letters[..11].iter().chain(&['…']).collect(),
@@ -79,15 +82,16 @@ fn short(name: &str) -> String {
     }
 }
 
-fn as_json(file: &Opened, other: Option<&Opened>) -> Value {
-    let mut whole = report::measured(&file.scene);
+/// Returns the measurements of a file as JSON, and its comparison with another file.
+fn as_json(file: &MotionFile, other: Option<&MotionFile>) -> Value {
+    let mut measurements = report::measurement_json(&file.scene);
     if let Some(other) = other {
-        let [motion, other_motion] = [file, other].map(|opened| &opened.scene.main().motion);
-        let compared = json!({
-            "other": report::measured(&other.scene),
+        let [motion, other_motion] = [file, other].map(|file| &file.scene.main().motion);
+        let comparison = json!({
+            "other": report::measurement_json(&other.scene),
             "distance_m": motion.distance(other_motion),
         });
-        whole.insert("compared".into(), compared);
+        measurements.insert("compared".into(), comparison);
     }
-    whole.into()
+    measurements.into()
 }

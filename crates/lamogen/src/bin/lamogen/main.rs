@@ -1,16 +1,17 @@
-//! The command `lamogen`: motion from a sentence, and what there is to do with motion files.
+//! The command `lamogen`: generates motion from a sentence, and works with motion files.
 //!
 //! ```text
-//! arguments.rs ──▶ generate.rs ─┐   (goals.rs: what is asked of a motion)
+//! arguments.rs ──▶ generate.rs ─┐   (goals.rs: the goals of a motion)
 //!                  batch.rs ────┼─▶ scene.rs ──▶ output.rs: one file of any format
-//!    opened.rs ──▶ convert.rs ──┤
-//!    a motion file play.rs ─────┘
+//! motion_file.rs ▶ convert.rs ──┤
+//!                  play.rs ─────┘
 //!                  laban.rs ──▶ report.rs: text and JSON
 //!                  eval.rs ──▶ the paper's tables for a model
 //!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
 //!
-//! Signals end the command after what it was writing is removed (signals.rs). Everything that can go wrong ends in a [`failure::Failure`] with one of the documented exit codes.
+//! On a signal the command removes the files that are not complete yet, and ends (signals.rs). Every error becomes a
+//! [`failure::Failure`] with one of the documented exit codes.
 
 mod arguments;
 mod batch;
@@ -18,15 +19,15 @@ mod console;
 mod convert;
 mod dataset;
 mod devices;
-mod each;
 mod eval;
 mod failure;
 mod generate;
+mod generate_each;
 mod goals;
 mod help;
 mod laban;
 mod model;
-mod opened;
+mod motion_file;
 mod output;
 mod pack;
 mod play;
@@ -42,40 +43,40 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use arguments::{Arguments, Task};
-use console::{Console, tell};
+use arguments::{Arguments, Command};
+use console::{Console, print_to_stderr};
 
 fn main() -> ExitCode {
-    let Arguments { task, console } = Arguments::parse();
+    let Arguments { command, console } = Arguments::parse();
     let console = Console::new(&console);
-    // A training stops by itself after the step under way.
-    if !matches!(task, Task::Train(_)) {
+    // A training has a signal handler of its own: it stops after the current step.
+    if !matches!(command, Command::Train(_)) {
         signals::clean_up_on_signals();
     }
-    let result = match &task {
-        Task::Generate(options) => generate::run(options, &console),
-        Task::Laban(options) => laban::run(options, &console),
-        Task::Convert(options) => convert::run(options, &console),
-        Task::Play(options) => play::run(options, &console),
-        Task::Batch(options) => batch::run(options, &console),
-        Task::Pack(options) => pack::run(options, &console),
-        Task::Vary(options) => vary::run(options, &console),
-        Task::Train(options) => train::run(options, &console),
-        Task::Eval(options) => eval::run(options, &console),
-        Task::Devices => devices::run(&console),
-        Task::Model(options) => model::run(options, &console),
-        Task::Help { words } => help::run(words, &console),
-        Task::Completions { shell } => shell::completions(*shell, &console),
-        Task::Man { out } => shell::man(out.as_deref(), &console),
+    let result = match &command {
+        Command::Generate(options) => generate::run(options, &console),
+        Command::Laban(options) => laban::run(options, &console),
+        Command::Convert(options) => convert::run(options, &console),
+        Command::Play(options) => play::run(options, &console),
+        Command::Batch(options) => batch::run(options, &console),
+        Command::Pack(options) => pack::run(options, &console),
+        Command::Vary(options) => vary::run(options, &console),
+        Command::Train(options) => train::run(options, &console),
+        Command::Eval(options) => eval::run(options, &console),
+        Command::Devices => devices::run(&console),
+        Command::Model(options) => model::run(options, &console),
+        Command::Help { words } => help::run(words, &console),
+        Command::Completions { shell } => shell::completions(*shell, &console),
+        Command::Man { out } => shell::man(out.as_deref(), &console),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.message.is_empty() {
-                tell(format!("error: {}", failure.message));
+                print_to_stderr(format!("error: {}", failure.message));
             }
             if let Some(hint) = &failure.hint {
-                tell(format!("hint: {hint}"));
+                print_to_stderr(format!("hint: {hint}"));
             }
             ExitCode::from(failure.code as u8)
         }

@@ -1,4 +1,4 @@
-//! `lamogen model`.
+//! `lamogen model`: prints information about models, and converts checkpoints.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -6,15 +6,16 @@ use std::path::Path;
 use lamogen::model::{Checkpoint, CheckpointError, Denoiser, Precision};
 use serde_json::json;
 
-use crate::arguments::{Model, SourceArguments};
+use crate::arguments::{ModelArguments, ModelCommand};
 use crate::console::Console;
-use crate::failure::{Code, Failure};
-use crate::source::Source;
+use crate::failure::{Failure, FailureCode};
+use crate::source::ModelSource;
 
-pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
-    match task {
-        Model::Info { folder } => info(folder.as_deref(), console),
-        Model::Convert {
+/// Runs a subcommand of `lamogen model`.
+pub fn run(command: &ModelCommand, console: &Console) -> Result<(), Failure> {
+    match command {
+        ModelCommand::Info { folder } => info(folder.as_deref(), console),
+        ModelCommand::Convert {
             from,
             to,
             bits,
@@ -37,14 +38,15 @@ pub fn run(task: &Model, console: &Console) -> Result<(), Failure> {
     }
 }
 
+/// Prints the sizes, the licence and the defaults of a model.
 fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
-    let arguments = SourceArguments {
+    let arguments = ModelArguments {
         model: folder.map(Path::to_owned),
         temporal_smoothing: None,
         text_scale: None,
         device: None,
     };
-    let source = Source::open(&arguments, console)?;
+    let source = ModelSource::open(&arguments, console)?;
     let (network, licence) = (source.model.network(), source.model.licence());
     let config = source.model.config();
     let steps = source.model.preset().steps();
@@ -65,20 +67,21 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "text_scale": source.model.text_scale(),
             "licence": licence,
         });
-        return console.say(info.to_string());
+        return console.print(info.to_string());
     }
     let rate = lamogen::FRAMES_PER_SECOND;
     let [shortest, longest] = [network.min_frames(), network.max_frames()];
     let seconds = [shortest, longest].map(|frames| frames as f32 / rate);
     let licence = licence.map_or("not stated in the files".into(), ToString::to_string);
-    let config =
-        serde_json::to_string_pretty(config).map_err(|error| Failure::new(Code::Run, error))?;
-    console.say(format!(
+    let config = serde_json::to_string_pretty(config)
+        .map_err(|error| Failure::new(FailureCode::Run, error))?;
+    console.print(format!(
         "{}\nlicence   {licence}\nlength    {:.1} to {:.1} s ({shortest} to {longest} frames)\nsteps     {steps} by default\nconfig    {config}",
         source.name, seconds[0], seconds[1]
     ))
 }
 
+/// Converts a checkpoint to safetensors. `metadata` are texts that are added to the file, such as the licence.
 fn convert(
     (from, to): (&Path, &Path),
     precision: Precision,
@@ -86,11 +89,11 @@ fn convert(
     force: bool,
     console: &Console,
 ) -> Result<(), Failure> {
-    // Any other name would be taken for a PyTorch file when it is read.
+    // A file with any other name would be read as a PyTorch file.
     if to.extension().is_none_or(|ending| ending != "safetensors") {
         let found = to.display();
         let message = format!("expected a name that ends in .safetensors, found {found}");
-        return Err(Failure::new(Code::Usage, message));
+        return Err(Failure::new(FailureCode::Usage, message));
     }
     let same = std::fs::canonicalize(from)
         .ok()
@@ -100,29 +103,30 @@ fn convert(
             "{}: expected another file to write than to read",
             to.display()
         );
-        return Err(Failure::new(Code::Usage, message));
+        return Err(Failure::new(FailureCode::Usage, message));
     }
-    let checkpoint = Checkpoint::open(from).map_err(|error| Failure::new(Code::Input, error))?;
-    // Terms travel with weights, whatever is done to these.
+    let checkpoint =
+        Checkpoint::open(from).map_err(|error| Failure::new(FailureCode::Input, error))?;
+    // A conversion must not replace the licence of the weights by accident.
     for (name, text) in &metadata {
         let stated = checkpoint.metadata(name).filter(|stated| stated != text);
         if let (Some(stated), false) = (stated, force) {
             let message = format!("--{name}: {} states {stated:?} already", from.display());
             let hint = "--force replaces it, for whoever owns the weights";
-            return Err(Failure::new(Code::Usage, message).hint(hint));
+            return Err(Failure::new(FailureCode::Usage, message).hint(hint));
         }
     }
-    let bar = console.bar("tensors");
+    let bar = console.progress_bar("tensors");
     let converted = checkpoint.convert(to, precision, metadata, &mut |converted| {
         bar.set_length(converted.all as u64);
         bar.set_position(converted.done as u64);
     });
     bar.finish_and_clear();
-    // Damage of the input is often found only when the tensor's turn comes.
+    // Some damage of the input is found only when a tensor is read.
     converted.map_err(|error| {
         let code = match &error {
-            CheckpointError::Io { path, .. } if path == to => Code::Output,
-            _ => Code::Input,
+            CheckpointError::Io { path, .. } if path == to => FailureCode::Output,
+            _ => FailureCode::Input,
         };
         Failure::new(code, error)
     })?;
@@ -130,7 +134,7 @@ fn convert(
         .map_err(|error| Failure::output(to, error))?
         .len();
     match console.json {
-        true => console.say(json!({ "file": to.to_string_lossy(), "bytes": bytes }).to_string()),
-        false => console.say(format!("{}: {:.1} MB", to.display(), bytes as f64 / 1e6)),
+        true => console.print(json!({ "file": to.to_string_lossy(), "bytes": bytes }).to_string()),
+        false => console.print(format!("{}: {:.1} MB", to.display(), bytes as f64 / 1e6)),
     }
 }

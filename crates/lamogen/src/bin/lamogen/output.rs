@@ -1,4 +1,4 @@
-//! Files to write: the format by the end of the name, or named.
+//! Output files; their format follows from the end of their names.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -10,15 +10,15 @@ use lamogen::files::glb::GlbOptions;
 use lamogen::files::{WriteOptions, csv};
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
-use crate::arguments::{BvhNamesName, WritingArguments};
+use crate::arguments::{BvhNaming, WritingArguments};
 use crate::console::Console;
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 use crate::report;
-use crate::scene::{Scene, Shown, seconds};
+use crate::scene::{Scene, SceneMotion, seconds};
 
 /// A format of files that the command writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Format {
+pub enum OutputFormat {
     Glb,
     Bvh,
     Npy,
@@ -34,83 +34,85 @@ pub enum Format {
 
 /// A file to write.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Output {
+pub struct OutputFile {
     pub path: PathBuf,
-    pub format: Format,
+    pub format: OutputFormat,
 }
 
-/// Frames of a GIF of which it is said that they are many: a minute and more.
+/// GIFs with more frames than this (a minute) come with a notice.
 const MANY_FRAMES: usize = 1200;
 
-/// Poses on a strip, and pixels for each unit of its picture.
+/// The number of poses on a strip.
 const POSES: usize = 10;
+/// The number of pixels for each unit of a picture.
 const PIXELS: f32 = 1.5;
 
-impl Format {
-    /// How names of such files end, without the first dot.
+impl OutputFormat {
+    /// Returns the file name extension of the format, without the first dot.
     pub fn ending(self) -> &'static str {
         match self {
-            Format::Glb => "glb",
-            Format::Bvh => "bvh",
-            Format::Npy => "npy",
-            Format::Features => "features.npy",
-            Format::Csv => "csv",
-            Format::Svg => "svg",
-            Format::Png => "png",
-            Format::Gif => "gif",
-            Format::Html => "html",
-            Format::Json => "json",
+            OutputFormat::Glb => "glb",
+            OutputFormat::Bvh => "bvh",
+            OutputFormat::Npy => "npy",
+            OutputFormat::Features => "features.npy",
+            OutputFormat::Csv => "csv",
+            OutputFormat::Svg => "svg",
+            OutputFormat::Png => "png",
+            OutputFormat::Gif => "gif",
+            OutputFormat::Html => "html",
+            OutputFormat::Json => "json",
         }
     }
 }
 
-impl FromStr for Output {
+impl FromStr for OutputFile {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
         let lower = name.to_lowercase();
-        let fits = |format: &Format| lower.ends_with(&format!(".{}", format.ending()));
-        // The longest ending: features.npy before npy.
-        let formats = Format::value_variants().iter().copied().filter(fits);
+        let fits = |format: &OutputFormat| lower.ends_with(&format!(".{}", format.ending()));
+        // The longest ending counts: features.npy before npy.
+        let formats = OutputFormat::value_variants().iter().copied().filter(fits);
         let format = formats.max_by_key(|format| format.ending().len());
-        // A name is more than its ending.
+        // There must be a name before the ending.
         let format = format.filter(|format| {
-            let rest = &lower[..lower.len() - format.ending().len() - 1];
-            !rest.is_empty() && !rest.ends_with(['/', std::path::MAIN_SEPARATOR])
+            let stem = &lower[..lower.len() - format.ending().len() - 1];
+            !stem.is_empty() && !stem.ends_with(['/', std::path::MAIN_SEPARATOR])
         });
         let format = format.ok_or_else(|| {
-            let known = Format::value_variants().iter();
+            let known = OutputFormat::value_variants().iter();
             let known: Vec<String> = known
                 .map(|format| format!(".{}", format.ending()))
                 .collect();
             format!("expected a name that ends in {}", known.join(", "))
         })?;
-        Ok(Output {
+        Ok(OutputFile {
             path: name.into(),
             format,
         })
     }
 }
 
-impl fmt::Display for Output {
+impl fmt::Display for OutputFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.path.display().fmt(f)
     }
 }
 
-impl Output {
-    /// The same file for one of several samples: `jump.glb` becomes `jump-7.glb`.
-    pub fn numbered(&self, number: u64) -> Output {
+impl OutputFile {
+    /// Returns the file of one of several samples: `jump.glb` becomes `jump-7.glb`.
+    pub fn numbered(&self, number: u64) -> OutputFile {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         let stem = name.len() - self.format.ending().len() - 1;
         let name = format!("{}-{number}{}", &name[..stem], &name[stem..]);
-        Output {
+        OutputFile {
             path: self.path.with_file_name(name),
             format: self.format,
         }
     }
 
-    /// Whether the folder is there and takes files. This should be known before the work, not after.
+    /// Checks whether the folder exists and files can be written to it. Commands call this before their work, so that
+    /// no work is lost.
     pub fn check(&self) -> Result<(), Failure> {
         let folder = match self.path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -132,7 +134,7 @@ impl Output {
         }
     }
 
-    /// Writes what a scene has for this format, whole or not at all.
+    /// Writes a scene in this format. An error leaves no incomplete file.
     pub fn write(
         &self,
         scene: &Scene,
@@ -141,41 +143,41 @@ impl Output {
     ) -> Result<(), Failure> {
         let path = &self.path;
         match self.format {
-            Format::Glb | Format::Bvh | Format::Npy | Format::Features => {
-                let options = options(scene, writing, self.format);
-                let shown = scene.main();
-                lamogen::files::write(path, &shown.motion, &options)?;
-                if matches!(self.format, Format::Glb | Format::Bvh)
+            OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Npy | OutputFormat::Features => {
+                let options = write_options(scene, writing, self.format);
+                let scene_motion = scene.main();
+                lamogen::files::write(path, &scene_motion.motion, &options)?;
+                if matches!(self.format, OutputFormat::Glb | OutputFormat::Bvh)
                     && !scene.main().motion.is_rigid()
                     && !console.is_quiet()
                 {
-                    console.notice(format!("{self}: {}", rigid(shown)));
+                    console.notice(format!("{self}: {}", rigid_body_notice(scene_motion)));
                 }
                 return Ok(());
             }
-            Format::Csv => {
+            OutputFormat::Csv => {
                 csv::write_laban(path, &scene.series())
-                    .map_err(|error| Failure::new(Code::Output, error))?;
+                    .map_err(|error| Failure::new(FailureCode::Output, error))?;
                 return Ok(());
             }
             _ => {}
         }
-        let drawn = |error: &dyn fmt::Display| Failure::output(path, error);
+        let failure = |error: &dyn fmt::Display| Failure::output(path, error);
         let sheet = || {
             sheet(&scene.heading(), &scene.rows(), POSES, &scene.curves())
-                .map_err(|error| drawn(&error))
+                .map_err(|error| failure(&error))
         };
         let content = match self.format {
-            Format::Svg => sheet()?.into_bytes(),
-            Format::Png => png(&sheet()?, PIXELS).map_err(|error| drawn(&error))?,
-            Format::Gif => {
+            OutputFormat::Svg => sheet()?.into_bytes(),
+            OutputFormat::Png => png(&sheet()?, PIXELS).map_err(|error| failure(&error))?,
+            OutputFormat::Gif => {
                 let frames = scene.main().motion.frames();
                 if frames > MANY_FRAMES {
                     console.notice(format!(
                         "{self}: a GIF of {frames} frames takes long to draw and has tens of megabytes; .html plays a motion of any length"
                     ));
                 }
-                let bar = console.bar("frames");
+                let bar = console.progress_bar("frames");
                 let options = GifOptions {
                     width: writing.gif_width,
                 };
@@ -184,22 +186,23 @@ impl Output {
                     bar.set_position(done as u64);
                 });
                 bar.finish_and_clear();
-                bytes.map_err(|error| drawn(&error))?
+                bytes.map_err(|error| failure(&error))?
             }
-            Format::Html => scene.page().into_bytes(),
-            _ => report::everything(scene).to_string().into_bytes(),
+            OutputFormat::Html => scene.page().into_bytes(),
+            _ => report::scene_json(scene).to_string().into_bytes(),
         };
-        save(path, &content).map_err(|error| Failure::new(Code::Output, error))
+        save(path, &content).map_err(|error| Failure::new(FailureCode::Output, error))
     }
 }
 
-fn options(scene: &Scene, writing: &WritingArguments, format: Format) -> WriteOptions {
+/// Returns the options of writing a motion file.
+fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat) -> WriteOptions {
     let mut options = WriteOptions {
         bvh: BvhOptions {
             unit: writing.bvh_unit,
             names: match writing.bvh_names {
-                BvhNamesName::HumanMl3d => BvhNames::HumanMl3d,
-                BvhNamesName::Mixamo => BvhNames::Mixamo,
+                BvhNaming::HumanMl3d => BvhNames::HumanMl3d,
+                BvhNaming::Mixamo => BvhNames::Mixamo,
             },
         },
         glb: GlbOptions {
@@ -210,16 +213,16 @@ fn options(scene: &Scene, writing: &WritingArguments, format: Format) -> WriteOp
         },
         ..WriteOptions::default()
     };
-    // Arrays have the frames that the motion has.
-    if matches!(format, Format::Glb | Format::Bvh) {
+    // NumPy arrays keep the frame rate of the motion.
+    if matches!(format, OutputFormat::Glb | OutputFormat::Bvh) {
         options.frames_per_second = writing.fps;
     }
     options
 }
 
-/// How far a rig is from a motion whose bones change their length.
-fn rigid(shown: &Shown) -> String {
-    let distance = shown.rotations().distance(&shown.motion);
+/// Describes how far the joints of a rigid body are from those of a motion with bones of changing length.
+fn rigid_body_notice(scene_motion: &SceneMotion) -> String {
+    let distance = scene_motion.rotations().distance(&scene_motion.motion);
     format!(
         "bones keep their length, so joints are {:.1} mm from the motion's on average, {:.0} mm at most ({}, {:.2} s)",
         1e3 * distance.mean,
@@ -234,25 +237,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ending_says_the_format() {
+    fn the_ending_determines_the_format() {
         for (name, format) in [
-            ("a.glb", Format::Glb),
-            ("b/a.BVH", Format::Bvh),
-            ("a.npy", Format::Npy),
-            ("a.features.npy", Format::Features),
-            ("a.b.json", Format::Json),
+            ("a.glb", OutputFormat::Glb),
+            ("b/a.BVH", OutputFormat::Bvh),
+            ("a.npy", OutputFormat::Npy),
+            ("a.features.npy", OutputFormat::Features),
+            ("a.b.json", OutputFormat::Json),
         ] {
-            assert_eq!(name.parse::<Output>().unwrap().format, format);
+            assert_eq!(name.parse::<OutputFile>().unwrap().format, format);
         }
         for name in ["a.fbx", "glb", "", "a.", ".glb", "b/.json"] {
-            let message = name.parse::<Output>().unwrap_err();
+            let message = name.parse::<OutputFile>().unwrap_err();
             assert!(message.contains(".glb, .bvh"), "{message}");
         }
     }
 
     #[test]
     fn samples_are_named_by_their_seed() {
-        let name = |name: &str| name.parse::<Output>().unwrap().numbered(7).path;
+        let name = |name: &str| name.parse::<OutputFile>().unwrap().numbered(7).path;
         assert_eq!(name("b/jump.glb"), Path::new("b/jump-7.glb"));
         assert_eq!(name("jump.Features.npy"), Path::new("jump-7.Features.npy"));
     }

@@ -1,4 +1,4 @@
-//! `lamogen pack`.
+//! `lamogen pack`: packs data sets and motion files into one data set.
 
 use std::collections::HashSet;
 
@@ -7,32 +7,33 @@ use lamogen::motion::remove_stale_temporaries;
 use lamogen_data::{Dataset, PackOptions, Problems, Split, pack_all};
 use serde_json::{Map, json};
 
-use crate::arguments::Pack;
-use crate::console::{Console, counted};
-use crate::failure::{Code, Failure};
-use crate::opened::read_options;
+use crate::arguments::PackArguments;
+use crate::console::{Console, count_noun};
+use crate::failure::{Failure, FailureCode};
+use crate::motion_file::read_options;
 
-/// Broken motions that are named; `--json` names all.
-const NAMED: usize = 20;
+/// The largest number of broken motions that are listed by name; `--json` lists all.
+const MAX_LISTED: usize = 20;
 
-pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
+/// Runs `lamogen pack`.
+pub fn run(options: &PackArguments, console: &Console) -> Result<(), Failure> {
     if let Some(format) = options.reading.from {
         let message = format!(
             "--from {}: expected none, since nothing is packed from standard input",
             format.ending()
         );
-        return Err(Failure::new(Code::Usage, message));
+        return Err(Failure::new(FailureCode::Usage, message));
     }
-    // A data set is made beside its folder.
+    // A data set is written to a temporary folder beside its own.
     if let Some(parent) = options.out.parent() {
-        let here = std::path::Path::new(".");
+        let current = std::path::Path::new(".");
         remove_stale_temporaries(if parent.as_os_str().is_empty() {
-            here
+            current
         } else {
             parent
         });
     }
-    let bar = console.bar("files");
+    let bar = console.progress_bar("files");
     let packing = PackOptions {
         captions: options.captions.clone(),
         more_captions: options.more_captions.clone(),
@@ -51,7 +52,7 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
     bar.finish_and_clear();
     let data = packed?;
     let folder = options.out.display();
-    tell_problems(data.problems(), console);
+    print_problems(data.problems(), console);
     for group in data.unchanging() {
         console.notice(format!(
             "{} never changes in the motions for training",
@@ -59,20 +60,21 @@ pub fn run(options: &Pack, console: &Console) -> Result<(), Failure> {
         ));
     }
     match console.json {
-        true => console.say(report(options, &data)),
-        false => console.say(format!("{folder}\n{}", summary(&data))),
+        true => console.print(summary_json(options, &data)),
+        false => console.print(format!("{folder}\n{}", summary_text(&data))),
     }
 }
 
-/// Names motions that are broken, and says how many were left out for which reason.
-pub fn tell_problems(problems: &Problems, console: &Console) {
-    for problem in problems.broken().take(NAMED) {
+/// Prints the broken motions by name, and how many motions were left out for which reason.
+pub fn print_problems(problems: &Problems, console: &Console) {
+    for problem in problems.broken().take(MAX_LISTED) {
         let (name, reason) = (&problem.name, &problem.reason);
         console.notice(format!("left out: {name}: {reason}"));
     }
     let broken = problems.broken().count();
-    if broken > NAMED {
-        console.notice(format!("left out: {} more that are broken", broken - NAMED));
+    if broken > MAX_LISTED {
+        let more = broken - MAX_LISTED;
+        console.notice(format!("left out: {more} more that are broken"));
     }
     let counts = problems.counts();
     if !counts.is_empty() {
@@ -82,19 +84,20 @@ pub fn tell_problems(problems: &Problems, console: &Console) {
     }
 }
 
-/// What lies in a split.
-struct Share {
+/// The size of a split.
+struct SplitSize {
     entries: usize,
+    /// The number of entries that are mirror images.
     mirrored: usize,
     clips: usize,
-    /// Of all entries, mirror images included.
+    /// The duration of all entries, mirror images included.
     minutes: f64,
 }
 
-impl Share {
-    fn of(data: &Dataset, split: Split) -> Share {
+impl SplitSize {
+    fn of(data: &Dataset, split: Split) -> SplitSize {
         let frames: usize = data.split(split).map(|entry| entry.frames).sum();
-        Share {
+        SplitSize {
             entries: data.split(split).count(),
             mirrored: data.split(split).filter(|entry| entry.mirror).count(),
             clips: data
@@ -107,22 +110,23 @@ impl Share {
     }
 }
 
-fn summary(data: &Dataset) -> String {
+/// Describes the splits of a data set, and how many motions were left out.
+fn summary_text(data: &Dataset) -> String {
     let mut lines = Vec::new();
     for split in Split::ALL {
-        let Share {
+        let SplitSize {
             entries,
             mirrored,
             clips,
             minutes,
-        } = Share::of(data, split);
+        } = SplitSize::of(data, split);
         let images = match mirrored {
             0 => String::new(),
             _ => format!(", {mirrored} of them mirror images"),
         };
         let [clips, entries] = [
-            counted(clips, "clip", "clips"),
-            counted(entries, "entry", "entries"),
+            count_noun(clips, "clip", "clips"),
+            count_noun(entries, "entry", "entries"),
         ];
         lines.push(format!(
             "{split:9} {clips}, {entries}{images}, {minutes:.1} min"
@@ -134,13 +138,14 @@ fn summary(data: &Dataset) -> String {
     lines.join("\n")
 }
 
-fn report(options: &Pack, data: &Dataset) -> String {
+/// Describes the splits of a data set, and the motions that were left out, as JSON.
+fn summary_json(options: &PackArguments, data: &Dataset) -> String {
     let splits: Map<String, serde_json::Value> = Split::ALL
         .into_iter()
         .map(|split| {
-            let Share { entries, mirrored, clips, minutes } = Share::of(data, split);
-            let share = json!({ "clips": clips, "entries": entries, "mirrored": mirrored, "minutes": minutes });
-            (split.to_string(), share)
+            let SplitSize { entries, mirrored, clips, minutes } = SplitSize::of(data, split);
+            let size = json!({ "clips": clips, "entries": entries, "mirrored": mirrored, "minutes": minutes });
+            (split.to_string(), size)
         })
         .collect();
     let counts = data.problems().counts().into_iter();

@@ -1,4 +1,4 @@
-//! What is measured of motions, as text and as JSON.
+//! Measurements of motions, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -9,27 +9,27 @@ use lamogen::{
 };
 use serde_json::{Map, Value, json};
 
-use crate::scene::{Scene, Shown, seconds};
+use crate::scene::{Scene, SceneMotion, seconds};
 
-/// Peaks that are named.
+/// The number of peaks that the text lists.
 const PEAKS: usize = 3;
 
-/// Everything about a scene: its facts, and every motion with measures, series and joints.
-pub fn everything(scene: &Scene) -> Value {
-    let mut whole = measured(scene);
+/// Returns the complete JSON of a scene: its facts, and every motion with measurements, series and joint positions.
+pub fn scene_json(scene: &Scene) -> Value {
+    let mut whole = measurement_json(scene);
     let motions = whole.get_mut("motions").and_then(Value::as_array_mut);
-    for (motion, shown) in motions.into_iter().flatten().zip(&scene.motions) {
-        motion["joints"] = joints(&shown.motion);
+    for (motion, scene_motion) in motions.into_iter().flatten().zip(&scene.motions) {
+        motion["joints"] = joint_positions(&scene_motion.motion);
     }
     whole.into()
 }
 
-/// Everything that is measured of a scene, frame by frame, without the joints themselves.
-pub fn measured(scene: &Scene) -> Map<String, Value> {
-    let mut whole = facts(scene);
-    let motions = scene.motions.iter().map(|shown| {
-        let mut motion = measures(shown);
-        motion.insert("series".into(), series(&shown.laban));
+/// Returns the JSON of a scene with the measurements of every frame, but without joint positions.
+pub fn measurement_json(scene: &Scene) -> Map<String, Value> {
+    let mut whole = scene_facts(scene);
+    let motions = scene.motions.iter().map(|scene_motion| {
+        let mut motion = motion_measurements(scene_motion);
+        motion.insert("series".into(), laban_series(&scene_motion.laban));
         Value::from(motion)
     });
     whole.insert("motions".into(), motions.collect());
@@ -38,14 +38,15 @@ pub fn measured(scene: &Scene) -> Map<String, Value> {
         "target".into(),
         target.map_or(
             Value::Null,
-            |target| json!({ "laban": summaries(target), "series": series(target) }),
+            |target| json!({ "laban": laban_summaries(target), "series": laban_series(target) }),
         ),
     );
     whole
 }
 
-/// Laban features of the parts that have goals of their own, and of the rest.
-fn parts(scene: &Scene) -> Option<Value> {
+/// Returns the Laban features of the parts of the body that have goals of their own, and of the rest. Returns `None`
+/// if no part has goals.
+fn part_features(scene: &Scene) -> Option<Value> {
     let parts = scene.parts.iter().map(|part| {
         let mut laban = Map::new();
         for (which, series) in [
@@ -53,12 +54,12 @@ fn parts(scene: &Scene) -> Option<Value> {
             ("target", &part.target),
             ("guided", &part.guided),
         ] {
-            let mut found = summaries(series);
-            // Shape is that of the whole body.
-            if let Some(found) = found.as_object_mut() {
-                found.remove(&name(Component::Shape));
+            let mut summaries = laban_summaries(series);
+            // Shape is measured on the whole body only.
+            if let Some(summaries) = summaries.as_object_mut() {
+                summaries.remove(&component_key(Component::Shape));
             }
-            laban.insert(which.into(), found);
+            laban.insert(which.into(), summaries);
         }
         json!({ "part": part.end_effectors.to_string(), "laban": laban })
     });
@@ -66,39 +67,43 @@ fn parts(scene: &Scene) -> Option<Value> {
     (!parts.is_empty()).then(|| parts.into())
 }
 
-/// A scene's facts and measures without the numbers of every frame.
-pub fn summary(scene: &Scene) -> Map<String, Value> {
-    let mut whole = facts(scene);
+/// Returns the JSON of a scene without the numbers of every frame.
+pub fn summary_json(scene: &Scene) -> Map<String, Value> {
+    let mut whole = scene_facts(scene);
     let motions = scene
         .motions
         .iter()
-        .map(|shown| Value::from(measures(shown)));
+        .map(|scene_motion| Value::from(motion_measurements(scene_motion)));
     whole.insert("motions".into(), motions.collect());
     if let Some(target) = &scene.target {
-        whole.insert("target".into(), json!({ "laban": summaries(target) }));
+        whole.insert("target".into(), json!({ "laban": laban_summaries(target) }));
     }
     whole
 }
 
-fn facts(scene: &Scene) -> Map<String, Value> {
+/// Returns the facts about a scene, without its motions.
+fn scene_facts(scene: &Scene) -> Map<String, Value> {
     let mut whole = Map::new();
     let generator = concat!("lamogen ", env!("CARGO_PKG_VERSION"));
     whole.insert("generator".into(), generator.into());
     whole.insert("title".into(), scene.title.as_str().into());
     whole.extend(scene.facts.clone());
-    whole.extend(parts(scene).map(|parts| ("parts".to_owned(), parts)));
+    whole.extend(part_features(scene).map(|parts| ("parts".to_owned(), parts)));
     whole.insert("frames_per_second".into(), FRAMES_PER_SECOND.into());
     whole
 }
 
-/// What is measured of a motion, in metres and seconds.
-pub fn measures(shown: &Shown) -> Map<String, Value> {
-    let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
+/// Returns the measurements of a motion, in metres and seconds.
+fn motion_measurements(scene_motion: &SceneMotion) -> Map<String, Value> {
+    let (sliding, drift) = (
+        FootSliding::of(&scene_motion.motion),
+        BoneDrift::of(&scene_motion.motion),
+    );
     let measured = json!({
-        "label": shown.label,
-        "frames": shown.motion.frames(),
-        "seconds": shown.motion.seconds(),
-        "laban": summaries(&shown.laban),
+        "label": scene_motion.label,
+        "frames": scene_motion.motion.frames(),
+        "seconds": scene_motion.motion.seconds(),
+        "laban": laban_summaries(&scene_motion.laban),
         "foot_sliding": {
             "ratio": sliding.ratio,
             "left_m": sliding.distance[0],
@@ -112,15 +117,15 @@ pub fn measures(shown: &Shown) -> Map<String, Value> {
             "lengths_m": Joint::ALL.into_iter().map(|joint| (joint.name().to_owned(), drift.lengths[joint.index()].into()))
                 .collect::<Map<String, Value>>(),
         },
-        "turning": turning(shown),
+        "turning": turning_json(scene_motion),
     });
     measured.as_object().cloned().unwrap_or_default()
 }
 
-/// How fast joints turn, in degrees from one frame to the next.
-fn turning(shown: &Shown) -> Value {
-    let turning = shown.turning();
-    let of = |mean: f32, largest: JointTurn| {
+/// Returns how far joints turn from one frame to the next, in degrees.
+fn turning_json(scene_motion: &SceneMotion) -> Value {
+    let turning = scene_motion.turning();
+    let measurements = |mean: f32, largest: JointTurn| {
         json!({
             "mean_deg": mean,
             "largest_deg": largest.degrees,
@@ -129,18 +134,18 @@ fn turning(shown: &Shown) -> Value {
         })
     };
     let joints = Joint::ALL.into_iter().map(|joint| {
-        let mut measured = of(turning.mean(joint), turning.largest(joint));
-        // It stands under its name.
+        let mut measured = measurements(turning.mean(joint), turning.largest(joint));
+        // The name of the joint is the key already.
         if let Some(measured) = measured.as_object_mut() {
             measured.remove("joint");
         }
         (joint.name().to_owned(), measured)
     });
     let joints: Map<String, Value> = joints.collect();
-    let mut whole = of(turning.mean_but_pelvis(), turning.largest_but_pelvis());
-    whole["rotations"] = match shown.turns_as_its_file() {
+    let mut whole = measurements(turning.mean_but_pelvis(), turning.largest_but_pelvis());
+    whole["rotations"] = match scene_motion.has_file_turning() {
         true => "file".into(),
-        false if shown.motion.is_rigid() => "rig".into(),
+        false if scene_motion.motion.is_rigid() => "rig".into(),
         false => "solved".into(),
     };
     whole["pelvis"] = joints[Joint::Pelvis.name()].clone();
@@ -148,7 +153,8 @@ fn turning(shown: &Shown) -> Value {
     whole
 }
 
-fn summaries(laban: &LabanSeries) -> Value {
+/// Returns the maximum over time, the mean over time and the peaks of every component.
+fn laban_summaries(laban: &LabanSeries) -> Value {
     let (maxima, means) = (
         laban.summary(TimeSummary::Maximum),
         laban.summary(TimeSummary::Mean),
@@ -162,30 +168,36 @@ fn summaries(laban: &LabanSeries) -> Value {
     })
 }
 
-fn series(laban: &LabanSeries) -> Value {
+/// Returns the values of every component at every frame.
+fn laban_series(laban: &LabanSeries) -> Value {
     by_component(|component| laban.component(component).collect())
 }
 
+/// Returns a JSON object with a value for every component.
 fn by_component(value: impl Fn(Component) -> Value) -> Value {
-    let named = Component::ALL.map(|component| (name(component), value(component)));
+    let named = Component::ALL.map(|component| (component_key(component), value(component)));
     Value::Object(named.into_iter().collect())
 }
 
-pub fn name(component: Component) -> String {
+/// Returns the JSON key of a component: its name in lower case.
+pub fn component_key(component: Component) -> String {
     component.to_string().to_lowercase()
 }
 
-/// Metres to a tenth of a millimetre are exact enough.
-fn joints(motion: &Motion) -> Value {
-    let tenths = |x: f32| (f64::from(x) * 1e4).round() / 1e4;
-    let pose = |pose: &[[f32; 3]; JOINTS]| json!(pose.map(|point| point.map(tenths)).to_vec());
+/// Returns the positions of the joints in metres, rounded to a tenth of a millimetre.
+fn joint_positions(motion: &Motion) -> Value {
+    let round = |x: f32| (f64::from(x) * 1e4).round() / 1e4;
+    let pose = |pose: &[[f32; 3]; JOINTS]| json!(pose.map(|point| point.map(round)).to_vec());
     motion.joints().iter().map(pose).collect()
 }
 
-/// What a motion measures, for people.
-pub fn text(shown: &Shown) -> String {
-    let (sliding, drift) = (FootSliding::of(&shown.motion), BoneDrift::of(&shown.motion));
-    let laban = &shown.laban;
+/// Formats the measurements of a motion as a table.
+pub fn measurement_table(scene_motion: &SceneMotion) -> String {
+    let (sliding, drift) = (
+        FootSliding::of(&scene_motion.motion),
+        BoneDrift::of(&scene_motion.motion),
+    );
+    let laban = &scene_motion.laban;
     let (maxima, means) = (
         laban.summary(TimeSummary::Maximum),
         laban.summary(TimeSummary::Mean),
@@ -203,8 +215,8 @@ pub fn text(shown: &Shown) -> String {
         writeln!(
             text,
             "{component:<12} {:>10} {:>10}   {:13} {}",
-            value(maxima[at]),
-            value(means[at]),
+            format_value(maxima[at]),
+            format_value(means[at]),
             component.unit(),
             peaks.join(", ")
         )
@@ -213,7 +225,7 @@ pub fn text(shown: &Shown) -> String {
     writeln!(
         text,
         "body size    {:.2} m along the bones from ankle to hip and from pelvis to head",
-        size(&drift)
+        body_size(&drift)
     )
     .expect("a string takes all");
     writeln!(
@@ -233,7 +245,7 @@ pub fn text(shown: &Shown) -> String {
         seconds(drift.frame)
     )
     .expect("a string takes all");
-    let turning = shown.turning();
+    let turning = scene_motion.turning();
     let (largest, pelvis) = (turning.largest_but_pelvis(), turning.largest(Joint::Pelvis));
     writeln!(
         text,
@@ -250,37 +262,43 @@ pub fn text(shown: &Shown) -> String {
     text
 }
 
-/// The body's size in metres; 1.48 on an adult.
-fn size(bones: &BoneDrift) -> f32 {
+/// Returns the size of the body along its bones in metres; that of an adult is 1.48.
+fn body_size(bones: &BoneDrift) -> f32 {
     use Joint::*;
     let along = [LeftKnee, LeftAnkle, Spine1, Spine2, Spine3, Neck, Head];
     along.map(|joint| bones.lengths[joint.index()]).iter().sum()
 }
 
-/// A number with four places, or as many as it takes to see something.
-fn value(number: f32) -> String {
+/// Formats a number with four decimal places; numbers below 0.001 are written with an exponent.
+fn format_value(number: f32) -> String {
     match number != 0.0 && number.abs() < 1e-3 {
         true => format!("{number:.2e}"),
         false => format!("{number:.4}"),
     }
 }
 
-/// Two series beside each other.
-pub fn comparison(columns: [&str; 2], before: &LabanSeries, after: &LabanSeries) -> String {
+/// Formats a table of the Laban features of two motions.
+pub fn comparison_table(columns: [&str; 2], before: &LabanSeries, after: &LabanSeries) -> String {
     let all = Component::ALL.into_iter().map(|c| (c, false));
-    compared(columns, before, after, None, all)
+    format_comparison(columns, before, after, None, all)
 }
 
-/// The guided motion of a scene beside the baseline, and its parts that have goals of their own.
-pub fn guided(scene: &Scene, baseline: &Shown, guided: &Shown, target: &LabanSeries) -> String {
+/// Formats tables of the guided motion of a scene beside the baseline: of the whole body, and of the parts of the body
+/// that have goals of their own.
+pub fn guidance_table(
+    scene: &Scene,
+    baseline: &SceneMotion,
+    guided: &SceneMotion,
+    target: &LabanSeries,
+) -> String {
     let all = Component::ALL.into_iter().zip(scene.free);
     let (before, after) = (&baseline.laban, &guided.laban);
-    let table = compared(["baseline", "guided"], before, after, Some(target), all);
-    table + &parts_compared(scene)
+    let table = format_comparison(["baseline", "guided"], before, after, Some(target), all);
+    table + &part_tables(scene)
 }
 
-/// The parts of the body.
-fn parts_compared(scene: &Scene) -> String {
+/// Formats a table for each part of the body that has goals of its own.
+fn part_tables(scene: &Scene) -> String {
     let parts = scene.parts.iter().map(|part| {
         let PartLaban {
             end_effectors,
@@ -291,14 +309,16 @@ fn parts_compared(scene: &Scene) -> String {
         } = part;
         let columns = ["baseline", "guided"];
         let efforts = Component::EFFORTS.into_iter().map(|c| (c, false));
-        let table = compared(columns, baseline, guided, Some(target), efforts);
+        let table = format_comparison(columns, baseline, guided, Some(target), efforts);
         format!("\n{end_effectors}\n{table}")
     });
     parts.collect()
 }
 
-/// The first series, what came out, and what was asked for; components that may become anything are marked.
-fn compared(
+/// Formats a table of the Laban features before and after a change, and of the target, if there is one.
+///
+/// `components` are the rows of the table, each with whether the component may become anything; the table marks those.
+fn format_comparison(
     columns: [&str; 2],
     before: &LabanSeries,
     after: &LabanSeries,
@@ -328,16 +348,16 @@ fn compared(
                 true => format!(" {:>10} {:>9}", "any", ""),
                 false => format!(
                     " {:>10} {:>9}",
-                    value(target[at]),
-                    change(before[at], target[at])
+                    format_value(target[at]),
+                    format_change(before[at], target[at])
                 ),
             });
             writeln!(
                 text,
                 "{component:18} {:>12} {:>12} {:>9}{}",
-                value(before[at]),
-                value(after[at]),
-                change(before[at], after[at]),
+                format_value(before[at]),
+                format_value(after[at]),
+                format_change(before[at], after[at]),
                 asked.unwrap_or_default()
             )
             .expect("a string takes all");
@@ -346,9 +366,10 @@ fn compared(
     text
 }
 
-fn change(before: f32, after: f32) -> String {
+/// Formats the relative change of a value in percent.
+fn format_change(before: f32, after: f32) -> String {
     match before > 0.0 {
-        // A change that rounds to nothing has no sign of its own.
+        // Adding 0.0 turns a change of -0 into one of +0.
         true => format!("{:+.0}%", (100.0 * (after / before - 1.0)).round() + 0.0),
         false => "–".into(),
     }

@@ -1,4 +1,4 @@
-//! What files are made of: motions with their Laban series, and what is known of them.
+//! The content of output files: motions with their Laban series, and facts about them.
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -13,74 +13,78 @@ use lamogen::{
 use lamogen_view::{Curve, Figure, Page, Row};
 use serde_json::{Map, Value, json};
 
-/// A motion with its name.
-pub struct Shown {
+/// A motion with its name and measurements.
+pub struct SceneMotion {
     pub label: String,
     pub motion: Motion,
     pub laban: LabanSeries,
-    /// How fast joints turn by the rotations of the file that the motion is from, if it has some.
-    turning_of_file: Option<JointTurning>,
+    /// How fast joints turn, by the rotations of the file that the motion comes from, if the file has rotations.
+    file_turning: Option<JointTurning>,
+    /// The value of [`SceneMotion::rotations`], once it is computed.
     rotations: OnceCell<Rotations>,
-    turning_solved: OnceCell<JointTurning>,
+    /// How fast joints turn, by [`SceneMotion::rotations`], once it is computed.
+    solved_turning: OnceCell<JointTurning>,
 }
 
-impl Shown {
-    fn new(label: String, motion: Motion, laban: LabanSeries) -> Shown {
-        Shown {
+impl SceneMotion {
+    fn new(label: String, motion: Motion, laban: LabanSeries) -> SceneMotion {
+        SceneMotion {
             label,
             motion,
             laban,
-            turning_of_file: None,
+            file_turning: None,
             rotations: OnceCell::new(),
-            turning_solved: OnceCell::new(),
+            solved_turning: OnceCell::new(),
         }
     }
 
-    /// What files of the motion hold; solved when first asked for.
+    /// Returns the rotations that files of the motion contain. They are computed by the first call.
     pub fn rotations(&self) -> &Rotations {
         self.rotations
             .get_or_init(|| self.motion.rotations().into_owned())
     }
 
-    /// How fast joints turn: in the file that the motion is from, else in those that would be written.
+    /// Returns how fast joints turn: in the file that the motion comes from or, if that has no rotations, in the
+    /// rotations that would be written.
     pub fn turning(&self) -> &JointTurning {
         let solved = || JointTurning::of(self.rotations());
-        match &self.turning_of_file {
+        match &self.file_turning {
             Some(turning) => turning,
-            None => self.turning_solved.get_or_init(solved),
+            None => self.solved_turning.get_or_init(solved),
         }
     }
 
-    /// Whether [`turning`](Self::turning) is that of a file's own rotations.
-    pub fn turns_as_its_file(&self) -> bool {
-        self.turning_of_file.is_some()
+    /// Whether [`turning`](Self::turning) comes from the rotations of a file.
+    pub fn has_file_turning(&self) -> bool {
+        self.file_turning.is_some()
     }
 }
 
-/// One motion or several that belong together.
+/// One motion, or several motions that belong together.
 pub struct Scene {
     pub title: String,
     /// A line below the title.
     pub notes: String,
-    /// The last one is what motion files get.
-    pub motions: Vec<Shown>,
+    /// The motions. The last one is the main motion, which motion files contain.
+    pub motions: Vec<SceneMotion>,
+    /// The Laban features to reach, if the main motion was guided.
     pub target: Option<LabanSeries>,
-    /// Components that may become anything, whatever the target holds.
+    /// For each component, whether it may become anything, whatever the target contains.
     pub free: [bool; COMPONENTS],
-    /// Parts of the body that have goals of their own, and the rest.
+    /// Laban features of the parts of the body that have goals of their own, and of the rest.
     pub parts: Vec<PartLaban>,
-    /// What the JSON says beside the motions.
+    /// Facts that the JSON contains beside the motions.
     pub facts: Map<String, Value>,
-    /// Under which terms the motion may be used.
+    /// The terms under which the motion may be used.
     pub copyright: Option<String>,
 }
 
-/// Of several motions that are neither baseline nor guided.
+/// Colours of motions that are neither baseline nor guided, as red, green and blue.
 const COLOURS: [[u8; 3]; 4] = [[194, 65, 12], [107, 114, 128], [3, 105, 161], [22, 101, 52]];
 
 impl Scene {
-    /// A generated motion and, where it was guided, the baseline before it.
-    pub fn generated(
+    /// Makes a scene of a generated motion. If it was guided, the baseline comes before it.
+    pub fn from_generation(
         title: &str,
         generation: Generation,
         facts: Map<String, Value>,
@@ -89,7 +93,7 @@ impl Scene {
         let scale = generation.goals.to_string();
         let is_guided = !generation.loss.is_empty();
         let text_alone = "text alone".to_owned();
-        let guided = Shown::new(
+        let guided = SceneMotion::new(
             match is_guided {
                 true => scale.clone(),
                 false => text_alone.clone(),
@@ -97,7 +101,7 @@ impl Scene {
             generation.guided,
             generation.guided_laban,
         );
-        let baseline = Shown::new(text_alone, generation.baseline, generation.baseline_laban);
+        let baseline = SceneMotion::new(text_alone, generation.baseline, generation.baseline_laban);
         let seed = facts.get("seed").map(|seed| format!("seed {seed}"));
         let notes = [is_guided.then_some(scale), seed];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
@@ -117,8 +121,8 @@ impl Scene {
         }
     }
 
-    /// A motion from a file.
-    pub fn file(path: &Path, imported: ImportedMotion, device: &Device) -> Scene {
+    /// Makes a scene of a motion from a file.
+    pub fn from_file(path: &Path, imported: ImportedMotion, device: &Device) -> Scene {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let laban = LabanSeries::of(&imported.motion, &LabanOptions::default(), device);
         let facts = json!({
@@ -134,9 +138,9 @@ impl Scene {
         Scene {
             title: name.to_string(),
             notes: String::new(),
-            motions: vec![Shown {
-                turning_of_file: imported.turning,
-                ..Shown::new(name.into_owned(), imported.motion, laban)
+            motions: vec![SceneMotion {
+                file_turning: imported.turning,
+                ..SceneMotion::new(name.into_owned(), imported.motion, laban)
             }],
             target: None,
             free: [false; COMPONENTS],
@@ -146,18 +150,18 @@ impl Scene {
         }
     }
 
-    /// Puts another motion in the place of the main one; it is measured anew.
+    /// Replaces the main motion by another one, and measures that.
     pub fn replace_main(&mut self, motion: Motion, device: &Device) {
         let label = self
             .motions
             .pop()
-            .map_or(String::new(), |shown| shown.label);
+            .map_or(String::new(), |scene_motion| scene_motion.label);
         let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
-        self.motions.push(Shown::new(label, motion, laban));
+        self.motions.push(SceneMotion::new(label, motion, laban));
     }
 
-    /// The motion that it is all about.
-    pub fn main(&self) -> &Shown {
+    /// Returns the main motion.
+    pub fn main(&self) -> &SceneMotion {
         self.motions.last().expect("a scene has a motion")
     }
 
@@ -165,7 +169,7 @@ impl Scene {
         self.target.is_some()
     }
 
-    /// Title and notes in one line.
+    /// Returns title and notes in one line.
     pub fn heading(&self) -> String {
         match self.notes.is_empty() {
             true => self.title.clone(),
@@ -173,16 +177,18 @@ impl Scene {
         }
     }
 
+    /// Returns the rows of a picture, one for each motion.
     pub fn rows(&self) -> Vec<Row<'_>> {
-        let shown = self.motions.iter();
-        shown
-            .map(|shown| Row {
-                label: &shown.label,
-                motion: &shown.motion,
+        let scene_motion = self.motions.iter();
+        scene_motion
+            .map(|scene_motion| Row {
+                label: &scene_motion.label,
+                motion: &scene_motion.motion,
             })
             .collect()
     }
 
+    /// Returns the curves of the Laban features.
     pub fn curves(&self) -> Vec<Curve<'_>> {
         match (&self.motions[..], &self.target) {
             ([baseline, guided], Some(target)) => vec![
@@ -192,9 +198,9 @@ impl Scene {
             ],
             (motions, _) => {
                 let all = motions.iter().zip(COLOURS);
-                all.map(|(shown, colour)| Curve {
-                    label: &shown.label,
-                    series: &shown.laban,
+                all.map(|(scene_motion, colour)| Curve {
+                    label: &scene_motion.label,
+                    series: &scene_motion.laban,
                     colour,
                     dashed: false,
                 })
@@ -203,14 +209,15 @@ impl Scene {
         }
     }
 
+    /// Returns the figures that move on the page.
     fn figures(&self) -> Vec<Figure<'_>> {
         let mut figures: Vec<Figure<'_>> = self
             .motions
             .iter()
             .zip(COLOURS)
-            .map(|(shown, colour)| Figure {
-                label: &shown.label,
-                motion: &shown.motion,
+            .map(|(scene_motion, colour)| Figure {
+                label: &scene_motion.label,
+                motion: &scene_motion.motion,
                 colour,
             })
             .collect();
@@ -221,7 +228,7 @@ impl Scene {
         figures
     }
 
-    /// The series for a table, each with its name.
+    /// Returns the Laban series for a CSV table, each with its name.
     pub fn series(&self) -> Vec<(&str, &LabanSeries)> {
         match (&self.motions[..], &self.target) {
             ([baseline, guided], Some(target)) => vec![
@@ -232,12 +239,12 @@ impl Scene {
             ([alone], _) => vec![("", &alone.laban)],
             (motions, _) => motions
                 .iter()
-                .map(|shown| (shown.label.as_str(), &shown.laban))
+                .map(|scene_motion| (scene_motion.label.as_str(), &scene_motion.laban))
                 .collect(),
         }
     }
 
-    /// The page that plays it.
+    /// Returns the HTML page that plays the motions.
     pub fn page(&self) -> String {
         let (figures, curves) = (self.figures(), self.curves());
         lamogen_view::page(&Page {
@@ -248,7 +255,7 @@ impl Scene {
         })
     }
 
-    /// What a GLB's custom properties say: the facts that are a word or a number.
+    /// Returns the custom properties of a GLB file: the facts that are a text or a number.
     pub fn glb_notes(&self) -> BTreeMap<String, String> {
         let text = |value: &Value| match value {
             Value::String(text) => Some(text.clone()),
@@ -262,7 +269,7 @@ impl Scene {
     }
 }
 
-/// Seconds of a frame.
+/// Returns the time of a frame in seconds.
 pub fn seconds(frame: usize) -> f32 {
     frame as f32 / FRAMES_PER_SECOND
 }

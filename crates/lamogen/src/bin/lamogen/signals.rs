@@ -1,18 +1,18 @@
-//! What happens when the command is told to end.
+//! Handling of signals that end the command.
 
 use lamogen::motion::remove_temporaries;
 
-/// Exit code of a command that a signal ended: what shells say of Ctrl-C.
+/// Exit code of a command that a signal ended: the one that shells report after Ctrl-C.
 pub const INTERRUPTED: i32 = 130;
 
-/// Ends the command on Ctrl-C and requests to terminate, after files that are not whole yet are removed.
+/// Installs a handler that removes incomplete files and ends the command on Ctrl-C and on termination signals.
 pub fn clean_up_on_signals() {
-    // Without a handler the command works as well, and leaves files behind.
-    let _ = ctrlc::set_handler(end);
+    // If no handler can be installed, the command still works, but may leave incomplete files behind.
+    let _ = ctrlc::set_handler(clean_up_and_exit);
 }
 
-/// Removes files that are not whole yet, and ends the command.
-pub fn end() {
+/// Removes incomplete files, and ends the command.
+pub fn clean_up_and_exit() {
     remove_temporaries();
     std::process::exit(INTERRUPTED);
 }

@@ -1,4 +1,4 @@
-//! The model that a command works with.
+//! The model that a command uses, and the device that it runs on.
 
 use std::cell::OnceCell;
 use std::path::PathBuf;
@@ -7,39 +7,40 @@ use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
 use lamogen_data::Checksum;
 
-use crate::arguments::{SourceArguments, TemporalSmoothingChoice};
+use crate::arguments::{ModelArguments, TemporalSmoothingChoice};
 use crate::console::Console;
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 
-/// A loaded model.
-pub struct Source {
+/// A loaded model, and where it comes from.
+pub struct ModelSource {
     pub model: LaMoGen,
-    /// `embedded`, or its folder.
+    /// `embedded`, or the folder of the model.
     pub name: String,
-    /// The model's folder; none for the embedded one.
+    /// The folder of the model; `None` for the embedded one.
     folder: Option<PathBuf>,
+    /// The value of [`ModelSource::checksum`], once it is computed.
     checksum: OnceCell<String>,
 }
 
 /// The name of the embedded model.
 pub const EMBEDDED: &str = "embedded";
 
-impl Source {
-    /// Loads it, and says its licence if that excludes commercial use.
-    pub fn open(arguments: &SourceArguments, console: &Console) -> Result<Source, Failure> {
-        let device = device(arguments.device)?;
+impl ModelSource {
+    /// Loads the model, and prints its licence if that excludes commercial use.
+    pub fn open(arguments: &ModelArguments, console: &Console) -> Result<ModelSource, Failure> {
+        let device = open_device(arguments.device)?;
         let mut source = match &arguments.model {
             Some(folder) => {
                 console.notice(format!("Loading {} …", folder.display()));
-                Source {
+                ModelSource {
                     model: LaMoGen::load(folder, &device)?,
                     name: folder.display().to_string(),
                     folder: Some(folder.clone()),
                     checksum: OnceCell::new(),
                 }
             }
-            None => Source {
-                model: embedded(&device)?,
+            None => ModelSource {
+                model: load_embedded(&device)?,
                 name: EMBEDDED.into(),
                 folder: None,
                 checksum: OnceCell::new(),
@@ -47,17 +48,18 @@ impl Source {
         };
         if let Some(TemporalSmoothingChoice(temporal_smoothing)) = arguments.temporal_smoothing {
             let model = source.model.with_temporal_smoothing(temporal_smoothing);
-            source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
+            source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
         }
         if let Some(scale) = arguments.text_scale {
             let model = source.model.with_text_scale(scale);
-            source.model = model.map_err(|error| Failure::new(Code::Usage, error))?;
+            source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
         }
-        console.licence(source.model.licence());
+        console.notice_licence(source.model.licence());
         Ok(source)
     }
 
-    /// A number that stands for what the model is: its weights, statistics and tokenizer, wherever its folder lies.
+    /// Returns a checksum of the weights, the statistics and the tokenizer. It does not depend on the place of the
+    /// folder.
     pub fn checksum(&self) -> &str {
         self.checksum.get_or_init(|| {
             let mut sum = Checksum::new(0);
@@ -65,7 +67,7 @@ impl Source {
             for number in self.model.normalization().values().concat() {
                 sum.add(&number.to_le_bytes());
             }
-            // CLIP's own has no file.
+            // CLIP's own tokenizer has no file.
             let tokenizer = self.folder.as_ref();
             let tokenizer = tokenizer.map(|folder| std::fs::read(folder.join("tokenizer.json")));
             sum.add(&tokenizer.and_then(Result::ok).unwrap_or_default());
@@ -73,32 +75,34 @@ impl Source {
         })
     }
 
-    /// Where the model computes.
+    /// Returns the device that the model computes on.
     pub fn device(&self) -> Device {
         self.model.network().device()
     }
 
-    /// The frames by which predictions are smoothed along time, if they are.
+    /// Returns the number of frames by which predictions are smoothed along time, if they are.
     pub fn temporal_smoothing_frames(&self) -> Option<f32> {
         Some(self.model.temporal_smoothing()?.frames)
     }
 }
 
-/// The device of a name, or the first there is.
-pub fn device(name: Option<DeviceName>) -> Result<Device, Failure> {
+/// Opens the device of a name, or the first available one.
+pub fn open_device(name: Option<DeviceName>) -> Result<Device, Failure> {
     let name = name.or_else(|| DeviceName::available().into_iter().next());
     let none = "this program was built without any backend that works on this machine";
-    let name = name.ok_or_else(|| Failure::new(Code::Usage, none))?;
+    let name = name.ok_or_else(|| Failure::new(FailureCode::Usage, none))?;
     Ok(name.open()?)
 }
 
+/// Loads the embedded model.
 #[cfg(feature = "compact")]
-pub fn embedded(device: &Device) -> Result<LaMoGen, Failure> {
+pub fn load_embedded(device: &Device) -> Result<LaMoGen, Failure> {
     Ok(LaMoGen::embedded(device)?)
 }
 
+/// Fails, since this build has no embedded model.
 #[cfg(not(feature = "compact"))]
-pub fn embedded(_: &Device) -> Result<LaMoGen, Failure> {
+pub fn load_embedded(_: &Device) -> Result<LaMoGen, Failure> {
     let message = "this program was built without the embedded model";
-    Err(Failure::new(Code::Usage, message).hint("--model FOLDER names another"))
+    Err(Failure::new(FailureCode::Usage, message).hint("--model FOLDER names another"))
 }

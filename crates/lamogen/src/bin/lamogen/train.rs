@@ -1,17 +1,17 @@
-//! `lamogen train`.
+//! `lamogen train`: trains a denoiser or an evaluator.
 //!
 //! ```text
 //!      start.rs: a model to begin with
 //!                                │
 //!                                ▼
 //! data, config, tokenizer ──▶ denoiser.rs ──┐
-//!                        └──▶ evaluator.rs ─┴─▶ lamogen_train::run ──▶ watch.rs: bar, plot, pictures
+//!                        └──▶ evaluator.rs ─┴─▶ lamogen_train::run ──▶ monitor.rs: bar, plot, pictures
 //! ```
 
 mod denoiser;
 mod evaluator;
+mod monitor;
 mod start;
-mod watch;
 
 use std::collections::HashMap;
 use std::fs;
@@ -29,29 +29,31 @@ use lamogen_train::{
 };
 use serde_json::{Value, json};
 
-use crate::arguments::Train;
+use crate::arguments::TrainArguments;
 use crate::console::Console;
 use crate::dataset;
-use crate::failure::{Code, Failure};
-use watch::Watch;
+use crate::failure::{Failure, FailureCode};
+use monitor::TrainingMonitor;
 
-/// The vocabulary of CLIP, whose tokenizer is part of the program.
+/// The size of CLIP's vocabulary. CLIP's tokenizer is part of the program.
 const CLIP_VOCABULARY: usize = 49408;
 
-pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
+/// Runs `lamogen train`.
+pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
     match options.evaluator {
         true => evaluator::run(options, console),
         false => denoiser::run(options, console),
     }
 }
 
-/// Trains, or goes on; `look` draws what the network makes.
-fn work<T: TrainingTask>(
+/// Runs a training, or continues one that was stopped. `motions` is the number of motions to train on. `draw_samples`
+/// draws motions that the network generates.
+fn run_training<T: TrainingTask>(
     (task, motions): (&T, usize),
     identity: &Value,
     device: &Device,
-    look: impl FnMut(u64, &T::Network) -> Result<(), Failure>,
-    options: &Train,
+    draw_samples: impl FnMut(u64, &T::Network) -> Result<(), Failure>,
+    options: &TrainArguments,
     console: &Console,
 ) -> Result<RunOutcome, Failure> {
     let out = &options.out;
@@ -60,16 +62,18 @@ fn work<T: TrainingTask>(
         "Training on {motions} motions. {} gets all that is needed to go on after a stop.",
         out.display()
     ));
-    let mut watch = Watch::new(options, console, look)?;
-    let ended = lamogen_train::run(task, out, identity, &plan(options), device, &mut watch);
-    watch.finish()?;
-    Ok(ended?)
+    let mut monitor = TrainingMonitor::new(options, console, draw_samples)?;
+    let plan = run_plan(options);
+    let outcome = lamogen_train::run(task, out, identity, &plan, device, &mut monitor);
+    monitor.finish()?;
+    Ok(outcome?)
 }
 
-/// What travels with the weights; of weights that come of others, what those say.
-fn metadata(options: &Train, others: Option<&Licence>) -> HashMap<String, String> {
-    let name = others.map(|licence| licence.name.clone());
-    let attribution = others.and_then(|licence| licence.attribution.clone());
+/// Returns the licence and the attribution that are written into the weight file. If the arguments state none, those of
+/// the model that the training begins with are taken.
+fn metadata(options: &TrainArguments, start_licence: Option<&Licence>) -> HashMap<String, String> {
+    let name = start_licence.map(|licence| licence.name.clone());
+    let attribution = start_licence.and_then(|licence| licence.attribution.clone());
     let texts = [
         ("license", options.license.clone().or(name)),
         ("attribution", options.attribution.clone().or(attribution)),
@@ -80,7 +84,8 @@ fn metadata(options: &Train, others: Option<&Licence>) -> HashMap<String, String
         .collect()
 }
 
-fn plan(options: &Train) -> RunPlan {
+/// Returns the length of the run, and the times of validation and checkpoints.
+fn run_plan(options: &TrainArguments) -> RunPlan {
     let minutes = |minutes: f64| Duration::from_secs_f64(60.0 * minutes);
     RunPlan {
         length: match (options.steps, options.minutes) {
@@ -92,39 +97,46 @@ fn plan(options: &Train) -> RunPlan {
     }
 }
 
-/// The data, with all motions that have one of the lengths; longer ones are seen in parts.
-fn open(
-    options: &Train,
+/// Opens the data set with all motions that are at least as long as the shortest of the lengths. Motions that are
+/// longer than the network allows are trained on in parts.
+fn open_dataset(
+    options: &TrainArguments,
     lengths: RangeInclusive<usize>,
     console: &Console,
 ) -> Result<Dataset, Failure> {
-    let usual = LoadOptions::default();
+    let defaults = LoadOptions::default();
     let limits = LoadOptions {
         min_frames: *lengths.start(),
-        max_frames: usual.max_frames.max(*lengths.end()),
+        max_frames: defaults.max_frames.max(*lengths.end()),
     };
     dataset::open(&options.data, &limits, console)
 }
 
-/// The tokens that a network knows.
+/// The token embeddings of a network.
 #[derive(Clone, Copy)]
 struct Vocabulary {
+    /// The number of different tokens.
     size: usize,
+    /// The number of tokens that the network reads.
     context_length: usize,
 }
 
-/// A file with its name for messages.
-type Named = (Vec<u8>, PathBuf);
+/// The content of a file, and its name for messages.
+type NamedFile = (Vec<u8>, PathBuf);
 
-fn read(path: &Path) -> Result<Named, Failure> {
-    let unreadable = |reason| Failure::new(Code::Input, format!("{}: {reason}", path.display()));
+/// Reads a file.
+fn read_file(path: &Path) -> Result<NamedFile, Failure> {
+    let unreadable =
+        |reason| Failure::new(FailureCode::Input, format!("{}: {reason}", path.display()));
     Ok((fs::read(path).map_err(unreadable)?, path.to_owned()))
 }
 
-/// The captions as ids: by the tokenizer that is given, CLIP's own, or one that is learned from the captions in all their phrasings and from
-/// other sentences.
-fn tokens(
-    tokenizer: Option<Named>,
+/// Encodes the captions as token ids.
+///
+/// The tokenizer is the given one, CLIP's own for a network with CLIP's vocabulary, or else one that is trained on the
+/// captions in all their phrasings and on `sentences`, one a line.
+fn caption_tokens(
+    tokenizer: Option<NamedFile>,
     vocabulary: Vocabulary,
     dataset: &Dataset,
     phrasings: usize,
@@ -143,18 +155,19 @@ fn tokens(
                 .split(Split::Train)
                 .flat_map(|entry| &entry.captions);
             let captions: Vec<&str> = entries.map(|caption| caption.text.as_str()).collect();
-            let others = captions
+            let rephrased = captions
                 .iter()
                 .flat_map(|text| other_phrasings(text, phrasings));
-            let others: Vec<String> = others.collect();
-            let others = others.iter().map(String::as_str);
-            let texts = captions.into_iter().chain(others).chain(sentences.lines());
+            let rephrased: Vec<String> = rephrased.collect();
+            let rephrased = rephrased.iter().map(String::as_str);
+            let texts = captions.into_iter().chain(rephrased);
+            let texts = texts.chain(sentences.lines());
             let learned = train_tokenizer(texts, size);
-            let learned = learned.map_err(|error| Failure::new(Code::Usage, error))?;
+            let learned = learned.map_err(|error| Failure::new(FailureCode::Usage, error))?;
             Some((learned, PathBuf::from("the learned tokenizer")))
         }
     };
-    let failed = |error| Failure::new(Code::Input, error);
+    let failed = |error| Failure::new(FailureCode::Input, error);
     let (tokenizer, file) = match file {
         None => (Tokenizer::clip(context_length), None),
         Some((json, name)) => {
@@ -172,52 +185,53 @@ fn tokens(
     Ok(tokens)
 }
 
-/// Says how a run ended; `hint` is what to do with its model, `measured` what is known of it beside losses.
-fn ended(
-    options: &Train,
-    ended: &RunOutcome,
+/// Prints the outcome of a run. `hint` says how to use the model, and `measured` has measurements of it beside the
+/// losses.
+fn report_outcome(
+    options: &TrainArguments,
+    outcome: &RunOutcome,
     hint: &str,
     measured: &[Value],
     console: &Console,
 ) -> Result<(), Failure> {
     let folder = options.out.join("model");
-    // Whoever goes on with the model after the command must not do so with half of one.
-    let end = match ended.finished {
+    // A stopped training is a failure, so that scripts do not go on with an unfinished model.
+    let result = match outcome.finished {
         true => Ok(()),
-        false => Err(Failure::said(Code::Stopped)),
+        false => Err(Failure::silent(FailureCode::Stopped)),
     };
     if console.json {
-        console.say(
+        console.print(
             json!({
                 "run": options.out.to_string_lossy(),
-                "finished": ended.finished,
-                "step": ended.progress.step,
-                "steps": ended.progress.steps,
-                "validation_loss": ended.last,
-                "best_validation_loss": ended.best,
+                "finished": outcome.finished,
+                "step": outcome.progress.step,
+                "steps": outcome.progress.steps,
+                "validation_loss": outcome.last,
+                "best_validation_loss": outcome.best,
                 "measured": measured,
-                "model": ended.finished.then(|| folder.to_string_lossy()),
+                "model": outcome.finished.then(|| folder.to_string_lossy()),
             })
             .to_string(),
         )?;
-        return end;
+        return result;
     }
-    let step = ended.progress.step;
-    let best = ended.best.map_or(String::new(), |best| {
+    let step = outcome.progress.step;
+    let best = outcome.best.map_or(String::new(), |best| {
         format!(", lowest validation loss {best:.4}")
     });
-    if !ended.finished {
-        console.say(format!(
+    if !outcome.finished {
+        console.print(format!(
             "stopped after step {step}{best}; the same command goes on from there"
         ))?;
-        return end;
+        return result;
     }
     let run = options.out.display();
-    console.say(format!("{run}: after {step} steps{best}\n{hint}"))
+    console.print(format!("{run}: after {step} steps{best}\n{hint}"))
 }
 
-/// A path as a shell takes it.
-fn quoted(path: &Path) -> String {
+/// Quotes a path for a shell if it contains a space.
+fn shell_quoted(path: &Path) -> String {
     let text = path.display().to_string();
     match text.contains(' ') {
         true => format!("\"{text}\""),
@@ -228,17 +242,17 @@ fn quoted(path: &Path) -> String {
 impl From<TrainError> for Failure {
     fn from(error: TrainError) -> Self {
         match &error {
-            TrainError::NoMotions { .. } => Failure::new(Code::Input, error),
-            TrainError::NotFinite { .. } => Failure::new(Code::Run, error),
-            TrainError::OtherRun { .. } => Failure::new(Code::Usage, error),
+            TrainError::NoMotions { .. } => Failure::new(FailureCode::Input, error),
+            TrainError::NotFinite { .. } => Failure::new(FailureCode::Run, error),
+            TrainError::OtherRun { .. } => Failure::new(FailureCode::Usage, error),
             TrainError::Captions { .. } | TrainError::Busy { .. } | TrainError::Sizes { .. } => {
-                Failure::new(Code::Usage, error)
+                Failure::new(FailureCode::Usage, error)
             }
-            TrainError::Validation { .. } => Failure::new(Code::Run, error),
-            TrainError::Checkpoint { .. } => Failure::new(Code::Input, error).hint(
+            TrainError::Validation { .. } => Failure::new(FailureCode::Run, error),
+            TrainError::Checkpoint { .. } => Failure::new(FailureCode::Input, error).hint(
                 "a checkpoint before it is in the same folder; without the damaged one, the run goes on from there",
             ),
-            _ => Failure::new(Code::Output, error),
+            _ => Failure::new(FailureCode::Output, error),
         }
     }
 }
@@ -246,8 +260,8 @@ impl From<TrainError> for Failure {
 impl From<TrainingConfigError> for Failure {
     fn from(error: TrainingConfigError) -> Self {
         let code = match &error {
-            TrainingConfigError::Io { .. } => Code::Input,
-            _ => Code::Usage,
+            TrainingConfigError::Io { .. } => FailureCode::Input,
+            _ => FailureCode::Usage,
         };
         Failure::new(code, error).hint("`lamogen help recipe` says what a config may have")
     }

@@ -1,4 +1,4 @@
-//! One line of a file of requests.
+//! The lines of a file of requests.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
-use crate::goals::Asked;
-use crate::report::name;
+use crate::goals::RequestedGoals;
+use crate::report::component_key;
 
-/// A request as it stands in the file.
+/// A request as the file states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Line {
+pub struct RequestLine {
     pub prompt: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     id: Option<String>,
@@ -50,7 +50,7 @@ pub struct Line {
     body: Option<BodyName>,
 }
 
-/// A goal as the command line has it, or a plain number.
+/// A goal in the syntax of the command line, or a plain number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a number, a word or keys such as \"0:1 1:1.5\"")]
 enum GoalText {
@@ -58,39 +58,39 @@ enum GoalText {
     Text(String),
 }
 
-/// A request to work on.
+/// A request of a batch.
 #[derive(Clone, Debug)]
-pub struct Item {
-    /// Its line in the file, from 1.
+pub struct BatchItem {
+    /// The number of the line in the file, from 1.
     pub number: usize,
-    /// What its files are called.
+    /// The name of the output files.
     pub id: String,
-    pub line: Line,
-    asked: Asked,
-    /// Once it is prepared.
+    pub line: RequestLine,
+    requested_goals: RequestedGoals,
+    /// The goals, after [`BatchItem::resolve_goals`].
     goals: Option<Goals>,
-    /// That of the file which the motion shall be like.
+    /// The checksum of the motion file that has the Laban features to reach.
     like_checksum: Option<String>,
 }
 
-/// Longest id, in letters.
-const LONGEST: usize = 100;
+/// The length of the longest id in characters.
+const MAX_ID_LENGTH: usize = 100;
 
-/// The requests of a file; and the numbers of the lines that are none, with the reasons. `endings` are those of the files that each request
-/// gets.
-pub fn items(text: &str, endings: &[&str]) -> (Vec<Item>, Vec<(usize, String)>) {
+/// Parses the requests of a file. Returns them, and the number of each wrong line with the reason. `endings` are the
+/// file name extensions of the files that are written for each request.
+pub fn parse_items(text: &str, endings: &[&str]) -> (Vec<BatchItem>, Vec<(usize, String)>) {
     let (mut items, mut wrong) = (Vec::new(), Vec::new());
     let mut ids: HashMap<String, usize> = HashMap::new();
     // Two ids may name one file: x with features.npy, and x.features with npy.
     let mut files: HashMap<String, usize> = HashMap::new();
     for (index, text) in text.lines().enumerate() {
-        // A mark that some editors put before the first line.
+        // Some editors put a byte order mark before the first line.
         let text = text.trim_start_matches('\u{feff}').trim();
         if text.is_empty() {
             continue;
         }
         let number = index + 1;
-        match item(number, text) {
+        match parse_item(number, text) {
             Ok(item) => {
                 let id = item.id.to_lowercase();
                 if let Some(first) = ids.insert(id.clone(), number) {
@@ -99,11 +99,11 @@ pub fn items(text: &str, endings: &[&str]) -> (Vec<Item>, Vec<(usize, String)>) 
                     continue;
                 }
                 let names = endings.iter().map(|ending| format!("{id}.{ending}"));
-                let taken = names.fold(None, |taken, name| {
+                let duplicate = names.fold(None, |duplicate, name| {
                     let first = files.insert(name.clone(), number);
-                    taken.or(first.map(|first| (name, first)))
+                    duplicate.or(first.map(|first| (name, first)))
                 });
-                match taken {
+                match duplicate {
                     None => items.push(item),
                     Some((name, first)) => wrong.push((
                         number,
@@ -117,58 +117,64 @@ pub fn items(text: &str, endings: &[&str]) -> (Vec<Item>, Vec<(usize, String)>) 
     (items, wrong)
 }
 
-/// The first field that cannot be read, which serde does not say.
-fn wrong_field(text: &str) -> Option<String> {
+/// Returns the first field that cannot be read; the errors of serde do not name it.
+fn find_wrong_field(text: &str) -> Option<String> {
     let fields: Map<String, Value> = serde_json::from_str(text).ok()?;
     let is_wrong = |(name, value): &(String, Value)| {
         let mut alone = Map::from_iter([("prompt".to_owned(), "a".into())]);
         alone.insert(name.clone(), value.clone());
-        serde_json::from_value::<Line>(alone.into()).is_err()
+        serde_json::from_value::<RequestLine>(alone.into()).is_err()
     };
     let (name, _) = fields.into_iter().find(is_wrong)?;
     Some(name)
 }
 
-fn item(number: usize, text: &str) -> Result<Item, String> {
+/// Parses one line.
+fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
     if !text.starts_with('{') {
         let start: String = text.chars().take(20).collect();
         return Err(format!(
             "expected a JSON object {{\"prompt\": …}}, found {start}"
         ));
     }
-    let line: Line = serde_json::from_str(text).map_err(|error| {
-        // The line is known; serde counts it as the first.
+    let line: RequestLine = serde_json::from_str(text).map_err(|error| {
+        // The number of the line is added later; serde counts each line as the first.
         let reason = error.to_string().replace("at line 1 column", "at column");
-        match wrong_field(text) {
+        match find_wrong_field(text) {
             Some(field) if !reason.contains(&format!("`{field}`")) => format!("{field}: {reason}"),
             _ => reason,
         }
     })?;
     let id = match &line.id {
         Some(id) => {
-            let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-            if id.is_empty() || id.len() > LONGEST || id.starts_with('.') || !id.chars().all(fits) {
+            let is_allowed = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+            let is_valid = !id.is_empty()
+                && id.len() <= MAX_ID_LENGTH
+                && !id.starts_with('.')
+                && id.chars().all(is_allowed);
+            if !is_valid {
                 return Err(format!(
-                    "expected an id of up to {LONGEST} letters A to Z and a to z, digits, - _ and . (not first), found {id:?}"
+                    "expected an id of up to {MAX_ID_LENGTH} letters A to Z and a to z, digits, - _ and . (not first), found {id:?}"
                 ));
             }
             id.clone()
         }
         None => format!("line-{number:05}"),
     };
-    let asked = line.asked()?;
-    Ok(Item {
+    let requested_goals = line.requested_goals()?;
+    Ok(BatchItem {
         number,
         id,
         line,
-        asked,
+        requested_goals,
         goals: None,
         like_checksum: None,
     })
 }
 
-impl Line {
-    fn asked(&self) -> Result<Asked, String> {
+impl RequestLine {
+    /// Parses the goals that the line states.
+    fn requested_goals(&self) -> Result<RequestedGoals, String> {
         let goals = [&self.weight, &self.time, &self.flow, &self.shape];
         if self.scale.is_some() && goals.iter().any(|goal| goal.is_some()) {
             return Err("expected a scale or factors of components, found both".into());
@@ -184,12 +190,12 @@ impl Line {
             });
             parsed[component.index()] = goal
                 .transpose()
-                .map_err(|error| format!("{}: {error}", name(component)))?;
+                .map_err(|error| format!("{}: {error}", component_key(component)))?;
         }
         let parts = self.part.iter().map(|part| part.parse());
         let parts: Result<Vec<PartScale>, GoalError> = parts.collect();
         let scale = self.scale.map(Scale::new).transpose();
-        Ok(Asked {
+        Ok(RequestedGoals {
             goals: parsed,
             scale: scale.map_err(|error| error.to_string())?,
             like: self.like.clone(),
@@ -198,21 +204,23 @@ impl Line {
     }
 }
 
-impl Item {
-    /// Reads the motion that this one shall be like, if there is one.
-    pub fn prepare(&mut self, device: &Device) -> Result<(), String> {
-        let goals = self.asked.goals(device);
+impl BatchItem {
+    /// Combines the goals of the request, and reads the motion file with the features to reach, if the request names
+    /// one.
+    pub fn resolve_goals(&mut self, device: &Device) -> Result<(), String> {
+        let goals = self.requested_goals.resolve(device);
         self.goals = goals.map_err(|failure| failure.message)?;
         Ok(())
     }
 
-    /// Notes what is in the file that the motion shall be like, if there is one that can be read: the motion is only finished while it stays
-    /// the same. `known` are checksums of files that were read before.
-    pub fn note_like(&mut self, known: &mut HashMap<PathBuf, Option<String>>) {
+    /// Computes the checksum of the motion file with the features to reach, if there is one that can be read. A motion
+    /// counts as finished only while this checksum stays the same. `checksums` has those of the files that were read
+    /// before.
+    pub fn compute_like_checksum(&mut self, checksums: &mut HashMap<PathBuf, Option<String>>) {
         let Some(path) = &self.line.like else {
             return;
         };
-        let checksum = known.entry(path.clone()).or_insert_with(|| {
+        let checksum = checksums.entry(path.clone()).or_insert_with(|| {
             let mut sum = Checksum::new(0);
             sum.add(&std::fs::read(path).ok()?);
             Some(format!("{:016x}", sum.value()))
@@ -220,37 +228,39 @@ impl Item {
         self.like_checksum = checksum.clone();
     }
 
-    /// What is in the file that the motion shall be like, as a number; none if there is no such file.
+    /// Returns the checksum of the motion file with the features to reach; `None` if there is no such file.
     pub fn like_checksum(&self) -> Option<&str> {
         self.like_checksum.as_deref()
     }
 
-    /// Whether anything is asked of the motion beside the sentence, once the item is prepared.
+    /// Whether the request has goals; known after [`BatchItem::resolve_goals`].
     pub fn is_guided(&self) -> bool {
         self.goals.is_some()
     }
 
-    /// Length of the motion in seconds.
+    /// Returns the length of the motion in seconds.
     pub fn seconds(&self) -> f32 {
-        // As Request::new has it.
+        // The default of Request::new.
         self.line.seconds.unwrap_or(3.0)
     }
 
+    /// Returns the seed of the start noise.
     pub fn seed(&self) -> u64 {
         self.line.seed.unwrap_or(0)
     }
 
-    /// How its passes run: what the line says, else what the command line does.
-    pub fn pass(&self, general: &PassArguments) -> PassArguments {
+    /// Returns the options of the passes: those of the line, and those of the command line where the line has none.
+    pub fn pass(&self, defaults: &PassArguments) -> PassArguments {
         PassArguments {
-            steps: self.line.steps.or(general.steps),
-            preset: self.line.preset.or(general.preset),
-            emphasis: self.line.emphasis.or(general.emphasis),
-            body: self.line.body.or(general.body),
+            steps: self.line.steps.or(defaults.steps),
+            preset: self.line.preset.or(defaults.preset),
+            emphasis: self.line.emphasis.or(defaults.emphasis),
+            body: self.line.body.or(defaults.body),
         }
     }
 
-    pub fn request(&self, general: &PassArguments, default: Preset) -> Request {
+    /// Makes the request. `defaults` are the options of the command line, and `preset` is that of the model.
+    pub fn request(&self, defaults: &PassArguments, preset: Preset) -> Request {
         let mut request = Request::new(&self.line.prompt).seed(self.seed());
         if let Some(seconds) = self.line.seconds {
             request = request.seconds(seconds);
@@ -258,7 +268,7 @@ impl Item {
         if let Some(goals) = &self.goals {
             request = request.scale(goals.clone());
         }
-        self.pass(general).apply(request, default)
+        self.pass(defaults).apply(request, preset)
     }
 }
 
@@ -267,13 +277,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_prompt_is_enough_and_everything_may_be_said() {
+    fn only_the_prompt_is_required_and_all_fields_are_read() {
         let text = "\u{feff}{\"prompt\": \"a person jumps\"}\n\n{\"prompt\": \"walk\", \"id\": \"w.1\", \"weight\": \
                     \"0:1 1:strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"shape\": \"peak=2\", \"part\": [\"arms:bound\"], \"steps\": 20, \"preset\": \"paper\", \
                     \"emphasis\": 3}\r\n";
-        let (mut items, wrong) = items(text, &["glb", "json"]);
+        let (mut items, wrong) = parse_items(text, &["glb", "json"]);
         assert_eq!(wrong, []);
-        items[1].prepare(&Device::flex()).unwrap();
+        items[1].resolve_goals(&Device::flex()).unwrap();
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
         assert_eq!(
             items[1].goals.as_ref().unwrap().to_string(),
@@ -283,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_lines_are_told_with_their_numbers() {
+    fn wrong_lines_are_reported_with_their_numbers() {
         for (line, part) in [
             ("{\"prompt\": 3}", "prompt: invalid type"),
             (
@@ -332,7 +342,7 @@ mod tests {
             ("{\"prompt\"", "at column"),
         ] {
             let text = format!("{{\"prompt\": \"a\", \"id\": \"a\"}}\n{line}");
-            let (good, wrong) = items(&text, &["npy", "features.npy", "json"]);
+            let (good, wrong) = parse_items(&text, &["npy", "features.npy", "json"]);
             assert_eq!(good.len(), 1);
             assert_eq!(wrong[0].0, 2);
             assert!(wrong[0].1.contains(part), "{line}: {}", wrong[0].1);

@@ -1,9 +1,9 @@
-//! A report as headings, texts, tables and pictures; written as Markdown with files beside it, or as one HTML file.
+//! A report of headings, texts, tables and pictures, written as Markdown with separate pictures or as one HTML file.
 
 use std::fmt::Write;
 
 /// A part of a report.
-pub enum Block {
+pub enum ReportBlock {
     Heading(String),
     Text(String),
     Table {
@@ -11,49 +11,48 @@ pub enum Block {
         rows: Vec<Vec<String>>,
     },
     Picture {
-        /// Of its file, without an ending.
+        /// The name of the picture's file, without extension.
         name: String,
-        /// What it shows.
         caption: String,
         svg: String,
     },
 }
 
-impl Block {
-    pub fn heading(text: impl Into<String>) -> Block {
-        Block::Heading(text.into())
+impl ReportBlock {
+    pub fn heading(text: impl Into<String>) -> ReportBlock {
+        ReportBlock::Heading(text.into())
     }
 
-    pub fn text(text: impl Into<String>) -> Block {
-        Block::Text(text.into())
+    pub fn text(text: impl Into<String>) -> ReportBlock {
+        ReportBlock::Text(text.into())
     }
 
-    /// A picture in a file of its title's name.
-    pub fn picture(title: &str, caption: impl Into<String>, svg: String) -> Block {
-        Block::Picture {
+    /// Makes a picture. Its file is named by the title.
+    pub fn picture(title: &str, caption: impl Into<String>, svg: String) -> ReportBlock {
+        ReportBlock::Picture {
             name: title.to_lowercase().replace(' ', "-"),
             caption: caption.into(),
             svg,
         }
     }
 
-    pub fn table<const N: usize>(header: [&str; N], rows: Vec<Vec<String>>) -> Block {
-        Block::Table {
+    pub fn table<const N: usize>(header: [&str; N], rows: Vec<Vec<String>>) -> ReportBlock {
+        ReportBlock::Table {
             header: header.map(str::to_owned).into(),
             rows,
         }
     }
 }
 
-/// As Markdown; pictures are named, and lie in `folder`.
-pub fn markdown(title: &str, blocks: &[Block], folder: &str) -> String {
+/// Formats a report as Markdown. The pictures are links to files in `folder`.
+pub fn markdown(title: &str, blocks: &[ReportBlock], folder: &str) -> String {
     let mut out = format!("# {title}\n");
     for block in blocks {
         out.push('\n');
         match block {
-            Block::Heading(text) => writeln!(out, "## {text}"),
-            Block::Text(text) => writeln!(out, "{text}"),
-            Block::Table { header, rows } => {
+            ReportBlock::Heading(text) => writeln!(out, "## {text}"),
+            ReportBlock::Text(text) => writeln!(out, "{text}"),
+            ReportBlock::Table { header, rows } => {
                 let line = |cells: &[String]| {
                     let cells = cells.iter().map(|cell| cell.replace('|', "\\|"));
                     format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
@@ -62,7 +61,7 @@ pub fn markdown(title: &str, blocks: &[Block], folder: &str) -> String {
                 let rows: String = rows.iter().map(|row| line(row)).collect();
                 write!(out, "{}{rule}{rows}", line(header))
             }
-            Block::Picture { name, caption, .. } => {
+            ReportBlock::Picture { name, caption, .. } => {
                 writeln!(out, "![{caption}]({folder}/{name}.svg)")
             }
         }
@@ -76,25 +75,25 @@ table{border-collapse:collapse;margin:1rem 0;display:block;overflow-x:auto}td,th
 td:first-child,th:first-child{text-align:left}th{background:#f3f4f6}figure{margin:1rem 0}figure svg{max-width:100%;height:auto}\
 figcaption{color:#4b5563}";
 
-/// As one HTML file with its pictures in it.
-pub fn html(title: &str, blocks: &[Block]) -> String {
-    let title = escaped(title);
+/// Formats a report as one HTML file that contains the pictures.
+pub fn html(title: &str, blocks: &[ReportBlock]) -> String {
+    let title = escape_html(title);
     let mut out = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
          <title>{title}</title>\n<style>{STYLE}</style>\n<h1>{title}</h1>\n"
     );
     for block in blocks {
         match block {
-            Block::Heading(text) => writeln!(out, "<h2>{}</h2>", escaped(text)),
-            Block::Text(text) => {
+            ReportBlock::Heading(text) => writeln!(out, "<h2>{}</h2>", escape_html(text)),
+            ReportBlock::Text(text) => {
                 let mut paragraphs = text.split("\n\n");
-                paragraphs.try_for_each(|text| writeln!(out, "<p>{}</p>", escaped(text)))
+                paragraphs.try_for_each(|text| writeln!(out, "<p>{}</p>", escape_html(text)))
             }
-            Block::Table { header, rows } => {
+            ReportBlock::Table { header, rows } => {
                 let line = |cells: &[String], kind: &str| {
                     let cells = cells.iter().map(|cell| {
-                        // No line ends between a number and its deviation.
-                        let cell = escaped(cell).replace(" ± ", "\u{a0}±\u{a0}");
+                        // Non-breaking spaces keep a number and its deviation on one line.
+                        let cell = escape_html(cell).replace(" ± ", "\u{a0}±\u{a0}");
                         format!("<{kind}>{cell}</{kind}>")
                     });
                     format!("<tr>{}</tr>\n", cells.collect::<String>())
@@ -102,10 +101,10 @@ pub fn html(title: &str, blocks: &[Block]) -> String {
                 let rows: String = rows.iter().map(|row| line(row, "td")).collect();
                 writeln!(out, "<table>\n{}{rows}</table>", line(header, "th"))
             }
-            Block::Picture { caption, svg, .. } => {
-                // A document within a document has no declaration.
+            ReportBlock::Picture { caption, svg, .. } => {
+                // An SVG inside HTML has no XML declaration.
                 let svg = svg.find("<svg").map_or("", |start| &svg[start..]);
-                let caption = escaped(caption);
+                let caption = escape_html(caption);
                 writeln!(
                     out,
                     "<figure>{svg}<figcaption>{caption}</figcaption></figure>"
@@ -117,7 +116,8 @@ pub fn html(title: &str, blocks: &[Block]) -> String {
     out
 }
 
-fn escaped(text: &str) -> String {
+/// Escapes the characters with a meaning in HTML.
+fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -128,12 +128,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_forms_have_everything_and_escape_it() {
+    fn both_formats_contain_and_escape_all_blocks() {
         let blocks = [
-            Block::heading("Table <1>"),
-            Block::text("One & two.\n\nThree."),
-            Block::table(["a", "b|c"], vec![vec!["1 ± 3".into(), "<2>".into()]]),
-            Block::Picture {
+            ReportBlock::heading("Table <1>"),
+            ReportBlock::text("One & two.\n\nThree."),
+            ReportBlock::table(["a", "b|c"], vec![vec!["1 ± 3".into(), "<2>".into()]]),
+            ReportBlock::Picture {
                 name: "curve".into(),
                 caption: "A curve".into(),
                 svg: "<?xml version=\"1.0\"?><svg><path/></svg>".into(),

@@ -1,7 +1,7 @@
-//! What is measured of a motion: the rig that users get, or the motion's own joints.
+//! Measurement of a motion: of the rig that users get, or of the motion's own joints.
 //!
 //! ```text
-//! Motion ──rotations──▶ BVH ──read back──▶ Subject ──▶ Body, Laban features, pose features
+//! Motion ──rotations──▶ BVH ──read back──▶ MeasuredMotion ──▶ BodyMeasurements, Laban features, pose features
 //! ```
 
 use clap::ValueEnum;
@@ -10,30 +10,31 @@ use lamogen::files::{ReadOptions, Up};
 use lamogen::motion::{BoneDrift, FootSliding, Jitter, JointTurning, encode_canonical};
 use lamogen::{Joint, Motion};
 
-use super::record::{Body, JointTurn, Turning};
+use super::record::{BodyMeasurements, JointTurnMeasurements, TurnMeasurements};
 
-/// On what motions are measured.
+/// The value of `--measure`: the form of a motion that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Measure {
+pub enum MeasurementTarget {
     /// The file that users get: the motion as BVH, read back.
     Rig,
     /// The motion's joints as they are generated; its bones change their length.
     Joints,
 }
 
-impl Measure {
+impl MeasurementTarget {
+    /// Returns the value as a word.
     pub fn name(self) -> &'static str {
         match self {
-            Measure::Rig => "rig",
-            Measure::Joints => "joints",
+            MeasurementTarget::Rig => "rig",
+            MeasurementTarget::Joints => "joints",
         }
     }
 
-    /// A motion as it is measured, or why there is none.
-    pub fn subject(self, motion: &Motion) -> Result<Subject, String> {
+    /// Returns a motion in the form that is measured, or why there is none.
+    pub fn measured_motion(self, motion: &Motion) -> Result<MeasuredMotion, String> {
         match self {
-            Measure::Rig => written(motion),
-            Measure::Joints => Ok(Subject {
+            MeasurementTarget::Rig => write_and_read_back(motion),
+            MeasurementTarget::Joints => Ok(MeasuredMotion {
                 motion: motion.clone(),
                 turning: JointTurning::of(&motion.rotations()),
             }),
@@ -41,32 +42,32 @@ impl Measure {
     }
 }
 
-/// A motion's BVH, read back.
-fn written(motion: &Motion) -> Result<Subject, String> {
+/// Writes a motion as BVH and reads it back.
+fn write_and_read_back(motion: &Motion) -> Result<MeasuredMotion, String> {
     let options = BvhOptions::default();
     let text = bvh::text(&motion.rotations(), &options);
-    // Whose file it is, is known: neither is to be guessed of a motion that lies or grows.
+    // Unit and axis are known. They must not be guessed, since the guess would be wrong for a body that lies or grows.
     let known = ReadOptions {
         unit: Some(options.unit),
         up: Some(Up::Y),
         ..ReadOptions::default()
     };
     let read = read_text(&text, &known, "the motion's BVH").map_err(|error| error.to_string())?;
-    Ok(Subject {
+    Ok(MeasuredMotion {
         turning: read.turning.expect("a BVH has rotations"),
         motion: read.motion,
     })
 }
 
-/// A motion that is measured.
-pub struct Subject {
+/// A motion in the form that is measured.
+pub struct MeasuredMotion {
     pub motion: Motion,
     turning: JointTurning,
 }
 
-impl Subject {
-    /// The pose features that the evaluator sees: those the motion came from, if it is that motion still; of a file's joints, which are
-    /// put on the ground, a row less than there are frames.
+impl MeasuredMotion {
+    /// Returns the pose features for the evaluator. If the motion has pose features, these are returned. Otherwise they
+    /// are computed from the joints, which are put on the ground; they then have one row less than there are frames.
     pub fn features(&self) -> Vec<f32> {
         match self.motion.features() {
             Some(rows) => rows.as_flattened().to_vec(),
@@ -74,11 +75,11 @@ impl Subject {
         }
     }
 
-    /// What is known of it by its joints alone.
-    pub fn body(&self) -> Body {
+    /// Returns the measurements of the joints.
+    pub fn body(&self) -> BodyMeasurements {
         let motion = &self.motion;
         let (sliding, jitter) = (FootSliding::of(motion), Jitter::of(motion));
-        Body {
+        BodyMeasurements {
             sliding: sliding.ratio.into(),
             sliding_speed: sliding.speed.into(),
             ankles: jitter.ankles.into(),
@@ -90,27 +91,29 @@ impl Subject {
     }
 }
 
-/// A pelvis that turns by more than this between two frames snaps, in degrees: nobody spins by 3 turns a second.
+/// The angle in degrees between two frames above which a turn of the pelvis counts as a snap: nobody spins by 3 turns a
+/// second.
 const SNAP: f32 = 60.0;
 
-fn turning(turning: &JointTurning) -> Turning {
-    let of = |joint: Joint| JointTurn {
+/// Selects the measurements of how far joints turn.
+fn turning(turning: &JointTurning) -> TurnMeasurements {
+    let joint_measurements = |joint: Joint| JointTurnMeasurements {
         mean: turning.mean(joint).into(),
         largest: turning.largest(joint).degrees.into(),
     };
-    Turning {
+    TurnMeasurements {
         mean: turning.mean_but_pelvis().into(),
         largest: turning.largest_but_pelvis().degrees.into(),
         pelvis: turning.largest(Joint::Pelvis).degrees.into(),
         pelvis_snaps: turning.snaps(Joint::Pelvis, SNAP),
-        spine3: of(Joint::Spine3),
-        neck: of(Joint::Neck),
-        left_shoulder: of(Joint::LeftShoulder),
-        right_shoulder: of(Joint::RightShoulder),
+        spine3: joint_measurements(Joint::Spine3),
+        neck: joint_measurements(Joint::Neck),
+        left_shoulder: joint_measurements(Joint::LeftShoulder),
+        right_shoulder: joint_measurements(Joint::RightShoulder),
     }
 }
 
-/// How deep the deepest joint is below the floor, y = 0, in metres; 99 of 100 frames have no deeper one.
+/// Returns how deep the deepest joint is below the floor, y = 0, in metres: the 99th percentile over frames.
 fn below_floor(motion: &Motion) -> f64 {
     let depths = motion.joints().iter().map(|pose| {
         let depths = pose.iter().map(|place| -f64::from(place[1]));
@@ -119,11 +122,11 @@ fn below_floor(motion: &Motion) -> f64 {
     quantile(depths.collect(), 0.99).unwrap_or(0.0)
 }
 
-/// The value below which a part of all lies, from 0 to 1; between two of them on the line from one to the other, as NumPy has it.
-pub fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
+/// Returns the quantile of values for a fraction from 0 to 1, with linear interpolation, as in NumPy.
+pub fn quantile(mut values: Vec<f64>, fraction: f64) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    let place = part * last as f64;
+    let place = fraction * last as f64;
     let (below, above) = (
         values[place.floor() as usize],
         values[place.ceil() as usize],
@@ -137,7 +140,7 @@ mod tests {
     use lamogen::JOINTS;
     use lamogen::motion::RestPose;
 
-    /// HumanML3D's body in its T-pose, with its feet on the ground but for what `place` changes.
+    /// Makes a motion of HumanML3D's body in its T-pose with the feet on the ground; `place` may move each joint.
     fn standing(frames: usize, place: impl Fn(usize, Joint, [f32; 3]) -> [f32; 3]) -> Motion {
         let rest = RestPose::humanml3d();
         let pose = |frame: usize| {
@@ -156,10 +159,10 @@ mod tests {
     #[test]
     fn a_rig_has_the_joints_of_a_motion_with_rigid_bones() {
         let motion = standing(30, |frame, _, [x, y, z]| [x, y, z + 0.01 * frame as f32]);
-        let rig = Measure::Rig.subject(&motion).unwrap();
+        let rig = MeasurementTarget::Rig.measured_motion(&motion).unwrap();
         assert!(rig.motion.distance(&motion) < 1e-4);
         assert_eq!(rig.features().len(), 29 * 263);
-        let joints = Measure::Joints.subject(&motion).unwrap();
+        let joints = MeasurementTarget::Joints.measured_motion(&motion).unwrap();
         assert_eq!(joints.motion, motion);
         let [rig, joints] = [rig, joints].map(|subject| subject.body());
         assert!((rig.sliding_speed - 0.2).abs() < 1e-3, "{rig:?}");
@@ -168,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_keeps_its_bones_and_shows_what_snaps() {
+    fn a_rig_keeps_its_bones_and_its_snaps() {
         // A forearm grows, and the body faces the other way from frame 10 on.
         let motion = standing(20, |frame, joint, [x, y, z]| {
             let grown = match joint {
@@ -178,8 +181,8 @@ mod tests {
             let side = if frame < 10 { 1.0 } else { -1.0 };
             [side * grown, y, side * z]
         });
-        let [rig, joints] =
-            [Measure::Rig, Measure::Joints].map(|measure| measure.subject(&motion).unwrap().body());
+        let [rig, joints] = [MeasurementTarget::Rig, MeasurementTarget::Joints]
+            .map(|measure| measure.measured_motion(&motion).unwrap().body());
         assert!(joints.drift > 0.09, "{joints:?}");
         assert!(rig.drift < 1e-4, "{rig:?}");
         for body in [rig, joints] {
@@ -189,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_that_of_the_deepest_joint_but_for_a_frame_in_a_hundred() {
+    fn depth_ignores_one_frame_in_a_hundred() {
         // Both feet of the T-pose are 9 mm below the ground, and deep below it at one frame of 201.
         let deepest = |motion: &Motion| {
             let lowest = motion.joints()[0].iter().map(|place| place[1]);
@@ -216,18 +219,18 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_that_no_file_holds_is_told_and_does_not_panic() {
+    fn a_motion_that_fits_no_file_does_not_panic() {
         let wild = standing(20, |frame, joint, place| {
             let far = 1e30 * (frame * 7 + joint.index()) as f32;
             place.map(|x| x * far)
         });
-        // Whatever comes of it, it is an error or numbers.
-        if let Ok(subject) = Measure::Rig.subject(&wild) {
-            subject.body();
+        // The result is an error, or measurements.
+        if let Ok(measured) = MeasurementTarget::Rig.measured_motion(&wild) {
+            measured.body();
         }
         let flat = standing(20, |_, _, _| [0.0; 3]);
-        if let Ok(subject) = Measure::Rig.subject(&flat) {
-            assert_eq!(subject.body().turning.largest, 0.0);
+        if let Ok(measured) = MeasurementTarget::Rig.measured_motion(&flat) {
+            assert_eq!(measured.body().turning.largest, 0.0);
         }
     }
 }

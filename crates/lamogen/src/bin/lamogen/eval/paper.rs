@@ -1,18 +1,20 @@
-//! The paper's own figures (tables "Quantitative evaluation of controllability" and "Comparison on standard text-to-motion metrics"),
-//! measured with MotionDiffuse on HumanML3D's test set.
+//! The figures of the paper (tables "Quantitative evaluation of controllability" and "Comparison on standard
+//! text-to-motion metrics"), measured with MotionDiffuse on HumanML3D's test set.
 
 use lamogen::COMPONENTS;
 
 use super::plan::Method;
 
-/// Mean and standard deviation of `(large - small) / small`: `[asked component][measured component]`, and the diagonality.
-pub struct Control {
+/// The paper's table of control for one method.
+pub struct PaperControl {
+    /// Mean and standard deviation of `(large - small) / small`: `[asked component][measured component]`.
     pub cells: [[(f64, f64); COMPONENTS]; COMPONENTS],
     pub diagonality: f64,
 }
 
+/// Returns the paper's table of control, if the paper has the method.
 #[expect(clippy::approx_constant, reason = "a measured deviation, not 1/π")]
-pub fn control(method: Method) -> Option<Control> {
+pub fn control(method: Method) -> Option<PaperControl> {
     let (cells, diagonality) = match method {
         Method::Prompt => (
             [
@@ -132,10 +134,10 @@ pub fn control(method: Method) -> Option<Control> {
         ),
         Method::Text | Method::Noise => return None,
     };
-    Some(Control { cells, diagonality })
+    Some(PaperControl { cells, diagonality })
 }
 
-/// R-precision top 1 to 3, FID and diversity.
+/// Returns the paper's R-precision top 1 to 3, FID and diversity, if the paper has the method.
 pub fn fidelity(method: Method) -> Option<[f64; 5]> {
     match method {
         Method::Text => Some([0.470, 0.662, 0.767, 2.21, 9.32]),

@@ -1,4 +1,4 @@
-//! Motions that a report shows: made for it, and not among the records.
+//! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
 use burn::tensor::Tensor;
 use lamogen::laban::{Gaussian, LabanOptions, Window};
@@ -9,155 +9,161 @@ use lamogen::{
 };
 use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
 
-use super::document::Block;
-use super::plan::{Cell, Demand, INTERPOLATION, Plan, Setting, Study};
+use super::document::ReportBlock;
+use super::plan::{Condition, EvalPlan, INTERPOLATION, MethodSetting, PlannedMotion, Study};
 use super::report::ReportError;
-use super::work::Work;
+use super::runner::EvalRunner;
 
-/// Poses of a strip.
+/// The number of poses on a strip.
 const POSES: usize = 12;
 
-/// With what several settings are shown.
+/// The tags of pictures that compare settings.
 const TAGS: [Tag; 2] = [Tag::Strong, Tag::Far];
 
-/// The first sentence's motions.
-pub struct Shown<'a> {
-    plan: &'a Plan,
-    work: &'a Work<'a>,
+/// Draws pictures of motions of the first sentence.
+pub struct ReportPictures<'a> {
+    plan: &'a EvalPlan,
+    runner: &'a EvalRunner<'a>,
 }
 
-impl<'a> Shown<'a> {
-    pub fn new(plan: &'a Plan, work: &'a Work<'a>) -> Self {
-        Shown { plan, work }
+impl<'a> ReportPictures<'a> {
+    pub fn new(plan: &'a EvalPlan, runner: &'a EvalRunner<'a>) -> Self {
+        ReportPictures { plan, runner }
     }
 
+    /// Returns the sentence.
     fn caption(&self) -> &str {
-        self.work.prompts[0].caption(0)
+        self.runner.prompts[0].caption(0)
     }
 
-    fn plain(&self) -> Request {
+    /// Returns the request for the motion of the sentence alone.
+    fn unguided_request(&self) -> Request {
         Request::new(self.caption())
-            .frames(self.work.prompts[0].frames)
-            .steps(self.plan.basis.steps())
+            .frames(self.runner.prompts[0].frames)
+            .steps(self.plan.defaults.steps())
     }
 
-    fn guided(&self, component: Component, factor: f32) -> Request {
+    /// Returns the request for a motion with a factor on one component.
+    fn guided_request(&self, component: Component, factor: f32) -> Request {
         let mut factors = [1.0; COMPONENTS];
         factors[component.index()] = factor;
         let scale = Scale::new(factors).expect("factors are finite");
-        let guidance = self.plan.basis.preset.guidance();
-        self.plain().scale(scale).guidance(guidance)
+        let guidance = self.plan.defaults.preset.guidance();
+        self.unguided_request().scale(scale).guidance(guidance)
     }
 
+    /// Generates a motion.
     fn generate(&self, request: &Request) -> Result<Generation, ReportError> {
-        Ok(self.work.source.model.generate(request)?)
+        Ok(self.runner.source.model.generate(request)?)
     }
 
-    /// A single motion with all its series.
-    pub fn example(&self) -> Result<Vec<Block>, ReportError> {
-        let made = self.generate(&self.guided(Component::Weight, 1.5))?;
+    /// Draws the Laban series of a single motion.
+    pub fn example(&self) -> Result<Vec<ReportBlock>, ReportError> {
+        let generation = self.generate(&self.guided_request(Component::Weight, 1.5))?;
         let svg = curves(
             &format!("{}, Weight × 1.5", self.caption()),
             &[
-                Curve::baseline(&made.baseline_laban),
-                Curve::target(&made.target),
-                Curve::guided(&made.guided_laban),
+                Curve::baseline(&generation.baseline_laban),
+                Curve::target(&generation.target),
+                Curve::guided(&generation.guided_laban),
             ],
         )?;
         Ok(vec![
-            Block::text(format!(
+            ReportBlock::text(format!(
                 "\"{}\" with Weight × 1.5, the rest as it is: the paper's figure of text-only and fully conditioned generation.",
                 self.caption()
             )),
-            Block::picture("One motion", "Weight, Time, Flow and Shape over time", svg),
+            ReportBlock::picture("One motion", "Weight, Time, Flow and Shape over time", svg),
         ])
     }
 
-    /// What every method makes of the sentence with one tag, below what the sentence alone gives.
-    pub fn methods(&self) -> Result<Vec<Block>, ReportError> {
+    /// Draws the motions of all methods with one tag, below the motion of the sentence alone.
+    pub fn methods(&self) -> Result<Vec<ReportBlock>, ReportError> {
         let methods = self.plan.methods.iter();
         let methods = methods.map(|setting| (setting.method.title(), setting));
         self.side_by_side("every method", methods)
     }
 
-    /// What the rows of a study make of it.
+    /// Draws the motions of the rows of a study.
     pub fn study(
         &self,
         study: Study,
-        rows: &[(String, Setting)],
-    ) -> Result<Vec<Block>, ReportError> {
+        rows: &[(String, MethodSetting)],
+    ) -> Result<Vec<ReportBlock>, ReportError> {
         let rows = rows.iter().map(|(row, setting)| (row.as_str(), setting));
         self.side_by_side(&study.title().to_lowercase(), rows)
     }
 
-    /// The sentence with each of [`TAGS`], in several settings.
+    /// Draws the motions of several settings with each of [`TAGS`].
     fn side_by_side<'s>(
         &self,
         name: &str,
-        settings: impl Iterator<Item = (&'s str, &'s Setting)> + Clone,
-    ) -> Result<Vec<Block>, ReportError> {
-        let prompt = &self.work.prompts[0];
+        settings: impl Iterator<Item = (&'s str, &'s MethodSetting)> + Clone,
+    ) -> Result<Vec<ReportBlock>, ReportError> {
+        let prompt = &self.runner.prompts[0];
         let (mut labels, mut requests) = (Vec::new(), Vec::new());
         for tag in TAGS {
-            let asked = Some((tag.component(), tag.scale()));
+            let factor = Some((tag.component(), tag.scale()));
             for (label, setting) in settings.clone() {
-                let own = |demand: &&Demand| [None, asked].contains(&demand.factor());
-                for &demand in setting.demands.iter().filter(own) {
-                    let cell = Cell {
+                let is_of_tag =
+                    |condition: &&Condition| [None, factor].contains(&condition.factor());
+                for &condition in setting.conditions.iter().filter(is_of_tag) {
+                    let planned = PlannedMotion {
                         setting,
-                        demand,
+                        condition,
                         prompt: 0,
                         repeat: 0,
                     };
                     labels.push((tag, label));
-                    requests.push(cell.request(prompt));
+                    requests.push(planned.request(prompt));
                 }
             }
         }
-        let made = self.work.source.model.generate_all(&requests)?;
+        let generations = self.runner.source.model.generate_all(&requests)?;
         let blocks = TAGS.map(|tag| {
-            let rows = labels.iter().zip(&made);
-            let rows = rows.filter(|((of, _), _)| *of == tag);
-            let rows = rows.map(|((_, label), made)| Row {
+            let rows = labels.iter().zip(&generations);
+            let rows = rows.filter(|((row_tag, _), _)| *row_tag == tag);
+            let rows = rows.map(|((_, label), generation)| Row {
                 label,
-                motion: &made.guided,
+                motion: &generation.guided,
             });
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
             let caption = format!("\"{}\", {tag}: {name}", self.caption());
-            Block::picture(&format!("{name} {tag}"), caption, svg)
+            ReportBlock::picture(&format!("{name} {tag}"), caption, svg)
         });
         Ok(blocks.into())
     }
 
-    /// Five factors on Weight, and on Shape.
-    pub fn interpolation(&self) -> Result<Vec<Block>, ReportError> {
+    /// Draws the motions of five factors on Weight, and on Shape.
+    pub fn interpolation(&self) -> Result<Vec<ReportBlock>, ReportError> {
         let mut blocks = Vec::new();
         for component in [Component::Weight, Component::Shape] {
-            let requests = INTERPOLATION.map(|factor| self.guided(component, factor));
-            let made = self.work.source.model.generate_all(&requests)?;
+            let requests = INTERPOLATION.map(|factor| self.guided_request(component, factor));
+            let generations = self.runner.source.model.generate_all(&requests)?;
             let labels =
                 INTERPOLATION.map(|factor| format!("{}, {component} × {factor}", self.caption()));
-            let rows = labels.iter().zip(&made).map(|(label, made)| Row {
+            let rows = labels.iter().zip(&generations);
+            let rows = rows.map(|(label, generation)| Row {
                 label,
-                motion: &made.guided,
+                motion: &generation.guided,
             });
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
             let title = format!("Interpolation of {component}");
             let caption = format!("{component} from half to one and a half");
-            blocks.push(Block::picture(&title, caption, svg));
+            blocks.push(ReportBlock::picture(&title, caption, svg));
         }
         Ok(blocks)
     }
 
-    /// What smoothing does to Laban features, and to the root.
-    pub fn smoothing(&self) -> Result<Vec<Block>, ReportError> {
-        let motion = self.generate(&self.plain())?.baseline;
+    /// Draws the effect of smoothing on Laban features, and on the derivatives of the root's position.
+    pub fn smoothing(&self) -> Result<Vec<ReportBlock>, ReportError> {
+        let motion = self.generate(&self.unguided_request())?.baseline;
         let series = |smoothing: Smoothing| {
             let options = LabanOptions {
                 smoothing,
                 ..LabanOptions::default()
             };
-            LabanSeries::of(&motion, &options, self.work.device)
+            LabanSeries::of(&motion, &options, self.runner.device)
         };
         let (with, without) = (series(Smoothing::default()), series(Smoothing::None));
         let svg = curves(
@@ -174,25 +180,25 @@ impl<'a> Shown<'a> {
             ],
         )?;
         let mut blocks = vec![
-            Block::text(
+            ReportBlock::text(
                 "Laban features of one motion, and the velocity, acceleration and jerk of its root, with the Gaussian of 11 frames and variance 10 and without.",
             ),
-            Block::picture(
+            ReportBlock::picture(
                 "Smoothing",
                 "Laban features with and without smoothing",
                 svg,
             ),
         ];
-        let raw = roots(&motion);
-        let smooth = smoothed(&raw, self.work.device);
+        let raw = root_positions(&motion);
+        let smooth = smooth_positions(&raw, self.runner.device);
         for (order, name, unit) in [
             (1, "velocity", "m/s"),
             (2, "acceleration", "m/s²"),
             (3, "jerk", "m/s³"),
         ] {
-            let line = |label, colour, places: &[[f32; 3]]| Line {
+            let line = |label, colour, positions: &[[f32; 3]]| Line {
                 label,
-                points: differences(places, order),
+                points: differences(positions, order),
                 colour,
                 marked: false,
             };
@@ -207,33 +213,34 @@ impl<'a> Shown<'a> {
                 &lines,
             )?;
             let caption = format!("{title} with and without smoothing");
-            blocks.push(Block::picture(&title, caption, svg));
+            blocks.push(ReportBlock::picture(&title, caption, svg));
         }
         Ok(blocks)
     }
 }
 
-/// Where the root is.
-fn roots(motion: &Motion) -> Vec<[f32; 3]> {
+/// Returns the positions of the root.
+fn root_positions(motion: &Motion) -> Vec<[f32; 3]> {
     let frames = 0..motion.frames();
     frames
         .map(|frame| motion.position(frame, Joint::Pelvis))
         .collect()
 }
 
-/// The same, smoothed as Laban features are.
-fn smoothed(places: &[[f32; 3]], device: &Device) -> Vec<[f32; 3]> {
-    let frames = places.len();
+/// Smooths positions as Laban features do.
+fn smooth_positions(positions: &[[f32; 3]], device: &Device) -> Vec<[f32; 3]> {
+    let frames = positions.len();
     let window = Window::new(&Gaussian::PAPER, frames, [frames].into_iter(), device);
-    let places = Tensor::<1>::from_floats(places.as_flattened(), device);
-    let smooth = window.smooth(places.reshape([1, frames, 3]));
+    let positions = Tensor::<1>::from_floats(positions.as_flattened(), device);
+    let smooth = window.smooth(positions.reshape([1, frames, 3]));
     let smooth: Vec<f32> = smooth.try_into_vec_as().expect("floats convert to f32");
     smooth.as_chunks().0.to_vec()
 }
 
-/// Time in seconds and length of a difference over frames, per second, per second², per second³.
-fn differences(places: &[[f32; 3]], order: usize) -> Vec<[f64; 2]> {
-    let mut series: Vec<[f32; 3]> = places.to_vec();
+/// Returns the time in seconds and the length of the n-th difference of positions over frames, for `order` n. The
+/// lengths are per second (order 1), per second² (order 2) or per second³ (order 3).
+fn differences(positions: &[[f32; 3]], order: usize) -> Vec<[f64; 2]> {
+    let mut series: Vec<[f32; 3]> = positions.to_vec();
     for _ in 0..order {
         let pairs = series.windows(2);
         series = pairs
@@ -267,7 +274,7 @@ mod tests {
         for [_, speed] in differences(&line, 1) {
             assert!((speed - 2.0).abs() < 1e-4, "{speed}");
         }
-        let smooth = smoothed(&line, &Device::flex());
+        let smooth = smooth_positions(&line, &Device::flex());
         for frame in 5..25 {
             assert!((smooth[frame][0] - line[frame][0]).abs() < 1e-5);
         }

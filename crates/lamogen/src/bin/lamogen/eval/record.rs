@@ -1,4 +1,4 @@
-//! What is kept of every motion: a line of JSON each, so that a run can stop anywhere and go on.
+//! The records of motions: one line of JSON each, so that a run can stop at any time and go on later.
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -8,102 +8,105 @@ use std::path::{Path, PathBuf};
 use lamogen::COMPONENTS;
 use serde::{Deserialize, Serialize};
 
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 
-/// Which motion a record is of.
+/// The key of a motion's record.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Key {
-    /// Which cell of the plan.
+pub struct RecordKey {
+    /// The setting, the condition, the prompt and the repeat of the motion in words and numbers.
     pub id: String,
-    /// A sum of all options that it is generated with: what is called the same may be generated otherwise.
+    /// A checksum of all options that the motion is generated with, since settings of one name may have other options
+    /// in another run.
     pub options: String,
 }
 
-/// One motion of a run, measured.
+/// The record of one motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct MotionRecord {
     #[serde(flatten)]
-    pub key: Key,
-    pub result: Outcome,
+    pub key: RecordKey,
+    pub result: MotionOutcome,
 }
 
-/// A motion, or why there is none.
+/// The measurements of a motion, or the reason why there is no motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Outcome {
-    Motion(Box<Measured>),
+pub enum MotionOutcome {
+    Motion(Box<MotionMeasurements>),
     Failed(String),
 }
 
-/// What is known of a motion.
+/// The measurements of a motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
-    /// Laban features by their maximum over time.
+pub struct MotionMeasurements {
+    /// The maxima over time of the Laban features.
     pub maximum: [f64; COMPONENTS],
-    /// By their mean.
+    /// The means over time of the Laban features.
     pub mean: [f64; COMPONENTS],
-    /// Those of the motion that the sentence alone gives, from the same noise.
+    /// The maxima of the baseline: the motion of the sentence alone, from the same noise.
     pub baseline_maximum: [f64; COMPONENTS],
+    /// The means of the baseline.
     pub baseline_mean: [f64; COMPONENTS],
-    /// Mean distance of the joints from that motion, both as they are measured, in metres.
+    /// The mean distance of the joints from those of the baseline, both in the form that is measured, in metres.
     pub distance: f64,
     #[serde(flatten)]
-    pub body: Body,
-    /// Where the evaluator sees it.
+    pub body: BodyMeasurements,
+    /// The embedding by the evaluator.
     pub point: Vec<f32>,
 }
 
-/// What is known of a motion by its joints alone.
+/// The measurements of a motion's joints.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Body {
+pub struct BodyMeasurements {
     /// The share of steps in which a standing foot slides.
     pub sliding: f64,
-    /// How fast a standing foot moves along the ground on average, m/s.
+    /// The mean speed at which a standing foot moves along the ground, in m/s.
     pub sliding_speed: f64,
-    /// Mean second difference of the ankles, mm a frame².
+    /// The mean second difference of the ankles, in mm a frame².
     pub ankles: f64,
-    /// Mean jerk of all joints, m/s³.
+    /// The mean jerk of all joints, in m/s³.
     pub jerk: f64,
-    /// How far the worst bone is from its median length, m.
+    /// The largest deviation of a bone from its median length, in m.
     pub drift: f64,
-    /// How deep the deepest joint is below the floor, m, but for one frame in a hundred.
+    /// How deep the deepest joint is below the floor, in m: the 99th percentile over frames.
     pub below_floor: f64,
-    pub turning: Turning,
+    pub turning: TurnMeasurements,
 }
 
 /// How far joints turn from one frame to the next, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Turning {
-    /// All joints but the pelvis on average.
+pub struct TurnMeasurements {
+    /// The mean of all joints but the pelvis.
     pub mean: f64,
-    /// Any joint but the pelvis at most.
+    /// The largest turn of all joints but the pelvis.
     pub largest: f64,
-    /// The pelvis at most.
+    /// The largest turn of the pelvis.
     pub pelvis: f64,
-    /// How often the pelvis turns by more than 60°.
+    /// How often the pelvis turns by more than 60° between two frames.
     pub pelvis_snaps: usize,
-    pub spine3: JointTurn,
-    pub neck: JointTurn,
-    pub left_shoulder: JointTurn,
-    pub right_shoulder: JointTurn,
+    pub spine3: JointTurnMeasurements,
+    pub neck: JointTurnMeasurements,
+    pub left_shoulder: JointTurnMeasurements,
+    pub right_shoulder: JointTurnMeasurements,
 }
 
-/// How far one joint does, in degrees.
+/// How far one joint turns from one frame to the next, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct JointTurn {
+pub struct JointTurnMeasurements {
     pub mean: f64,
     pub largest: f64,
 }
 
-/// The file that a run, or a shard of it, writes; locked as long as it is open.
-pub struct Store {
+/// The record file that a run or a shard writes. It is locked while it is open.
+pub struct RecordFile {
     path: PathBuf,
     file: File,
 }
 
-impl Store {
-    /// Opens a file, or begins it. What was cut off while it was written is removed. One process writes at a time.
-    pub fn open(path: &Path) -> Result<Store, Failure> {
+impl RecordFile {
+    /// Opens a record file, or makes one. An incomplete last line is removed. Only one process can open a file at a
+    /// time.
+    pub fn open(path: &Path) -> Result<RecordFile, Failure> {
         let failed = |error| Failure::output(path, error);
         let mut file = OpenOptions::new()
             .create(true)
@@ -116,37 +119,38 @@ impl Store {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let message = format!("{}: another process generates into it", path.display());
-                return Err(Failure::new(Code::Usage, message));
+                return Err(Failure::new(FailureCode::Usage, message));
             }
-            // Some file systems have no locks.
+            // Some file systems do not support locks.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        let (_, end) = parse(&file, path)?;
+        let (_, end) = parse_records(&file, path)?;
         file.set_len(end).map_err(failed)?;
         file.seek(SeekFrom::End(0)).map_err(failed)?;
-        Ok(Store {
+        Ok(RecordFile {
             path: path.to_owned(),
             file,
         })
     }
 
     /// Adds a record.
-    pub fn add(&mut self, record: &Record) -> Result<(), Failure> {
+    pub fn add(&mut self, record: &MotionRecord) -> Result<(), Failure> {
         let mut line =
-            serde_json::to_string(record).map_err(|error| Failure::new(Code::Run, error))?;
+            serde_json::to_string(record).map_err(|error| Failure::new(FailureCode::Run, error))?;
         line.push('\n');
         { self.file.write_all(line.as_bytes()) }.map_err(|error| Failure::output(&self.path, error))
     }
 }
 
-/// All records of some files.
-pub fn read(paths: &[PathBuf]) -> Result<HashMap<Key, Outcome>, Failure> {
+/// Reads all records of some files.
+pub fn read_records(paths: &[PathBuf]) -> Result<HashMap<RecordKey, MotionOutcome>, Failure> {
     let mut all = HashMap::new();
     for path in paths {
-        let file = File::open(path)
-            .map_err(|error| Failure::new(Code::Input, format!("{}: {error}", path.display())))?;
-        let (records, _) = parse(&file, path)?;
+        let file = File::open(path).map_err(|error| {
+            Failure::new(FailureCode::Input, format!("{}: {error}", path.display()))
+        })?;
+        let (records, _) = parse_records(&file, path)?;
         all.extend(
             records
                 .into_iter()
@@ -156,20 +160,20 @@ pub fn read(paths: &[PathBuf]) -> Result<HashMap<Key, Outcome>, Failure> {
     Ok(all)
 }
 
-/// The records of a file, and where the last whole one ends.
-fn parse(file: &File, path: &Path) -> Result<(Vec<Record>, u64), Failure> {
-    let failed = |error| Failure::new(Code::Input, format!("{}: {error}", path.display()));
+/// Parses the records of a file. Returns them, and the place in bytes where the last complete one ends.
+fn parse_records(file: &File, path: &Path) -> Result<(Vec<MotionRecord>, u64), Failure> {
+    let failed = |error| Failure::new(FailureCode::Input, format!("{}: {error}", path.display()));
     let mut reader = BufReader::new(file);
     let (mut records, mut end, mut line) = (Vec::new(), 0, Vec::new());
     while reader.read_until(b'\n', &mut line).map_err(failed)? > 0 {
         match serde_json::from_slice(&line) {
             Ok(record) if line.ends_with(b"\n") => records.push(record),
-            // The last line may have been cut off; before it there is no reason to be.
+            // Only the last line can be incomplete, after a stop while it was being written.
             _ if reader.fill_buf().map_err(failed)?.is_empty() => break,
             _ => {
                 let line = records.len() + 1;
                 let message = format!("{}: line {line} is no record", path.display());
-                return Err(Failure::new(Code::Input, message)
+                return Err(Failure::new(FailureCode::Input, message)
                     .hint("without that line its motion is generated again"));
             }
         }
@@ -183,43 +187,43 @@ fn parse(file: &File, path: &Path) -> Result<(Vec<Record>, u64), Failure> {
 mod tests {
     use super::*;
 
-    fn key(id: &str) -> Key {
-        Key {
+    fn key(id: &str) -> RecordKey {
+        RecordKey {
             id: id.into(),
             options: "1f".into(),
         }
     }
 
-    fn failed(id: &str) -> Record {
-        Record {
+    fn failed(id: &str) -> MotionRecord {
+        MotionRecord {
             key: key(id),
-            result: Outcome::Failed("too wild".into()),
+            result: MotionOutcome::Failed("too wild".into()),
         }
     }
 
     #[test]
-    fn a_cut_line_is_forgotten_and_a_broken_one_named() {
+    fn an_incomplete_last_line_is_removed_and_other_wrong_lines_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("records.jsonl");
-        let mut store = Store::open(&path).unwrap();
+        let mut store = RecordFile::open(&path).unwrap();
         store.add(&failed("a")).unwrap();
         store.add(&failed("b")).unwrap();
-        let Err(busy) = Store::open(&path) else {
+        let Err(busy) = RecordFile::open(&path) else {
             panic!("two write at once");
         };
         assert!(busy.message.contains("another process"), "{}", busy.message);
         drop(store);
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 5]).unwrap();
-        let mut store = Store::open(&path).unwrap();
-        let found = read(std::slice::from_ref(&path)).unwrap();
-        assert!(found.contains_key(&key("a")) && !found.contains_key(&key("b")));
+        let mut store = RecordFile::open(&path).unwrap();
+        let records = read_records(std::slice::from_ref(&path)).unwrap();
+        assert!(records.contains_key(&key("a")) && !records.contains_key(&key("b")));
         store.add(&failed("b")).unwrap();
         drop(store);
         assert_eq!(std::fs::read(&path).unwrap(), whole);
-        assert_eq!(read(std::slice::from_ref(&path)).unwrap().len(), 2);
+        assert_eq!(read_records(std::slice::from_ref(&path)).unwrap().len(), 2);
         std::fs::write(&path, [b"{}\n", &whole[..]].concat()).unwrap();
-        let Err(failure) = Store::open(&path) else {
+        let Err(failure) = RecordFile::open(&path) else {
             panic!("a broken line was read");
         };
         assert!(failure.message.contains("line 1"), "{}", failure.message);

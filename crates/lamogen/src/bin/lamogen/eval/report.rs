@@ -1,4 +1,4 @@
-//! The report: the paper's tables beside this model's, the ablations (`studies.rs`), and pictures.
+//! The report: the tables of the paper with the figures of this model, the ablations (`studies.rs`), and pictures.
 
 mod studies;
 
@@ -11,80 +11,88 @@ use lamogen_eval::MetricError;
 use lamogen_view::CurveError;
 use serde_json::{Map, Value, json};
 
-use super::document::{Block, html, markdown};
-use super::measure::Measure;
+use super::document::{ReportBlock, html, markdown};
+use super::measure::MeasurementTarget;
 use super::paper;
-use super::pictures::Shown;
-use super::plan::{Method, Plan, Study};
-use super::summary::{Bodies, Evidence, Figures, Known, Mean, OfReal};
-use super::work::Work;
+use super::pictures::ReportPictures;
+use super::plan::{EvalPlan, Method, Study};
+use super::runner::EvalRunner;
+use super::summary::{
+    BodyMeans, EvalData, FigureCache, MeanEstimate, RealMotionFigures, SettingFigures,
+};
 use crate::failure::Failure;
 use crate::source::EMBEDDED;
 
-/// Names of the components, as the tables have them.
+/// The names of the components in the tables.
 const NAMES: [&str; COMPONENTS] = ["Weight", "Time", "Flow", "Shape"];
+/// The colours of the components in the plots, as red, green and blue.
 const COLOURS: [[u8; 3]; COMPONENTS] =
     [[194, 65, 12], [3, 105, 161], [22, 101, 52], [126, 34, 206]];
 
 /// A report, ready to be written.
 pub struct Report {
     title: String,
-    blocks: Vec<Block>,
-    figures: Vec<Figures>,
-    /// What `figures.json` holds of studies and real motions.
-    others: Map<String, Value>,
+    blocks: Vec<ReportBlock>,
+    figures: Vec<SettingFigures>,
+    /// The figures of studies and real motions for `figures.json`.
+    other_figures: Map<String, Value>,
 }
 
 impl Report {
-    /// Computes everything. Motions that are `missing` are said to be.
+    /// Computes the figures and draws the pictures. `missing` is the number of motions that are not generated yet; the
+    /// report states it.
     pub fn new(
-        plan: &Plan,
-        evidence: &Evidence<'_>,
-        work: &Work<'_>,
+        plan: &EvalPlan,
+        data: &EvalData<'_>,
+        runner: &EvalRunner<'_>,
         missing: usize,
     ) -> Result<Report, ReportError> {
-        let mut known = Known::new(evidence);
+        let mut cache = FigureCache::new(data);
         let figures = plan.settings.iter();
-        let figures = figures.map(|setting| known.figures(setting).cloned());
-        let figures = figures.collect::<Result<Vec<Figures>, MetricError>>()?;
+        let figures = figures.map(|setting| cache.figures(setting).cloned());
+        let figures = figures.collect::<Result<Vec<SettingFigures>, MetricError>>()?;
         let mut report = Report {
-            title: match work.source.name.as_str() {
+            title: match runner.source.name.as_str() {
                 EMBEDDED => "Report on the embedded model".into(),
                 name => format!("Report on the model {name}"),
             },
             blocks: Vec::new(),
             figures,
-            others: Map::new(),
+            other_figures: Map::new(),
         };
-        report.basis(plan, work, missing);
-        report.control(plan);
-        let real = evidence.of_real()?;
-        report.others.insert("real_motions".into(), json!(real));
-        report.fidelity(plan, &real);
-        report.quality(plan, &real);
-        report.stays(plan);
-        let shown = Shown::new(plan, work);
-        report.pictures(shown.methods())?;
-        report.blocks.push(Block::heading("One motion"));
-        report.pictures(shown.example())?;
-        report.studies(plan);
+        report.add_introduction(plan, runner, missing);
+        report.add_control(plan);
+        let real = data.real_motion_figures()?;
+        report
+            .other_figures
+            .insert("real_motions".into(), json!(real));
+        report.add_fidelity(plan, &real);
+        report.add_quality(plan, &real);
+        report.add_side_effects(plan);
+        let pictures = ReportPictures::new(plan, runner);
+        report.add_pictures(pictures.methods())?;
+        report.blocks.push(ReportBlock::heading("One motion"));
+        report.add_pictures(pictures.example())?;
+        report.add_studies_introduction(plan);
         for (study, rows) in &plan.studies {
-            report.blocks.push(Block::heading(study.title()));
+            report.blocks.push(ReportBlock::heading(study.title()));
             match study {
                 Study::Interpolation => {
-                    report.interpolation(&rows[0].1, evidence)?;
-                    report.pictures(shown.interpolation())?;
+                    report.add_interpolation(&rows[0].1, data)?;
+                    report.add_pictures(pictures.interpolation())?;
                 }
                 Study::Finish => {
-                    report.study(*study, rows, plan, &mut known)?;
-                    report.pictures(shown.study(*study, rows))?;
+                    report.add_study(*study, rows, plan, &mut cache)?;
+                    report.add_pictures(pictures.study(*study, rows))?;
                 }
-                _ => report.study(*study, rows, plan, &mut known)?,
+                _ => report.add_study(*study, rows, plan, &mut cache)?,
             }
         }
-        report.blocks.push(Block::heading("What smoothing does"));
-        report.pictures(shown.smoothing())?;
-        report.failures();
+        report
+            .blocks
+            .push(ReportBlock::heading("What smoothing does"));
+        report.add_pictures(pictures.smoothing())?;
+        report.add_failures();
         Ok(report)
     }
 
@@ -95,12 +103,12 @@ impl Report {
         std::fs::create_dir_all(&pictures).map_err(|error| Failure::output(&pictures, error))?;
         let text = markdown(&self.title, &self.blocks, PICTURES);
         let page = html(&self.title, &self.blocks);
-        let mut figures = self.others.clone();
+        let mut figures = self.other_figures.clone();
         figures.insert("settings".into(), json!(self.figures));
         let figures = format!("{:#}\n", Value::from(figures));
         for block in &self.blocks {
-            if let Block::Picture { name, svg, .. } = block {
-                write(&pictures.join(format!("{name}.svg")), svg)?;
+            if let ReportBlock::Picture { name, svg, .. } = block {
+                write_file(&pictures.join(format!("{name}.svg")), svg)?;
             }
         }
         let files = [
@@ -110,24 +118,26 @@ impl Report {
         ];
         let written = files.map(|(name, content)| {
             let path = folder.join(name);
-            write(&path, content).map(|()| path)
+            write_file(&path, content).map(|()| path)
         });
         written.into_iter().collect()
     }
 
-    fn of(&self, name: &str) -> Option<&Figures> {
+    /// Returns the figures of the setting with this name.
+    fn figures_of(&self, name: &str) -> Option<&SettingFigures> {
         self.figures.iter().find(|figures| figures.setting == name)
     }
 
-    fn basis(&mut self, plan: &Plan, work: &Work<'_>, missing: usize) {
-        let prompts = work.prompts.len();
+    /// Adds the introduction: what the report is about, and how motions were generated and measured.
+    fn add_introduction(&mut self, plan: &EvalPlan, runner: &EvalRunner<'_>, missing: usize) {
+        let prompts = runner.prompts.len();
         let repeats = match plan.repeats {
             1 => "one motion of each".into(),
             repeats => format!(
                 "{repeats} motions of each, from {repeats} seeds; ± is the 95 % interval over these (in the table of control the deviation over motions)"
             ),
         };
-        let temporal_smoothing = match work.source.temporal_smoothing_frames() {
+        let temporal_smoothing = match runner.source.temporal_smoothing_frames() {
             Some(1.0) => "predictions smoothed by a Gaussian of one frame".into(),
             Some(frames) => format!("predictions smoothed by a Gaussian of {frames} frames"),
             None => "predictions as they are".into(),
@@ -135,14 +145,14 @@ impl Report {
         let mut text = format!(
             "{prompts} sentences, {repeats}; preset {}, {} DDIM steps ({} for Laban guidance of the embedding, {} for start noise), {temporal_smoothing}. {} Laban features are compared by their maximum over time, as in the paper. \
              Figures of the paper, with MotionDiffuse on HumanML3D, stand in brackets.",
-            plan.basis.preset.name(),
-            plan.basis.steps(),
-            plan.basis.steps_of(Preset::Fast),
-            plan.basis.noise_steps,
-            match work.measure {
-                Measure::Rig =>
+            plan.defaults.preset.name(),
+            plan.defaults.steps(),
+            plan.defaults.steps_of(Preset::Fast),
+            plan.defaults.noise_steps,
+            match runner.measure {
+                MeasurementTarget::Rig =>
                     "Everything is measured on what users get (`--measure rig`): every motion, real ones too, is written as BVH and read back.",
-                Measure::Joints =>
+                MeasurementTarget::Joints =>
                     "Motions are measured on their joints as generated, whose bones change their length (`--measure joints`); what turns, on the rotations that would be written.",
             }
         );
@@ -151,20 +161,20 @@ impl Report {
                 "\n\n{missing} motions are not made yet; the figures are of the others."
             ));
         }
-        self.blocks.push(Block::text(text));
+        self.blocks.push(ReportBlock::text(text));
     }
 
-    /// The paper's table 1.
-    fn control(&mut self, plan: &Plan) {
+    /// Adds the table of control (table 1 of the paper).
+    fn add_control(&mut self, plan: &EvalPlan) {
         let mut rows = Vec::new();
         for setting in &plan.methods {
             if setting.method == Method::Text {
                 continue;
             }
-            let figures = self.of(&setting.name);
+            let figures = self.figures_of(&setting.name);
             let Some(control) = figures.and_then(|figures| figures.control.as_ref()) else {
                 let mut row = vec![setting.method.title().to_owned(), String::new()];
-                row.resize(row.len() + COMPONENTS + 1, NOTHING.into());
+                row.resize(row.len() + COMPONENTS + 1, NO_VALUE.into());
                 rows.push(row);
                 continue;
             };
@@ -184,7 +194,7 @@ impl Report {
                     let paper = paper.map_or(String::new(), |(mean, std)| {
                         format!(" ({mean:.3} ± {std:.3})")
                     });
-                    format!("{} ± {std:.3}{paper}", rounded(mean, 3))
+                    format!("{} ± {std:.3}{paper}", format_number(mean, 3))
                 }));
                 row.push(match asked {
                     0 => {
@@ -202,29 +212,29 @@ impl Report {
             return;
         }
         self.blocks.extend([
-            Block::heading("Control"),
-            Block::text(
+            ReportBlock::heading("Control"),
+            ReportBlock::text(
                 "Mean relative change (large - small) / small of every component when one is asked for by its two tags, with the standard deviation \
                  over motions. The tags ask for 2.0 of Weight and Shape and for 0.5 of Time and Flow. Diagonality is the share of the squares on the diagonal. \
                  Laban guidance has the numbers of its preset, that of the embedding and start noise those of the preset fast; raw frame update and \
                  classifier guidance have the paper's numbers, and its loss relative to each frame, without emphasis.",
             ),
-            Block::table(["method", "asked", "Weight", "Time", "Flow", "Shape", "diagonality"], rows),
+            ReportBlock::table(["method", "asked", "Weight", "Time", "Flow", "Shape", "diagonality"], rows),
         ]);
     }
 
-    /// The paper's table 2.
-    fn fidelity(&mut self, plan: &Plan, real: &OfReal) {
-        let with = |value: Option<Mean>, paper: Option<f64>, digits: usize| match value {
-            None => NOTHING.to_owned(),
+    /// Adds the table of text and fidelity (table 2 of the paper).
+    fn add_fidelity(&mut self, plan: &EvalPlan, real: &RealMotionFigures) {
+        let with = |value: Option<MeanEstimate>, paper: Option<f64>, digits: usize| match value {
+            None => NO_VALUE.to_owned(),
             Some(_) => {
                 let paper = paper.map_or(String::new(), |paper| format!(" ({paper:.digits$})"));
-                format!("{}{paper}", shown(value, digits))
+                format!("{}{paper}", format_mean(value, digits))
             }
         };
         let mut rows = Vec::new();
         let mut add = |title: &str,
-                       figures: (Option<[Mean; 3]>, [Option<Mean>; 3]),
+                       figures: (Option<[MeanEstimate; 3]>, [Option<MeanEstimate>; 3]),
                        paper: Option<[f64; 5]>| {
             let (ranks, [fid, diversity, matching]) = figures;
             let mut row = vec![title.to_owned()];
@@ -243,7 +253,7 @@ impl Report {
         let others = [None, real.diversity, real.matching];
         add("Real motions", (real.r_precision, others), None);
         for setting in &plan.methods {
-            if let Some(figures) = self.of(&setting.name) {
+            if let Some(figures) = self.figures_of(&setting.name) {
                 let others = [figures.fid, figures.diversity, figures.matching];
                 add(
                     setting.method.title(),
@@ -253,32 +263,32 @@ impl Report {
             }
         }
         self.blocks.extend([
-            Block::heading("Text and fidelity"),
-            Block::text(
+            ReportBlock::heading("Text and fidelity"),
+            ReportBlock::text(
                 "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity (of up to 300 motions \
                  over all pairs, of more over 300), and the distance from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
                  Motions of edited prompts are held against the sentence as it was.",
             ),
-            Block::table(["method", "top 1", "top 2", "top 3", "FID", "Diversity", "distance to text"], rows),
+            ReportBlock::table(["method", "top 1", "top 2", "top 3", "FID", "Diversity", "distance to text"], rows),
         ]);
     }
 
-    /// What no network judges.
-    fn quality(&mut self, plan: &Plan, real: &OfReal) {
-        let row = |title: &str, distance, bodies: &Bodies, error, failed: String| {
+    /// Adds the table of measurements that need no evaluator.
+    fn add_quality(&mut self, plan: &EvalPlan, real: &RealMotionFigures) {
+        let row = |title: &str, distance, bodies: &BodyMeans, error, failed: String| {
             vec![
                 title.to_owned(),
-                shown(distance, 3),
-                shown(bodies.sliding, 3),
-                shown(bodies.sliding_speed, 2),
-                shown(bodies.ankles, 1),
-                shown(bodies.jerk, 0),
-                shown(bodies.drift, 3),
-                shown(bodies.below_floor, 3),
-                shown(bodies.turning.mean, 2),
-                shown(bodies.turning.largest, 0),
+                format_mean(distance, 3),
+                format_mean(bodies.sliding, 3),
+                format_mean(bodies.sliding_speed, 2),
+                format_mean(bodies.ankles, 1),
+                format_mean(bodies.jerk, 0),
+                format_mean(bodies.drift, 3),
+                format_mean(bodies.below_floor, 3),
+                format_mean(bodies.turning.mean, 2),
+                format_mean(bodies.turning.largest, 0),
                 bodies.turning.pelvis_snaps.to_string(),
-                shown(error, 3),
+                format_mean(error, 3),
                 failed,
             ]
         };
@@ -287,10 +297,10 @@ impl Report {
             None,
             &real.bodies,
             None,
-            NOTHING.into(),
+            NO_VALUE.into(),
         )];
         for setting in &plan.methods {
-            if let Some(figures) = self.of(&setting.name) {
+            if let Some(figures) = self.figures_of(&setting.name) {
                 let failed = figures.failed.len();
                 rows.push(row(
                     setting.method.title(),
@@ -302,15 +312,15 @@ impl Report {
             }
         }
         self.blocks.extend([
-            Block::heading("The motions themselves"),
-            Block::text(
+            ReportBlock::heading("The motions themselves"),
+            ReportBlock::text(
                 "Mean distance of the joints from the motion of the sentence alone (m); share of steps in which a standing foot slides, and how fast standing feet move (m/s); \
                  second difference of the ankles (mm a frame²); jerk (m/s³); how far the worst bone is from its length (m); how deep the deepest joint is below the floor (m, but \
                  for a frame in a hundred); how far joints turn from one frame to the next, in the frame of the joint they hang from (degrees): all but the pelvis on average, and the \
                  largest turn of a motion; how often the pelvis turns by more than 60° between two frames, in all motions together; how far the component that was asked for is from what was asked, relative to \
                  the baseline; motions that could not be made.",
             ),
-            Block::table(
+            ReportBlock::table(
                 [
                     "method",
                     "distance",
@@ -331,51 +341,52 @@ impl Report {
         ]);
     }
 
-    /// What guidance leaves alone, and where it does least.
-    fn stays(&mut self, plan: &Plan) {
+    /// Adds the table of side effects and worst motions.
+    fn add_side_effects(&mut self, plan: &EvalPlan) {
         let mut rows = Vec::new();
         for setting in &plan.methods {
-            let Some(figures) = self.of(&setting.name) else {
+            let Some(figures) = self.figures_of(&setting.name) else {
                 continue;
             };
-            let Some(stays) = figures.stays else {
+            let Some(side_effects) = figures.side_effects else {
                 continue;
             };
             for (place, worst) in figures.worst.iter().enumerate() {
-                let of_method = match place {
+                let method_cells = match place {
                     0 => [
                         setting.method.title().to_owned(),
-                        shown(Some(stays.mean), 3),
-                        format!("{:.3}", stays.most),
+                        format_mean(Some(side_effects.mean), 3),
+                        format!("{:.3}", side_effects.percentile_95),
                     ],
                     _ => [const { String::new() }; 3],
                 };
-                let of_tag = [
-                    worst.demand.clone(),
+                let tag_cells = [
+                    worst.condition.clone(),
                     format!("{:.2}", worst.ratio),
-                    rounded(worst.share, 2),
+                    format_number(worst.share, 2),
                     worst.prompt.clone(),
                 ];
-                rows.push(of_method.into_iter().chain(of_tag).collect());
+                rows.push(method_cells.into_iter().chain(tag_cells).collect());
             }
         }
         if rows.is_empty() {
             return;
         }
         self.blocks.extend([
-            Block::heading("What stays, and the worst motion"),
-            Block::text(
+            ReportBlock::heading("What stays, and the worst motion"),
+            ReportBlock::text(
                 "How much the components change that were not asked for: guided over baseline, less 1, without its sign, on average, and what 95 of 100 of these changes are below. \
                  For every tag the motion that follows it least: guided over baseline, and how much of the change that was asked for this is (1 is all of it, 0 nothing, below 0 it went the other way). \
                  All by the maximum over time.",
             ),
-            Block::table(["method", "others change", "95 % below", "tag", "worst ratio", "share", "sentence"], rows),
+            ReportBlock::table(["method", "others change", "95 % below", "tag", "worst ratio", "share", "sentence"], rows),
         ]);
     }
 
-    fn failures(&mut self) {
-        /// As many as are named.
-        const NAMED: usize = 20;
+    /// Adds the table of motions that could not be generated.
+    fn add_failures(&mut self) {
+        /// The largest number of motions that the table lists.
+        const MAX_LISTED: usize = 20;
         let all: Vec<&(String, String)> = self
             .figures
             .iter()
@@ -386,27 +397,32 @@ impl Report {
         }
         let mut rows: Vec<Vec<String>> = all
             .iter()
-            .take(NAMED)
+            .take(MAX_LISTED)
             .map(|(id, reason)| vec![id.clone(), reason.clone()])
             .collect();
-        if all.len() > NAMED {
+        if all.len() > MAX_LISTED {
             rows.push(vec![
-                format!("and {} more", all.len() - NAMED),
+                format!("and {} more", all.len() - MAX_LISTED),
                 String::new(),
             ]);
         }
         self.blocks
-            .push(Block::heading("Motions that could not be made"));
-        self.blocks.push(Block::table(["motion", "why"], rows));
+            .push(ReportBlock::heading("Motions that could not be made"));
+        self.blocks
+            .push(ReportBlock::table(["motion", "why"], rows));
     }
 
-    /// Adds what is shown; a motion that cannot be made leaves a sentence, and no report behind.
-    fn pictures(&mut self, shown: Result<Vec<Block>, ReportError>) -> Result<(), ReportError> {
-        match shown {
+    /// Adds pictures. If a motion for them cannot be generated, a sentence is added instead, so that the report is still
+    /// written.
+    fn add_pictures(
+        &mut self,
+        pictures: Result<Vec<ReportBlock>, ReportError>,
+    ) -> Result<(), ReportError> {
+        match pictures {
             Ok(blocks) => self.blocks.extend(blocks),
             Err(ReportError::Generate(error)) => {
                 let text = format!("The motions to be shown here could not be made: {error}.");
-                self.blocks.push(Block::text(text));
+                self.blocks.push(ReportBlock::text(text));
             }
             Err(error) => return Err(error),
         }
@@ -414,7 +430,7 @@ impl Report {
     }
 }
 
-/// What keeps a report from being made.
+/// Why a report cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     #[error(transparent)]
@@ -425,11 +441,11 @@ pub enum ReportError {
     Generate(#[from] lamogen::Error),
 }
 
-/// What stands where nothing could be measured.
-const NOTHING: &str = "–";
+/// The text of a table cell without a value.
+const NO_VALUE: &str = "–";
 
-/// A number without the sign of one that is rounded to nothing.
-fn rounded(number: f64, digits: usize) -> String {
+/// Formats a number; a negative number that is rounded to zero has no sign.
+fn format_number(number: f64, digits: usize) -> String {
     let text = format!("{number:.digits$}");
     match text.strip_prefix('-') {
         Some(zero) if zero.chars().all(|c| "0.".contains(c)) => zero.into(),
@@ -437,10 +453,10 @@ fn rounded(number: f64, digits: usize) -> String {
     }
 }
 
-/// A mean with its interval, where there is one.
-fn shown(mean: Option<Mean>, digits: usize) -> String {
-    let Some(Mean { mean, interval }) = mean else {
-        return NOTHING.into();
+/// Formats a mean with its interval, if it has one.
+fn format_mean(mean: Option<MeanEstimate>, digits: usize) -> String {
+    let Some(MeanEstimate { mean, interval }) = mean else {
+        return NO_VALUE.into();
     };
     match interval {
         Some(interval) => format!("{mean:.digits$} ± {interval:.digits$}"),
@@ -448,7 +464,8 @@ fn shown(mean: Option<Mean>, digits: usize) -> String {
     }
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
+/// Writes a text file. An error leaves no incomplete file.
+fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
     write_atomically(path, |file| file.write_all(text.as_bytes()))
         .map_err(|error| Failure::output(path, error))
 }
@@ -458,9 +475,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_has_no_sign() {
-        assert_eq!(rounded(-0.0004, 3), "0.000");
-        assert_eq!(rounded(-0.0006, 3), "-0.001");
-        assert_eq!(rounded(-10.0, 0), "-10");
+    fn numbers_that_are_rounded_to_zero_have_no_sign() {
+        assert_eq!(format_number(-0.0004, 3), "0.000");
+        assert_eq!(format_number(-0.0006, 3), "-0.001");
+        assert_eq!(format_number(-10.0, 0), "-10");
     }
 }

@@ -1,4 +1,4 @@
-//! From records to the figures of the tables.
+//! The figures of the tables, computed from the records.
 
 use std::collections::HashMap;
 
@@ -9,47 +9,51 @@ use lamogen_eval::{
 };
 use serde::{Serialize, Serializer};
 
-use super::plan::{Demand, Prompt, Setting, cells};
-use super::record::{Body, JointTurn, Key, Measured, Outcome};
-use super::stays::{Stays, Worst, changes, most_of_changes, worst};
-use super::work::Real;
+use super::plan::{Condition, EvalPrompt, MethodSetting, planned_motions};
+use super::record::{
+    BodyMeasurements, JointTurnMeasurements, MotionMeasurements, MotionOutcome, RecordKey,
+};
+use super::runner::RealMotions;
+use super::side_effects::{
+    SideEffects, WorstMotion, untargeted_change_percentile, untargeted_changes, worst_motions,
+};
 
-/// Draws of batches behind R-precision.
+/// The number of random draws of batches for R-precision.
 const DRAWS: u64 = 20;
-/// Pairs behind diversity, if there are more motions than that; else all pairs count.
+/// The number of pairs for diversity, if there are more motions than that; otherwise all pairs count.
 const PAIRS: usize = 300;
 
-/// All that the figures come from.
-pub struct Evidence<'a> {
-    pub records: &'a HashMap<Key, Outcome>,
-    pub prompts: &'a [Prompt],
-    /// `[repeat]`: the captions of all prompts where the evaluator sees them.
+/// The data that the figures are computed from.
+pub struct EvalData<'a> {
+    pub records: &'a HashMap<RecordKey, MotionOutcome>,
+    pub prompts: &'a [EvalPrompt],
+    /// For each repeat, the evaluator's embeddings of the captions of all prompts.
     pub texts: &'a [Embeddings],
-    pub real: &'a Real,
+    pub real: &'a RealMotions,
     pub repeats: u64,
 }
 
-/// Figures that were computed, each once: studies share rows with the tables and with each other.
-pub struct Known<'a> {
-    evidence: &'a Evidence<'a>,
-    figures: Vec<(Setting, Figures)>,
+/// A cache of figures, since studies share rows with the tables and with each other.
+pub struct FigureCache<'a> {
+    data: &'a EvalData<'a>,
+    figures: Vec<(MethodSetting, SettingFigures)>,
 }
 
-impl<'a> Known<'a> {
-    pub fn new(evidence: &'a Evidence<'a>) -> Self {
-        Known {
-            evidence,
+impl<'a> FigureCache<'a> {
+    pub fn new(data: &'a EvalData<'a>) -> Self {
+        FigureCache {
+            data,
             figures: Vec::new(),
         }
     }
 
-    /// The figures of a setting; see [`Evidence::figures`].
-    pub fn figures(&mut self, setting: &Setting) -> Result<&Figures, MetricError> {
-        let found = self.figures.iter().position(|(of, _)| of == setting);
-        let place = match found {
+    /// Returns the figures of a setting; see [`EvalData::figures`].
+    pub fn figures(&mut self, setting: &MethodSetting) -> Result<&SettingFigures, MetricError> {
+        let place = self.figures.iter().position(|(known, _)| known == setting);
+        let place = match place {
             Some(place) => place,
             None => {
-                let figures = self.evidence.figures(setting)?;
+                let figures = self.data.figures(setting)?;
                 self.figures.push((setting.clone(), figures));
                 self.figures.len() - 1
             }
@@ -58,84 +62,89 @@ impl<'a> Known<'a> {
     }
 }
 
-/// What is known of a setting.
+/// The figures of a setting.
 #[derive(Clone, Debug, Serialize)]
-pub struct Figures {
+pub struct SettingFigures {
+    /// The name of the setting.
     pub setting: String,
+    /// The number of motions.
     pub motions: usize,
-    /// Motions that could not be made, and why.
+    /// The ids of motions that could not be generated, each with the reason.
     pub failed: Vec<(String, String)>,
-    /// By the maximum over time, as in the paper; where both tags of every component were asked for.
-    pub control: Option<Control>,
-    /// By the mean over time.
-    pub control_by_mean: Option<Control>,
-    /// How far the component that was asked for is from what was asked, relative to the baseline, by the maximum over time.
-    pub error: Option<Mean>,
-    /// Of the other components.
-    pub stays: Option<Stays>,
-    /// One for every demand.
-    pub worst: Vec<Worst>,
-    /// Top 1 to 3 of batches of 32.
-    pub r_precision: Option<[Mean; 3]>,
-    pub matching: Option<Mean>,
-    pub fid: Option<Mean>,
-    pub diversity: Option<Mean>,
-    pub distance: Option<Mean>,
+    /// Control by the maximum over time, as in the paper, if the setting has both tags of every component.
+    pub control: Option<ControlTable>,
+    /// Control by the mean over time.
+    pub control_by_mean: Option<ControlTable>,
+    /// The difference between the reached and the requested factor on a component, by the maximum over time.
+    pub error: Option<MeanEstimate>,
+    /// The changes of the other components.
+    #[serde(rename = "stays")]
+    pub side_effects: Option<SideEffects>,
+    /// The worst motion of every condition.
+    pub worst: Vec<WorstMotion>,
+    /// R-precision top 1 to 3 in batches of 32.
+    pub r_precision: Option<[MeanEstimate; 3]>,
+    /// The distance from texts to their motions.
+    pub matching: Option<MeanEstimate>,
+    pub fid: Option<MeanEstimate>,
+    pub diversity: Option<MeanEstimate>,
+    /// The distance of the joints from those of the baseline, in metres.
+    pub distance: Option<MeanEstimate>,
     #[serde(flatten)]
-    pub bodies: Bodies,
+    pub bodies: BodyMeans,
 }
 
-/// Means of what is known of motions by their joints alone: see [`Body`].
+/// Means of [`BodyMeasurements`] over motions.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Bodies {
-    pub sliding: Option<Mean>,
-    pub sliding_speed: Option<Mean>,
-    pub ankles: Option<Mean>,
-    pub jerk: Option<Mean>,
-    pub drift: Option<Mean>,
-    pub below_floor: Option<Mean>,
-    pub turning: Turnings,
+pub struct BodyMeans {
+    pub sliding: Option<MeanEstimate>,
+    pub sliding_speed: Option<MeanEstimate>,
+    pub ankles: Option<MeanEstimate>,
+    pub jerk: Option<MeanEstimate>,
+    pub drift: Option<MeanEstimate>,
+    pub below_floor: Option<MeanEstimate>,
+    pub turning: TurnMeans,
 }
 
-/// Means of [`Turning`](super::record::Turning).
+/// Means of [`TurnMeasurements`](super::record::TurnMeasurements) over motions.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Turnings {
-    pub mean: Option<Mean>,
-    pub largest: Option<Mean>,
-    pub pelvis: Option<Mean>,
-    /// Of all motions together.
+pub struct TurnMeans {
+    pub mean: Option<MeanEstimate>,
+    pub largest: Option<MeanEstimate>,
+    pub pelvis: Option<MeanEstimate>,
+    /// The number of snaps in all motions together.
     pub pelvis_snaps: usize,
-    pub spine3: JointTurns,
-    pub neck: JointTurns,
-    pub left_shoulder: JointTurns,
-    pub right_shoulder: JointTurns,
+    pub spine3: JointTurnMeans,
+    pub neck: JointTurnMeans,
+    pub left_shoulder: JointTurnMeans,
+    pub right_shoulder: JointTurnMeans,
 }
 
-/// Means of [`JointTurn`].
+/// Means of [`JointTurnMeasurements`] over motions.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct JointTurns {
-    pub mean: Option<Mean>,
-    pub largest: Option<Mean>,
+pub struct JointTurnMeans {
+    pub mean: Option<MeanEstimate>,
+    pub largest: Option<MeanEstimate>,
 }
 
-impl Bodies {
-    /// Of all bodies, by what takes their mean.
+impl BodyMeans {
+    /// Computes the means. `mean` computes that of one measurement, and `all` are the measurements of all motions.
     fn of<'b>(
-        all: impl Iterator<Item = &'b Body>,
-        mean: impl Fn(&dyn Fn(&Body) -> f64) -> Option<Mean>,
-    ) -> Bodies {
-        let joint = |of: fn(&Body) -> JointTurn| JointTurns {
-            mean: mean(&|body| of(body).mean),
-            largest: mean(&|body| of(body).largest),
+        all: impl Iterator<Item = &'b BodyMeasurements>,
+        mean: impl Fn(&dyn Fn(&BodyMeasurements) -> f64) -> Option<MeanEstimate>,
+    ) -> BodyMeans {
+        let joint = |turn: fn(&BodyMeasurements) -> JointTurnMeasurements| JointTurnMeans {
+            mean: mean(&|body| turn(body).mean),
+            largest: mean(&|body| turn(body).largest),
         };
-        Bodies {
+        BodyMeans {
             sliding: mean(&|body| body.sliding),
             sliding_speed: mean(&|body| body.sliding_speed),
             ankles: mean(&|body| body.ankles),
             jerk: mean(&|body| body.jerk),
             drift: mean(&|body| body.drift),
             below_floor: mean(&|body| body.below_floor),
-            turning: Turnings {
+            turning: TurnMeans {
                 mean: mean(&|body| body.turning.mean),
                 largest: mean(&|body| body.turning.largest),
                 pelvis: mean(&|body| body.turning.pelvis),
@@ -149,24 +158,27 @@ impl Bodies {
     }
 }
 
-/// A mean with half of its 95 % interval, if it is of more than one.
+/// A mean, and its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Mean {
+pub struct MeanEstimate {
     pub mean: f64,
+    /// Half of the width of the interval; `None` for the mean of a single value.
     pub interval: Option<f64>,
 }
 
-/// The paper's table 1.
+/// The relative changes of the components when a component is requested by its two tags (table 1 of the paper).
 #[derive(Clone, Debug, Serialize)]
-pub struct Control {
-    /// `[asked component][measured component]`
+pub struct ControlTable {
+    /// The means over motions: `[requested component][measured component]`.
     pub mean: [[f64; COMPONENTS]; COMPONENTS],
+    /// The standard deviations over motions, in the same order.
     pub std: [[f64; COMPONENTS]; COMPONENTS],
     pub diagonality: f64,
 }
 
-impl Mean {
-    fn of(values: impl IntoIterator<Item = f64>) -> Option<Mean> {
+impl MeanEstimate {
+    /// Computes the mean of values; `None` if there are none.
+    fn of(values: impl IntoIterator<Item = f64>) -> Option<MeanEstimate> {
         let values: Vec<f64> = values.into_iter().collect();
         if values.is_empty() {
             return None;
@@ -174,162 +186,182 @@ impl Mean {
         let is_single = values.len() == 1;
         let Estimate { mean, interval } = Estimate::of(values);
         let interval = (!is_single).then_some(interval);
-        Some(Mean { mean, interval })
+        Some(MeanEstimate { mean, interval })
     }
 }
 
-/// Of at least one number.
+/// Computes the mean of at least one value.
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len() as f64;
     values.sum::<f64>() / count
 }
 
-/// A motion of a setting, and what it was to be.
-pub struct Made<'a> {
-    pub demand: Demand,
+/// The measurements of a generated motion, with its condition, prompt and repeat.
+pub struct GeneratedMotion<'a> {
+    pub condition: Condition,
+    /// The place of the prompt among all prompts.
     pub prompt: usize,
     pub repeat: u64,
-    pub measured: &'a Measured,
+    pub measured: &'a MotionMeasurements,
 }
 
-impl Evidence<'_> {
-    /// The figures of a setting; those of none where nothing of it was made yet, or all failed.
-    fn figures(&self, setting: &Setting) -> Result<Figures, MetricError> {
-        let (mut made, mut failed) = (Vec::new(), Vec::new());
-        for cell in cells(setting, self.repeats) {
-            let key = cell.key();
+impl EvalData<'_> {
+    /// Computes the figures of a setting. Figures are `None` if no motion was generated yet, or all motions failed.
+    fn figures(&self, setting: &MethodSetting) -> Result<SettingFigures, MetricError> {
+        let (mut motions, mut failed) = (Vec::new(), Vec::new());
+        for planned in planned_motions(setting, self.repeats) {
+            let key = planned.key();
             match self.records.get(&key) {
                 None => {}
-                Some(Outcome::Failed(reason)) => failed.push((key.id, reason.clone())),
-                Some(Outcome::Motion(measured)) => made.push(Made {
-                    demand: cell.demand,
-                    prompt: cell.prompt,
-                    repeat: cell.repeat,
+                Some(MotionOutcome::Failed(reason)) => failed.push((key.id, reason.clone())),
+                Some(MotionOutcome::Motion(measured)) => motions.push(GeneratedMotion {
+                    condition: planned.condition,
+                    prompt: planned.prompt,
+                    repeat: planned.repeat,
                     measured,
                 }),
             }
         }
-        // Repeats are what the interval is over; within one all motions count alike.
-        let over_repeats = |of: &dyn Fn(&Made<'_>) -> Option<f64>| {
+        // The interval is over repeats; within a repeat all motions have the same weight.
+        let over_repeats = |value: &dyn Fn(&GeneratedMotion<'_>) -> Option<f64>| {
             let means = (0..self.repeats).filter_map(|repeat| {
-                let values = made.iter().filter(|m| m.repeat == repeat).filter_map(of);
-                Some(Mean::of(values)?.mean)
+                let motions = motions.iter().filter(|motion| motion.repeat == repeat);
+                Some(MeanEstimate::of(motions.filter_map(value))?.mean)
             });
-            Mean::of(means)
+            MeanEstimate::of(means)
         };
-        let mean = |of: &dyn Fn(&Measured) -> f64| over_repeats(&|made| Some(of(made.measured)));
-        let judged = self.judged(&made, setting)?;
-        let of_others = |made: &Made<'_>| {
-            let changes = changes(made.demand, made.measured);
-            Some(Mean::of(changes)?.mean)
+        let mean = |value: &dyn Fn(&MotionMeasurements) -> f64| {
+            over_repeats(&|motion| Some(value(motion.measured)))
         };
-        let stays = over_repeats(&of_others).zip(most_of_changes(&made));
+        let scores = self.evaluator_scores(&motions, setting)?;
+        let mean_untargeted_change = |motion: &GeneratedMotion<'_>| {
+            let changes = untargeted_changes(motion.condition, motion.measured);
+            Some(MeanEstimate::of(changes)?.mean)
+        };
+        let side_effects =
+            over_repeats(&mean_untargeted_change).zip(untargeted_change_percentile(&motions));
         let sentence = |prompt: usize, repeat| self.prompts[prompt].caption(repeat);
-        Ok(Figures {
+        Ok(SettingFigures {
             setting: setting.name.clone(),
-            motions: made.len(),
+            motions: motions.len(),
             failed,
-            control: control(&made, |measured| measured.maximum)?,
-            control_by_mean: control(&made, |measured| measured.mean)?,
-            error: over_repeats(&|made| made.error()),
-            stays: stays.map(|(mean, most)| Stays { mean, most }),
-            worst: worst(&setting.demands, &made, sentence),
-            r_precision: judged.r_precision,
-            matching: judged.matching,
-            fid: judged.fid,
-            diversity: judged.diversity,
-            distance: mean(&|measured| measured.distance),
-            bodies: Bodies::of({ made.iter() }.map(|made| &made.measured.body), |of| {
-                mean(&|measured| of(&measured.body))
+            control: control_table(&motions, |measured| measured.maximum)?,
+            control_by_mean: control_table(&motions, |measured| measured.mean)?,
+            error: over_repeats(&|motion| motion.error()),
+            side_effects: side_effects.map(|(mean, percentile_95)| SideEffects {
+                mean,
+                percentile_95,
             }),
+            worst: worst_motions(&setting.conditions, &motions, sentence),
+            r_precision: scores.r_precision,
+            matching: scores.matching,
+            fid: scores.fid,
+            diversity: scores.diversity,
+            distance: mean(&|measured| measured.distance),
+            bodies: BodyMeans::of(
+                { motions.iter() }.map(|motion| &motion.measured.body),
+                |value| mean(&|measured| value(&measured.body)),
+            ),
         })
     }
 
-    /// What the evaluator says: of the motions of each demand and repeat, and then the mean.
-    fn judged(&self, made: &[Made<'_>], setting: &Setting) -> Result<Judged, MetricError> {
-        let mut found = Vec::new();
+    /// Computes the scores by the evaluator: first those of the motions of each condition and repeat, then their means.
+    fn evaluator_scores(
+        &self,
+        motions: &[GeneratedMotion<'_>],
+        setting: &MethodSetting,
+    ) -> Result<EvaluatorScores, MetricError> {
+        let mut scores_by_repeat = Vec::new();
         for repeat in 0..self.repeats {
-            let mut of_repeat = Vec::new();
-            for demand in &setting.demands {
-                let set = made.iter();
-                let set = set.filter(|m| m.demand == *demand && m.repeat == repeat);
-                let set: Vec<&Made<'_>> = set.collect();
+            let mut scores = Vec::new();
+            for condition in &setting.conditions {
+                let set = motions.iter();
+                let set = set.filter(|m| m.condition == *condition && m.repeat == repeat);
+                let set: Vec<&GeneratedMotion<'_>> = set.collect();
                 if set.len() > 1 {
-                    of_repeat.push(self.seen(&set, repeat)?);
+                    scores.push(self.set_scores(&set, repeat)?);
                 }
             }
-            found.push(of_repeat);
+            scores_by_repeat.push(scores);
         }
-        let over_repeats = |of: &dyn Fn(&Seen) -> Option<f64>| {
-            let means = found.iter().filter_map(|seen| {
-                let values = seen.iter().filter_map(of);
-                Some(Mean::of(values)?.mean)
+        let over_repeats = |score: &dyn Fn(&MotionSetScores) -> Option<f64>| {
+            let means = scores_by_repeat.iter().filter_map(|scores| {
+                let values = scores.iter().filter_map(score);
+                Some(MeanEstimate::of(values)?.mean)
             });
-            Mean::of(means)
+            MeanEstimate::of(means)
         };
-        let ranks = [0, 1, 2].map(|rank| over_repeats(&|seen| Some(seen.matching?.0[rank])));
-        Ok(Judged {
-            r_precision: together(ranks),
-            matching: over_repeats(&|seen| Some(seen.matching?.1)),
-            fid: over_repeats(&|seen| Some(seen.fid)),
-            diversity: over_repeats(&|seen| Some(seen.diversity)),
+        let ranks = [0, 1, 2].map(|rank| over_repeats(&|set| Some(set.matching?.0[rank])));
+        Ok(EvaluatorScores {
+            r_precision: all_or_none(ranks),
+            matching: over_repeats(&|set| Some(set.matching?.1)),
+            fid: over_repeats(&|set| Some(set.fid)),
+            diversity: over_repeats(&|set| Some(set.diversity)),
         })
     }
 
-    /// What the evaluator says of the real motions.
-    pub fn of_real(&self) -> Result<OfReal, MetricError> {
+    /// Computes the figures of the real motions.
+    pub fn real_motion_figures(&self) -> Result<RealMotionFigures, MetricError> {
         let places: Vec<usize> = (0..self.prompts.len()).collect();
-        let seen = { 0..self.repeats }.map(|repeat| self.see(&places, &self.real.points, repeat));
-        let seen: Vec<Seen> = seen.collect::<Result<_, _>>()?;
-        let over = |of: &dyn Fn(&Seen) -> Option<f64>| Mean::of(seen.iter().filter_map(of));
-        let ranks = [0, 1, 2].map(|rank| over(&|seen| Some(seen.matching?.0[rank])));
-        Ok(OfReal {
-            bodies: Bodies::of(self.real.bodies.iter(), |of| {
-                Mean::of([mean(self.real.bodies.iter().map(of))])
+        let scores = { 0..self.repeats }
+            .map(|repeat| self.embedding_scores(&places, &self.real.points, repeat));
+        let scores: Vec<MotionSetScores> = scores.collect::<Result<_, _>>()?;
+        let over_repeats = |score: &dyn Fn(&MotionSetScores) -> Option<f64>| {
+            MeanEstimate::of(scores.iter().filter_map(score))
+        };
+        let ranks = [0, 1, 2].map(|rank| over_repeats(&|set| Some(set.matching?.0[rank])));
+        Ok(RealMotionFigures {
+            bodies: BodyMeans::of(self.real.bodies.iter(), |value| {
+                MeanEstimate::of([mean(self.real.bodies.iter().map(value))])
             }),
-            r_precision: together(ranks),
-            matching: over(&|seen| Some(seen.matching?.1)),
-            diversity: over(&|seen| Some(seen.diversity)),
+            r_precision: all_or_none(ranks),
+            matching: over_repeats(&|set| Some(set.matching?.1)),
+            diversity: over_repeats(&|set| Some(set.diversity)),
         })
     }
 
-    /// What came out for every demand of a setting.
-    pub fn ratios(&self, setting: &Setting) -> Vec<Ratio> {
-        let found = setting.demands.iter().filter_map(|&demand| {
-            let (component, asked) = demand.factor()?;
+    /// Computes the factor that was reached for every condition of a setting.
+    pub fn factor_ratios(&self, setting: &MethodSetting) -> Vec<FactorRatio> {
+        let ratios = setting.conditions.iter().filter_map(|&condition| {
+            let (component, asked) = condition.factor()?;
             let place = component.index();
-            let of_demand = cells(setting, self.repeats).filter(|cell| cell.demand == demand);
-            let ratios = of_demand.filter_map(|cell| match self.records.get(&cell.key())? {
-                Outcome::Motion(measured) if measured.baseline_mean[place] > 0.0 => {
+            let motions = planned_motions(setting, self.repeats)
+                .filter(|planned| planned.condition == condition);
+            let ratios = motions.filter_map(|planned| match self.records.get(&planned.key())? {
+                MotionOutcome::Motion(measured) if measured.baseline_mean[place] > 0.0 => {
                     Some(measured.mean[place] / measured.baseline_mean[place])
                 }
                 _ => None,
             });
-            Some(Ratio {
+            Some(FactorRatio {
                 component,
                 asked,
-                came_out: Mean::of(ratios)?.mean,
+                reached: MeanEstimate::of(ratios)?.mean,
             })
         });
-        found.collect()
+        ratios.collect()
     }
 
-    /// What the evaluator says of motions of one demand and repeat.
-    fn seen(&self, set: &[&Made<'_>], repeat: u64) -> Result<Seen, MetricError> {
+    /// Computes the scores of motions of one condition and repeat.
+    fn set_scores(
+        &self,
+        set: &[&GeneratedMotion<'_>],
+        repeat: u64,
+    ) -> Result<MotionSetScores, MetricError> {
         let width = set[0].measured.point.len();
         let points = set.iter().flat_map(|m| m.measured.point.iter().copied());
         let motions = Embeddings::new(points.collect(), width)?;
         let places: Vec<usize> = set.iter().map(|m| m.prompt).collect();
-        self.see(&places, &motions, repeat)
+        self.embedding_scores(&places, &motions, repeat)
     }
 
-    /// What the evaluator says of motions of these prompts.
-    fn see(
+    /// Computes the scores of embedded motions. `places` are the places of their prompts among all prompts.
+    fn embedding_scores(
         &self,
         places: &[usize],
         motions: &Embeddings,
         repeat: u64,
-    ) -> Result<Seen, MetricError> {
+    ) -> Result<MotionSetScores, MetricError> {
         let places = || places.iter().copied();
         let texts = self.texts[repeat as usize].select(places());
         let captions = places().map(|prompt| self.prompts[prompt].caption(repeat));
@@ -343,11 +375,11 @@ impl Evidence<'_> {
             }
             draws.push(MatchingScore::of(&texts, motions, &batches)?);
         }
-        let mean = |of: &dyn Fn(&MatchingScore) -> f64| mean(draws.iter().map(of));
-        Ok(Seen {
+        let mean = |value: &dyn Fn(&MatchingScore) -> f64| mean(draws.iter().map(value));
+        Ok(MotionSetScores {
             matching: (!draws.is_empty()).then(|| {
-                let ranks = [0, 1, 2].map(|rank| mean(&|found| found.r_precision[rank]));
-                (ranks, mean(&|found| found.distance))
+                let ranks = [0, 1, 2].map(|rank| mean(&|score| score.r_precision[rank]));
+                (ranks, mean(&|score| score.distance))
             }),
             fid: fid(&self.real.points.select(places()), motions)?,
             diversity: match motions.len() > PAIRS {
@@ -358,86 +390,96 @@ impl Evidence<'_> {
     }
 }
 
-/// What the evaluator says of real motions.
+/// The figures of the real motions.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct OfReal {
-    pub r_precision: Option<[Mean; 3]>,
-    pub matching: Option<Mean>,
-    pub diversity: Option<Mean>,
+pub struct RealMotionFigures {
+    pub r_precision: Option<[MeanEstimate; 3]>,
+    pub matching: Option<MeanEstimate>,
+    pub diversity: Option<MeanEstimate>,
     #[serde(flatten)]
-    pub bodies: Bodies,
+    pub bodies: BodyMeans,
 }
 
-/// What came out when a component was asked for by a factor: guided over baseline, by the mean over time.
+/// The factor on a component that was requested, and the one that was reached: the feature of the guided motion divided
+/// by that of the baseline, by the means over time.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Ratio {
-    #[serde(serialize_with = "name")]
+pub struct FactorRatio {
+    #[serde(serialize_with = "serialize_component")]
     pub component: Component,
-    #[serde(serialize_with = "short")]
+    #[serde(serialize_with = "serialize_factor")]
     pub asked: f32,
-    pub came_out: f64,
+    #[serde(rename = "came_out")]
+    pub reached: f64,
 }
 
-pub fn name<S: Serializer>(component: &Component, serializer: S) -> Result<S::Ok, S::Error> {
+/// Serializes a component as its name.
+pub fn serialize_component<S: Serializer>(
+    component: &Component,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     serializer.collect_str(component)
 }
 
-/// 0.8 rather than the nearest number of more bits.
-pub fn short<S: Serializer>(factor: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+/// Serializes a factor in its shortest form: as 0.8, and not as the 64-bit value of the 32-bit number.
+pub fn serialize_factor<S: Serializer>(factor: &f32, serializer: S) -> Result<S::Ok, S::Error> {
     let short = factor.to_string().parse();
     serializer.serialize_f64(short.unwrap_or(f64::from(*factor)))
 }
 
-/// What the evaluator says of a set of motions, one a prompt.
-struct Seen {
-    /// R-precision and distance to the texts.
+/// The evaluator's scores of a set of motions, one for each prompt.
+struct MotionSetScores {
+    /// R-precision top 1 to 3, and the distance to the texts.
     matching: Option<([f64; 3], f64)>,
     fid: f64,
     diversity: f64,
 }
 
-/// All three or none.
-fn together(ranks: [Option<Mean>; 3]) -> Option<[Mean; 3]> {
+/// Returns the three values if all of them are known.
+fn all_or_none(ranks: [Option<MeanEstimate>; 3]) -> Option<[MeanEstimate; 3]> {
     match ranks {
         [Some(first), Some(second), Some(third)] => Some([first, second, third]),
         _ => None,
     }
 }
 
-struct Judged {
-    r_precision: Option<[Mean; 3]>,
-    matching: Option<Mean>,
-    fid: Option<Mean>,
-    diversity: Option<Mean>,
+/// The evaluator's scores of a setting.
+struct EvaluatorScores {
+    r_precision: Option<[MeanEstimate; 3]>,
+    matching: Option<MeanEstimate>,
+    fid: Option<MeanEstimate>,
+    diversity: Option<MeanEstimate>,
 }
 
-impl Made<'_> {
-    /// How far the asked component is from what was asked, relative to the baseline.
+impl GeneratedMotion<'_> {
+    /// Returns the difference between the reached and the requested factor on the component.
     fn error(&self) -> Option<f64> {
-        let (component, factor) = self.demand.factor()?;
+        let (component, factor) = self.condition.factor()?;
         let place = component.index();
-        let (found, before) = (
+        let (after, before) = (
             self.measured.maximum[place],
             self.measured.baseline_maximum[place],
         );
-        (before > 0.0).then(|| (found / before - f64::from(factor)).abs())
+        (before > 0.0).then(|| (after / before - f64::from(factor)).abs())
     }
 }
 
-/// The change matrix of motions with both tags of every component; none where a tag was not asked for.
-fn control(
-    made: &[Made<'_>],
-    features: impl Fn(&Measured) -> [f64; COMPONENTS],
-) -> Result<Option<Control>, MetricError> {
-    let with = |tag: Tag| {
-        let of_tag = move |m: &&Made<'_>| m.demand.factor() == Some((tag.component(), tag.scale()));
-        let made = made.iter().filter(of_tag);
-        made.map(|m| ((m.prompt, m.repeat), features(m.measured)))
+/// Computes the change matrix of motions with both tags of every component; `None` if a tag has no motions.
+fn control_table(
+    motions: &[GeneratedMotion<'_>],
+    features: impl Fn(&MotionMeasurements) -> [f64; COMPONENTS],
+) -> Result<Option<ControlTable>, MetricError> {
+    let features_by_motion = |tag: Tag| {
+        let has_tag = move |m: &&GeneratedMotion<'_>| {
+            m.condition.factor() == Some((tag.component(), tag.scale()))
+        };
+        let motions = motions.iter().filter(has_tag);
+        motions
+            .map(|m| ((m.prompt, m.repeat), features(m.measured)))
             .collect::<HashMap<_, _>>()
     };
     let mut rows: Vec<Vec<ControlExtremes>> = Vec::new();
     for pair in Tag::ALL.chunks_exact(2) {
-        let (small, large) = (with(pair[0]), with(pair[1]));
+        let (small, large) = (features_by_motion(pair[0]), features_by_motion(pair[1]));
         let mut both: Vec<_> = small.keys().filter(|key| large.contains_key(key)).collect();
         both.sort_unstable();
         let extremes = both.into_iter().map(|key| ControlExtremes {
@@ -450,7 +492,7 @@ fn control(
         return Ok(None);
     }
     let matrix = ChangeMatrix::of([0, 1, 2, 3].map(|row| &rows[row][..]))?;
-    Ok(Some(Control {
+    Ok(Some(ControlTable {
         diagonality: matrix.diagonality(),
         mean: matrix.mean,
         std: matrix.std,

@@ -11,22 +11,25 @@ use lamogen_train::{
 };
 use lamogen_view::{Row, save, strip};
 
-use super::start::Start;
-use super::{Vocabulary, ended, metadata, open, read, tokens, work};
-use crate::arguments::Train;
+use super::start::StartModel;
+use super::{
+    Vocabulary, caption_tokens, metadata, open_dataset, read_file, report_outcome, run_training,
+};
+use crate::arguments::TrainArguments;
 use crate::console::Console;
-use crate::failure::{Code, Failure};
-use crate::source::device;
+use crate::failure::{Failure, FailureCode};
+use crate::source::open_device;
 
-pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
-    let device = device(options.device)?;
-    let start = { options.from.as_deref() }.map(|folder| Start::open(folder, &device));
+/// Trains a denoiser.
+pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
+    let device = open_device(options.device)?;
+    let start = { options.from.as_deref() }.map(|folder| StartModel::open(folder, &device));
     let start = start.transpose()?;
-    let config = config(&options.config, start.as_ref())?;
+    let config = read_config(&options.config, start.as_ref())?;
     let model = &config.model;
     if config.denoising.text_scale != 1.0 && start.is_none() {
         let message = "the recipe learns what classifier-free guidance makes of another network (denoising.text_scale): expected --from MODEL";
-        return Err(Failure::new(Code::Usage, message));
+        return Err(Failure::new(FailureCode::Usage, message));
     }
     if model.prediction != Prediction::Sample && model.latent_dim < model.input_feats {
         console.notice(format!(
@@ -35,7 +38,7 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
             model.input_feats, model.latent_dim
         ));
     }
-    let dataset = open(options, model.shortest()..=model.num_frames, console)?;
+    let dataset = open_dataset(options, model.shortest()..=model.num_frames, console)?;
     let vocabulary = Vocabulary {
         size: model.clip.vocab_size,
         context_length: model.clip.context_length,
@@ -46,13 +49,13 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
     };
     let tokenizer = match (&start, &options.tokenizer) {
         (Some(start), _) => start.tokenizer.clone(),
-        (None, path) => path.as_deref().map(read).transpose()?,
+        (None, path) => path.as_deref().map(read_file).transpose()?,
     };
     let texts = { options.sentences.as_deref() }.map(|path| read_text(&path.with_extension("txt")));
     let texts = texts.transpose()?.unwrap_or_default();
     let phrasings = config.denoising.phrasings;
-    let tokens = tokens(tokenizer, vocabulary, &dataset, phrasings, &texts, console)?;
-    let sentences = sentences(options, &config, &tokens)?;
+    let tokens = caption_tokens(tokenizer, vocabulary, &dataset, phrasings, &texts, console)?;
+    let sentences = read_sentences(options, &config, &tokens)?;
     let licence = start.as_ref().and_then(|start| start.model.licence());
     let mut task = DenoisingTask::new(&dataset, &tokens, &config, &device)?
         .with_metadata(metadata(options, licence));
@@ -69,10 +72,10 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         identity["from"] = fingerprint(network).into();
     }
     let samples = match &options.sample[..] {
-        [] => usual(&dataset),
+        [] => default_sample_sentences(&dataset),
         sentences => sentences.to_vec(),
     };
-    let samples = Samples {
+    let samples = SampleStrips {
         options,
         dataset: &dataset,
         tokens: &tokens,
@@ -80,17 +83,27 @@ pub fn run(options: &Train, console: &Console) -> Result<(), Failure> {
         sentences: samples,
     };
     samples.check(task.start(&device))?;
-    let look = |step, network: &_| samples.draw(step, network);
-    let counted = (&task, task.motions());
-    let result = work(counted, &identity, &device, look, options, console)?;
+    let draw_samples = |step, network: &_| samples.draw(step, network);
+    let counted_task = (&task, task.motions());
+    let outcome = run_training(
+        counted_task,
+        &identity,
+        &device,
+        draw_samples,
+        options,
+        console,
+    )?;
     let model = options.out.join("model");
-    let hint = format!("lamogen generate \"…\" --model {}", super::quoted(&model));
-    ended(options, &result, &hint, &[], console)
+    let hint = format!(
+        "lamogen generate \"…\" --model {}",
+        super::shell_quoted(&model)
+    );
+    report_outcome(options, &outcome, &hint, &[], console)
 }
 
-/// The sentences that the text encoder learns from, where the recipe asks for some.
-fn sentences(
-    options: &Train,
+/// Reads the sentences that the text encoder learns from, if the recipe needs them.
+fn read_sentences(
+    options: &TrainArguments,
     config: &TrainingConfig,
     tokens: &CaptionTokens,
 ) -> Result<Option<Sentences>, Failure> {
@@ -99,28 +112,29 @@ fn sentences(
         (None, 0) => Ok(None),
         (Some(path), 1..) => {
             let sentences = Sentences::read(path, tokens.tokenizer());
-            Ok(Some(sentences.map_err(|error| Failure::new(Code::Input, error))?))
+            Ok(Some(sentences.map_err(|error| Failure::new(FailureCode::Input, error))?))
         }
         (None, _) => Err(Failure::new(
-            Code::Usage,
+            FailureCode::Usage,
             format!("the recipe learns from {count} sentences a step (denoising.sentences_per_batch): expected --sentences FILE.npy"),
         )
         .hint("`lamogen help sentences` says how such a file is made; 0 in a recipe of your own learns from captions alone")),
         (Some(_), _) => Err(Failure::new(
-            Code::Usage,
+            FailureCode::Usage,
             "--sentences is given, but the recipe learns from none: expected denoising.sentences_per_batch of 2 or above",
         )),
     }
 }
 
+/// Reads a text file.
 fn read_text(path: &Path) -> Result<String, Failure> {
     fs::read_to_string(path)
-        .map_err(|reason| Failure::new(Code::Input, format!("{}: {reason}", path.display())))
+        .map_err(|reason| Failure::new(FailureCode::Input, format!("{}: {reason}", path.display())))
 }
 
-/// The recipe. One that comes with the program trains a network of any sizes; a file states them, and must state those of the
-/// network to begin with.
-fn config(path: &Path, start: Option<&Start>) -> Result<TrainingConfig, Failure> {
+/// Reads the recipe. The recipe that comes with the program fits a start model of any size. A file states the sizes of
+/// the network; they must be those of the start model, if there is one.
+fn read_config(path: &Path, start: Option<&StartModel>) -> Result<TrainingConfig, Failure> {
     let sizes = start.map(|start| start.model.config());
     if path == "compact" {
         let recipe = TrainingConfig::compact();
@@ -130,21 +144,23 @@ fn config(path: &Path, start: Option<&Start>) -> Result<TrainingConfig, Failure>
     Ok(TrainingConfig::from_file(path)?)
 }
 
-/// Strips of what the averaged network generates.
-struct Samples<'a> {
-    options: &'a Train,
+/// Draws strips of motions that the network with averaged weights generates.
+struct SampleStrips<'a> {
+    options: &'a TrainArguments,
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     device: &'a Device,
     sentences: Vec<String>,
 }
 
-impl Samples<'_> {
+impl SampleStrips<'_> {
+    /// Makes a model of the network.
     fn model(&self, network: MotionDiffuse) -> LaMoGen {
         let normalization = self.dataset.normalization(self.device);
         LaMoGen::new(network, self.tokens.tokenizer().clone(), normalization)
     }
 
+    /// Makes a request for each sentence.
     fn requests(&self, model: &LaMoGen) -> Vec<Request> {
         const STEPS: usize = 50;
         const SECONDS: f32 = 4.0;
@@ -155,18 +171,22 @@ impl Samples<'_> {
         self.sentences.iter().map(request).collect()
     }
 
-    /// Whether the network will be able to draw all sentences: better asked before the first step.
+    /// Checks whether the network can generate the motions of all sentences. This is called before the first step.
     fn check(&self, network: MotionDiffuse) -> Result<(), Failure> {
         let model = self.model(network);
         let requests = self.requests(&model);
         for (sentence, request) in self.sentences.iter().zip(&requests) {
             model.check(request).map_err(|problem| {
-                Failure::new(Code::Usage, format!("--sample {sentence:?}: {problem}"))
+                Failure::new(
+                    FailureCode::Usage,
+                    format!("--sample {sentence:?}: {problem}"),
+                )
             })?;
         }
         Ok(())
     }
 
+    /// Draws the motions of all sentences in one picture.
     fn draw(&self, step: u64, network: &MotionDiffuse) -> Result<(), Failure> {
         const POSES: usize = 12;
         let model = self.model(network.clone());
@@ -176,33 +196,35 @@ impl Samples<'_> {
             .sentences
             .iter()
             .zip(&motions)
-            .map(|(label, made)| Row {
+            .map(|(label, generation)| Row {
                 label,
-                motion: &made.guided,
+                motion: &generation.guided,
             });
         let rows: Vec<Row<'_>> = rows.collect();
         let folder = self.options.out.join("samples");
         fs::create_dir_all(&folder).map_err(|reason| Failure::output(&folder, reason))?;
         let path = folder.join(format!("step-{step:08}.svg"));
-        save(&path, &strip(&rows, POSES)).map_err(|error| Failure::new(Code::Output, error))
+        save(&path, &strip(&rows, POSES)).map_err(|error| Failure::new(FailureCode::Output, error))
     }
 }
 
-/// First captions of motions that were not trained on, of as many contents as can be shown.
-fn usual(dataset: &Dataset) -> Vec<String> {
-    const SHOWN: usize = 8;
+/// Returns the first captions of motions with different contents. Motions that are not trained on come first.
+fn default_sample_sentences(dataset: &Dataset) -> Vec<String> {
+    /// The number of sentences that a picture can show.
+    const MAX_SENTENCES: usize = 8;
     let mut contents: Vec<Option<&str>> = Vec::new();
-    let unseen = dataset
+    let entries = dataset
         .split(Split::Validation)
         .chain(dataset.split(Split::Test))
         .chain(dataset.split(Split::Train));
-    let new = unseen.filter(|entry| {
+    let entries = entries.filter(|entry| {
         let content = entry.content.as_deref();
         let is_new = content.is_none() || !contents.contains(&content);
         contents.push(content);
         is_new
     });
-    new.take(SHOWN)
+    entries
+        .take(MAX_SENTENCES)
         .map(|entry| entry.captions[0].text.clone())
         .collect()
 }

@@ -1,33 +1,33 @@
-//! The model that a training begins with, where it is not a fresh one.
+//! The model that a training begins with, if it does not begin with fresh weights.
 
 use std::path::Path;
 
 use lamogen::{Device, LaMoGen};
 
-use super::{Named, read};
+use super::{NamedFile, read_file};
 use crate::failure::Failure;
-use crate::source::{EMBEDDED, embedded};
+use crate::source::{EMBEDDED, load_embedded};
 
-/// A model to go on from, with the file of its tokenizer.
-pub struct Start {
+/// A model that a training begins with, and the file of its tokenizer.
+pub struct StartModel {
     pub model: LaMoGen,
-    /// None for CLIP's own.
-    pub tokenizer: Option<Named>,
+    /// The tokenizer file; `None` for CLIP's own tokenizer.
+    pub tokenizer: Option<NamedFile>,
 }
 
-impl Start {
+impl StartModel {
     /// Opens a model's folder, or the embedded model by its name.
-    pub fn open(folder: &Path, device: &Device) -> Result<Start, Failure> {
+    pub fn open(folder: &Path, device: &Device) -> Result<StartModel, Failure> {
         if folder.as_os_str() == EMBEDDED {
-            return Ok(Start {
-                model: embedded(device)?,
+            return Ok(StartModel {
+                model: load_embedded(device)?,
                 tokenizer: embedded_tokenizer(),
             });
         }
         let model = LaMoGen::load(folder, device)?;
         let path = folder.join("tokenizer.json");
-        let tokenizer = path.exists().then(|| read(&path));
-        Ok(Start {
+        let tokenizer = path.exists().then(|| read_file(&path));
+        Ok(StartModel {
             model,
             tokenizer: tokenizer.transpose()?,
         })
@@ -35,12 +35,12 @@ impl Start {
 }
 
 #[cfg(feature = "compact")]
-fn embedded_tokenizer() -> Option<Named> {
+fn embedded_tokenizer() -> Option<NamedFile> {
     let name = "the embedded model's tokenizer";
     Some((lamogen_compact::TOKENIZER.to_vec(), name.into()))
 }
 
 #[cfg(not(feature = "compact"))]
-fn embedded_tokenizer() -> Option<Named> {
+fn embedded_tokenizer() -> Option<NamedFile> {
     None
 }

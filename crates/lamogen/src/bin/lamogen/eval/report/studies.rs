@@ -1,28 +1,28 @@
-//! The ablations: a table each, and a plot where there is one to draw.
+//! The ablations (studies): a table for each, and a plot for some.
 
 use lamogen::{COMPONENTS, Component};
 use lamogen_view::{Axis, Line, plot};
 use serde_json::json;
 
-use super::super::document::Block;
-use super::super::plan::{Basis, INTERPOLATION, Method, Plan, Setting, Study};
-use super::super::summary::{Control, Evidence, Figures, Known, Ratio};
-use super::{COLOURS, NAMES, NOTHING, Report, ReportError, rounded, shown};
+use super::super::document::ReportBlock;
+use super::super::plan::{EvalPlan, INTERPOLATION, Method, MethodSetting, PlanDefaults, Study};
+use super::super::summary::{ControlTable, EvalData, FactorRatio, FigureCache, SettingFigures};
+use super::{COLOURS, NAMES, NO_VALUE, Report, ReportError, format_mean, format_number};
 
-/// What has to be known to read a study's table.
-fn note(study: Study, basis: &Basis) -> Option<String> {
+/// Returns the text that explains the table of a study.
+fn study_note(study: Study, defaults: &PlanDefaults) -> Option<String> {
     let text = match study {
-        // Has a text of its own.
+        // `add_interpolation` adds a text itself.
         Study::Interpolation => return None,
         Study::LearningRate => {
-            let guidance = basis.preset.guidance();
+            let guidance = defaults.preset.guidance();
             let times = guidance.final_learning_rate? / guidance.learning_rate;
             return Some(format!(
                 "The rate of the first step; it goes to {times} times that over the steps, as in the preset."
             ));
         }
         Study::Presets => {
-            let steps = match basis.given_steps {
+            let steps = match defaults.given_steps {
                 Some(_) => " but for its steps, which were given",
                 None => "",
             };
@@ -56,64 +56,66 @@ fn note(study: Study, basis: &Basis) -> Option<String> {
 }
 
 impl Report {
-    /// What all studies have in common.
-    pub(super) fn studies(&mut self, plan: &Plan) {
+    /// Adds the text that introduces the studies.
+    pub(super) fn add_studies_introduction(&mut self, plan: &EvalPlan) {
         let mut rows = plan.studies.iter().flat_map(|(_, rows)| rows);
         let Some((_, first)) = rows.next() else {
             return;
         };
-        self.blocks.push(Block::heading("The studies"));
-        self.blocks.push(Block::text(format!(
+        self.blocks.push(ReportBlock::heading("The studies"));
+        self.blocks.push(ReportBlock::text(format!(
             "Each changes one thing of Laban guidance, over {} of the sentences and all eight tags. Diagonal is what the tags of Weight, Time, Flow and Shape change of their own \
              component, of the 2.0, 0.5, 0.5 and 2.0 that they ask for; the other columns are those of the tables above, over these sentences alone. Text alone is sampled in {} \
              steps: where a row has another number of them, that too makes a difference, to jerk above all.",
             first.prompts.iter().count(),
-            plan.basis.steps()
+            plan.defaults.steps()
         )));
     }
 
-    /// An ablation.
-    pub(super) fn study(
+    /// Adds the table and the plots of a study. `rows` are the labels and settings of its rows.
+    pub(super) fn add_study(
         &mut self,
         study: Study,
-        rows: &[(String, Setting)],
-        plan: &Plan,
-        known: &mut Known<'_>,
+        rows: &[(String, MethodSetting)],
+        plan: &EvalPlan,
+        cache: &mut FigureCache<'_>,
     ) -> Result<(), ReportError> {
-        if let Some(note) = note(study, &plan.basis) {
-            self.blocks.push(Block::text(note));
+        if let Some(note) = study_note(study, &plan.defaults) {
+            self.blocks.push(ReportBlock::text(note));
         }
         let mut table = Vec::new();
         let (mut numbers, mut measured) = (Vec::new(), Vec::new());
         let mut points: Vec<(f64, f64, Option<f64>)> = Vec::new();
-        // Over the sentences of the study, as all rows are.
-        let text = plan.basis.method(Method::Text, rows[0].1.prompts);
+        // The first row is the text alone, over the sentences of the study.
+        let text = plan
+            .defaults
+            .method_setting(Method::Text, rows[0].1.prompts);
         let text = [("text alone".to_owned(), text)];
         for (label, setting) in text.iter().chain(rows) {
-            let figures = known.figures(setting)?.clone();
+            let figures = cache.figures(setting)?.clone();
             let (diagonality, diagonal) = match &figures.control {
-                Some(Control {
+                Some(ControlTable {
                     mean, diagonality, ..
                 }) => (
                     format!("{diagonality:.3}"),
                     (0..COMPONENTS)
-                        .map(|i| rounded(mean[i][i], 2))
+                        .map(|i| format_number(mean[i][i], 2))
                         .collect::<Vec<_>>()
                         .join(" "),
                 ),
-                None => (NOTHING.into(), NOTHING.into()),
+                None => (NO_VALUE.into(), NO_VALUE.into()),
             };
             let top = figures.r_precision.map(|ranks| ranks[2]);
             table.push(vec![
                 label.clone(),
                 diagonality,
                 diagonal,
-                shown(figures.error, 3),
-                shown(top, 3),
-                shown(figures.fid, 3),
-                shown(figures.distance, 3),
-                shown(figures.bodies.jerk, 0),
-                shown(figures.bodies.drift, 3),
+                format_mean(figures.error, 3),
+                format_mean(top, 3),
+                format_mean(figures.fid, 3),
+                format_mean(figures.distance, 3),
+                format_mean(figures.bodies.jerk, 0),
+                format_mean(figures.bodies.drift, 3),
                 figures.failed.len().to_string(),
             ]);
             let number = label.split(' ').find_map(|word| word.parse::<f64>().ok());
@@ -124,8 +126,9 @@ impl Report {
             measured.push(figures);
         }
         let measured = &measured[text.len()..];
-        self.others.insert(study.title().into(), numbers.into());
-        self.blocks.push(Block::table(
+        self.other_figures
+            .insert(study.title().into(), numbers.into());
+        self.blocks.push(ReportBlock::table(
             [
                 "",
                 "diagonality",
@@ -141,7 +144,7 @@ impl Report {
             table,
         ));
         if study == Study::ParetoFront {
-            self.front(rows, measured)?;
+            self.add_front(rows, measured)?;
         }
         let axis = match study {
             Study::Steps => "DDIM steps",
@@ -150,14 +153,14 @@ impl Report {
         };
         let errors = points.iter().map(|(x, error, _)| [*x, *error]);
         let tops = points.iter().filter_map(|(x, _, top)| Some([*x, (*top)?]));
-        self.curve("Laban error", axis, COLOURS[0], errors.collect())?;
-        self.curve("R-precision, top 3", axis, COLOURS[1], tops.collect())
+        self.add_curve("Laban error", axis, COLOURS[0], errors.collect())?;
+        self.add_curve("R-precision, top 3", axis, COLOURS[1], tops.collect())
     }
 
-    /// How something goes with a number, if there is anything to see.
-    fn curve(
+    /// Adds a plot of a figure over the number that the study varies, if there are at least two points.
+    fn add_curve(
         &mut self,
-        what: &str,
+        figure: &str,
         axis: &str,
         colour: [u8; 3],
         points: Vec<[f64; 2]>,
@@ -171,25 +174,26 @@ impl Report {
             colour,
             marked: true,
         };
-        let title = format!("{what}, by {axis}");
-        let axes = [Axis::logarithmic(axis), Axis::linear(what)];
+        let title = format!("{figure}, by {axis}");
+        let axes = [Axis::logarithmic(axis), Axis::linear(figure)];
         let svg = plot(&title, axes, &[line])?;
         let name = title.replace(',', "");
-        self.blocks.push(Block::picture(&name, title, svg));
+        self.blocks.push(ReportBlock::picture(&name, title, svg));
         Ok(())
     }
 
-    /// How far from what was asked, against how much of all change was asked for: a line for all that one thing moved makes.
-    fn front(
+    /// Adds the plot of the Pareto front: diagonality (the share of the squared changes on the diagonal of the table of
+    /// control) over the distance from the requested factor. Each line connects the emphases of one method.
+    fn add_front(
         &mut self,
-        rows: &[(String, Setting)],
-        figures: &[Figures],
+        rows: &[(String, MethodSetting)],
+        figures: &[SettingFigures],
     ) -> Result<(), ReportError> {
         let line = |label: &'static str, colour| {
-            let own = rows.iter().zip(figures);
-            // A row is called after its line, and what else there is to say of it.
-            let own = own.filter(|((row, _), _)| row.split(',').next() == Some(label));
-            let points = own.filter_map(|(_, figures)| {
+            let rows = rows.iter().zip(figures);
+            // The label of a row begins with that of its line; the emphasis follows after a comma.
+            let rows = rows.filter(|((row, _), _)| row.split(',').next() == Some(label));
+            let points = rows.filter_map(|(_, figures)| {
                 let control = figures.control.as_ref()?;
                 Some([figures.error?.mean, control.diagonality])
             });
@@ -218,17 +222,18 @@ impl Report {
         let title = Study::ParetoFront.title();
         let svg = plot(title, axes, &lines)?;
         let caption = "Diagonality over the distance from what was asked; each line goes from little emphasis on the right to much on the left";
-        self.blocks.push(Block::picture(title, caption, svg));
+        self.blocks.push(ReportBlock::picture(title, caption, svg));
         Ok(())
     }
 
-    pub(super) fn interpolation(
+    /// Adds the table and the plot of the factors that were reached.
+    pub(super) fn add_interpolation(
         &mut self,
-        setting: &Setting,
-        evidence: &Evidence<'_>,
+        setting: &MethodSetting,
+        data: &EvalData<'_>,
     ) -> Result<(), ReportError> {
-        let ratios = evidence.ratios(setting);
-        let of = |component: Component, factor: f32| {
+        let ratios = data.factor_ratios(setting);
+        let find_ratio = |component: Component, factor: f32| {
             let mut ratios = ratios.iter();
             ratios.find(|ratio| (ratio.component, ratio.asked) == (component, factor))
         };
@@ -240,14 +245,14 @@ impl Report {
             marked: false,
         }];
         for component in Component::ALL {
-            let found = INTERPOLATION.map(|factor| of(component, factor));
+            let ratios = INTERPOLATION.map(|factor| find_ratio(component, factor));
             let place = component.index();
             let mut row = vec![NAMES[place].to_owned()];
-            let cell = |ratio: &Ratio| format!("{:.3}", ratio.came_out);
-            row.extend(found.map(|ratio| ratio.map_or(NOTHING.into(), cell)));
+            let cell = |ratio: &FactorRatio| format!("{:.3}", ratio.reached);
+            row.extend(ratios.map(|ratio| ratio.map_or(NO_VALUE.into(), cell)));
             table.push(row);
-            let points = found.iter().flatten();
-            let points = points.map(|ratio| [f64::from(ratio.asked), ratio.came_out]);
+            let points = ratios.iter().flatten();
+            let points = points.map(|ratio| [f64::from(ratio.asked), ratio.reached]);
             lines.push(Line {
                 label: NAMES[place],
                 points: points.collect(),
@@ -265,18 +270,18 @@ impl Report {
             ],
             &lines,
         )?;
-        self.blocks.push(Block::text(
+        self.blocks.push(ReportBlock::text(
             "What came out, guided over baseline by the mean over time, when a component alone is asked for by a factor.",
         ));
-        self.blocks.push(Block::Table {
+        self.blocks.push(ReportBlock::Table {
             header,
             rows: table,
         });
         let caption = "The factor that came out over the one asked for";
         self.blocks
-            .push(Block::picture("Scale interpolation", caption, svg));
+            .push(ReportBlock::picture("Scale interpolation", caption, svg));
         let name = Study::Interpolation.title();
-        self.others.insert(name.into(), json!(ratios));
+        self.other_figures.insert(name.into(), json!(ratios));
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! What a run shows while it goes on.
+//! The display of a training run: progress bar, losses and sample pictures.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -10,66 +10,71 @@ use indicatif::ProgressBar;
 use lamogen_train::{LogLine, RunObserver, RunProgress, StepReport, TrainingTask};
 use lamogen_view::{LossCurve, losses, save};
 
-use crate::arguments::Train;
-use crate::console::{Console, tell};
-use crate::failure::{Code, Failure};
+use crate::arguments::TrainArguments;
+use crate::console::{Console, print_to_stderr};
+use crate::failure::{Failure, FailureCode};
 use crate::signals;
 
-/// Steps whose losses make one point of the plot.
-const POINTS: usize = 300;
+/// The largest number of points of the training curve in the plot. Each point is a mean over several steps.
+const MAX_POINTS: usize = 300;
 
-/// Draws what a network makes after so many steps.
-pub type Look<'a, T> = dyn FnMut(u64, &<T as TrainingTask>::Network) -> Result<(), Failure> + 'a;
+/// A function that draws motions that the network generates; its arguments are the step and the network.
+pub type SampleCallback<'a, T> =
+    dyn FnMut(u64, &<T as TrainingTask>::Network) -> Result<(), Failure> + 'a;
 
-/// A bar, a line at every measurement, a plot of the losses, pictures; and when to stop.
-pub struct Watch<'a, T: TrainingTask> {
-    options: &'a Train,
+/// Observes a training run: it shows a progress bar, prints a line at every validation, draws the losses and the
+/// samples, and stops the run on Ctrl-C or at the time limit.
+pub struct TrainingMonitor<'a, T: TrainingTask> {
+    options: &'a TrainArguments,
     console: &'a Console,
     bar: ProgressBar,
-    look: Box<Look<'a, T>>,
+    draw_samples: Box<SampleCallback<'a, T>>,
     start: Instant,
-    stopped: Arc<AtomicBool>,
-    /// A mean over the last steps.
+    /// Whether the user stopped the run.
+    is_stopped: Arc<AtomicBool>,
+    /// An exponential mean of the loss over the last steps.
     loss: Option<f64>,
-    failed: Option<Failure>,
+    /// The first failure to draw a picture.
+    drawing_failure: Option<Failure>,
 }
 
-impl<'a, T: TrainingTask> Watch<'a, T> {
+impl<'a, T: TrainingTask> TrainingMonitor<'a, T> {
+    /// Makes the observer, and installs a signal handler that stops the run.
     pub fn new(
-        options: &'a Train,
+        options: &'a TrainArguments,
         console: &'a Console,
-        look: impl FnMut(u64, &T::Network) -> Result<(), Failure> + 'a,
+        draw_samples: impl FnMut(u64, &T::Network) -> Result<(), Failure> + 'a,
     ) -> Result<Self, Failure> {
-        let stopped = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&stopped);
+        let is_stopped = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&is_stopped);
         let handler = move || {
             if flag.swap(true, Ordering::Relaxed) {
-                // Asked twice. The last checkpoint stays.
-                signals::end();
+                // The second signal ends the program at once. The last checkpoint is kept.
+                signals::clean_up_and_exit();
             }
-            tell("Stopping after this step; once more stops at once.");
+            print_to_stderr("Stopping after this step; once more stops at once.");
         };
-        ctrlc::set_handler(handler).map_err(|error| Failure::new(Code::Run, error))?;
-        Ok(Watch {
-            bar: console.bar("steps"),
+        ctrlc::set_handler(handler).map_err(|error| Failure::new(FailureCode::Run, error))?;
+        Ok(TrainingMonitor {
+            bar: console.progress_bar("steps"),
             options,
             console,
-            look: Box::new(look),
+            draw_samples: Box::new(draw_samples),
             start: Instant::now(),
-            stopped,
+            is_stopped,
             loss: None,
-            failed: None,
+            drawing_failure: None,
         })
     }
 
-    /// Removes the bar. What could not be drawn on the way is an error now that the run is over.
+    /// Removes the progress bar. Fails if a picture could not be drawn during the run.
     pub fn finish(self) -> Result<(), Failure> {
         self.bar.finish_and_clear();
-        self.failed.map_or(Ok(()), Err)
+        self.drawing_failure.map_or(Ok(()), Err)
     }
 }
 
-impl<T: TrainingTask> RunObserver<T> for Watch<'_, T> {
+impl<T: TrainingTask> RunObserver<T> for TrainingMonitor<'_, T> {
     fn step(&mut self, report: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
         let loss = match self.loss {
             Some(loss) => 0.98 * loss + 0.02 * report.loss,
@@ -82,19 +87,19 @@ impl<T: TrainingTask> RunObserver<T> for Watch<'_, T> {
         self.bar.set_position(report.step);
         self.bar.set_message(format!("{loss:.4}"));
         let minutes = self.start.elapsed().as_secs_f64() / 60.0;
-        let over = self
+        let is_over_time_limit = self
             .options
             .time_limit
             .is_some_and(|time_limit| minutes > time_limit);
-        match over || self.stopped.load(Ordering::Relaxed) {
+        match is_over_time_limit || self.is_stopped.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }
     }
 
     fn validated(&mut self, loss: Option<f64>, progress: &RunProgress, network: &T::Network) {
-        let made = (progress.step - progress.resumed_at) as f64;
-        let rate = made / self.start.elapsed().as_secs_f64();
+        let steps = (progress.step - progress.resumed_at) as f64;
+        let rate = steps / self.start.elapsed().as_secs_f64();
         let all = progress
             .steps
             .map_or(String::new(), |steps| format!("/{steps}"));
@@ -107,18 +112,19 @@ impl<T: TrainingTask> RunObserver<T> for Watch<'_, T> {
         let step = progress.step;
         let line = format!("step {step}{all}:{training} {validation}, {rate:.2} steps/s");
         self.bar.suspend(|| self.console.notice(line));
-        // Hours of training are worth more than a picture: its failure is told, and the run goes on.
-        let drawn = plot(&self.options.out).and_then(|()| (self.look)(step, network));
-        if let (Err(failure), None) = (drawn, &self.failed) {
+        // A picture that cannot be drawn must not stop a long training: a notice is printed, and the run goes on.
+        let result = plot_losses(&self.options.out);
+        let result = result.and_then(|()| (self.draw_samples)(step, network));
+        if let (Err(failure), None) = (result, &self.drawing_failure) {
             let line = format!("no picture: {}", failure.message);
             self.bar.suspend(|| self.console.notice(line));
-            self.failed = Some(failure);
+            self.drawing_failure = Some(failure);
         }
     }
 }
 
-/// Draws the losses so far of a run.
-fn plot(run: &Path) -> Result<(), Failure> {
+/// Draws the losses of a run up to now.
+fn plot_losses(run: &Path) -> Result<(), Failure> {
     let (mut training, mut validation) = (Vec::new(), Vec::new());
     for line in LogLine::read(run.join("losses.jsonl"))? {
         match line {
@@ -129,8 +135,8 @@ fn plot(run: &Path) -> Result<(), Failure> {
             } => validation.push((step, validation_loss)),
         }
     }
-    let at_once = training.len().div_ceil(POINTS).max(1);
-    let means = training.chunks(at_once).map(|steps| {
+    let steps_per_point = training.len().div_ceil(MAX_POINTS).max(1);
+    let means = training.chunks(steps_per_point).map(|steps| {
         let sum: f64 = steps.iter().map(|(_, loss)| loss).sum();
         (steps[steps.len() / 2].0, sum / steps.len() as f64)
     });
@@ -151,5 +157,5 @@ fn plot(run: &Path) -> Result<(), Failure> {
     let title = run.file_name().unwrap_or_default();
     let picture = losses(&title.to_string_lossy(), &curves);
     let picture = picture.map_err(|error| Failure::output(&path, error))?;
-    save(&path, &picture).map_err(|error| Failure::new(Code::Output, error))
+    save(&path, &picture).map_err(|error| Failure::new(FailureCode::Output, error))
 }

@@ -1,4 +1,4 @@
-//! A motion file as the command opens it.
+//! Opening a motion file, or standard input.
 
 use std::io::Read;
 use std::path::Path;
@@ -9,40 +9,43 @@ use lamogen::motion::placeholder;
 
 use crate::arguments::{ReadingArguments, StreamFormat};
 use crate::console::Console;
-use crate::failure::{Code, Failure};
+use crate::failure::{Failure, FailureCode};
 use crate::scene::Scene;
 
-/// A file, and what was assumed of it.
-pub struct Opened {
+/// A motion file that was read, and the assumptions made while reading it.
+pub struct MotionFile {
     pub scene: Scene,
-    pub assumed: String,
+    /// The assumptions in words; empty if there are none.
+    pub assumptions: String,
 }
 
-/// The name of a file that stands for standard input.
+/// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// Reads a motion file, or standard input where the path is `-`, and says what is strange about it.
-pub fn open(
+/// Reads a motion file, or standard input if the path is `-`, and prints notices about unusual contents and about
+/// options without effect.
+pub fn open_motion_file(
     path: &Path,
     reading: &ReadingArguments,
     device: &Device,
     console: &Console,
-) -> Result<Opened, Failure> {
+) -> Result<MotionFile, Failure> {
     let (name, imported) = match path == Path::new(STANDARD_INPUT) {
         true => (Path::new("standard input"), read_standard_input(reading)?),
         false => (path, read_file(path, reading)?),
     };
-    let unused = unused(path, reading);
+    let unused_options = unused_option_notices(path, reading);
     let notices = imported.notices.iter().map(ToString::to_string);
-    for notice in notices.chain(unused) {
+    for notice in notices.chain(unused_options) {
         console.notice(format!("{}: {notice}", name.display()));
     }
-    Ok(Opened {
-        assumed: assumed(&imported),
-        scene: Scene::file(name, imported, device),
+    Ok(MotionFile {
+        assumptions: assumptions(&imported),
+        scene: Scene::from_file(name, imported, device),
     })
 }
 
+/// Reads a file.
 fn read_file(path: &Path, reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
     if let Some(format) = reading.from {
         let message = format!(
@@ -51,15 +54,15 @@ fn read_file(path: &Path, reading: &ReadingArguments) -> Result<ImportedMotion, 
             path.display()
         );
         let hint = "the ending of a file's name says its format";
-        return Err(Failure::new(Code::Usage, message).hint(hint));
+        return Err(Failure::new(FailureCode::Usage, message).hint(hint));
     }
     Ok(read(path, &read_options(reading)?)?)
 }
 
-/// Reads what comes in, under the name of a file of its format: as --from says, or as its first bytes tell.
+/// Reads standard input in the format that `--from` states, or that the first bytes show.
 fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
     let failed = |reason: &dyn std::fmt::Display| {
-        Failure::new(Code::Input, format!("standard input: {reason}"))
+        Failure::new(FailureCode::Input, format!("standard input: {reason}"))
     };
     let mut bytes = Vec::new();
     { std::io::stdin().lock() }
@@ -68,7 +71,7 @@ fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Fai
     if let Some(problem) = placeholder(&bytes) {
         return Err(failed(&problem));
     }
-    let format = reading.from.or_else(|| StreamFormat::told_by(&bytes));
+    let format = reading.from.or_else(|| StreamFormat::detect(&bytes));
     let format = format.ok_or_else(|| {
         let expected = "expected a motion in BVH, GLB, glTF or NumPy's format, found none of these";
         failed(&expected).hint("--from bvh, glb, gltf or npy says which")
@@ -86,28 +89,31 @@ fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Fai
     })
 }
 
-/// What was asked of reading and changes nothing in a file of this format.
-fn unused(path: &Path, reading: &ReadingArguments) -> Vec<String> {
+/// Returns a notice for each option that was given and has no effect on a file of this format.
+fn unused_option_notices(path: &Path, reading: &ReadingArguments) -> Vec<String> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
-    let is = |endings: &[&str]| {
+    let ends_with = |endings: &[&str]| {
         let mut endings = endings.iter();
         endings.any(|known| ending.eq_ignore_ascii_case(known))
     };
-    let given = [
-        ("--animation", reading.animation.is_some() && is(&["bvh"])),
+    let options = [
+        (
+            "--animation",
+            reading.animation.is_some() && ends_with(&["bvh"]),
+        ),
         (
             "--input-fps",
-            reading.input_fps.is_some() && is(&["glb", "gltf"]),
+            reading.input_fps.is_some() && ends_with(&["glb", "gltf"]),
         ),
-        ("--names", reading.names.is_some() && is(&["npy"])),
+        ("--names", reading.names.is_some() && ends_with(&["npy"])),
     ];
-    let unused = given.into_iter().filter(|(_, is_unused)| *is_unused);
+    let unused = options.into_iter().filter(|(_, is_unused)| *is_unused);
     unused
         .map(|(option, _)| format!("{option} changes nothing in .{ending}"))
         .collect()
 }
 
-/// What is known of motion files beforehand.
+/// Returns the options of reading that the arguments state.
 pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> {
     Ok(ReadOptions {
         unit: reading.unit,
@@ -118,8 +124,8 @@ pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> 
     })
 }
 
-/// What was taken for granted, in a sentence.
-fn assumed(imported: &ImportedMotion) -> String {
+/// Describes the assumptions that were made while a file was read.
+fn assumptions(imported: &ImportedMotion) -> String {
     let mut parts = Vec::new();
     if let Some(scheme) = imported.scheme {
         parts.push(format!("joints as {scheme}"));

@@ -1,0 +1,313 @@
+//! Arguments that several commands share.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use lamogen::files::{Unit, Up};
+use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, TemporalSmoothing};
+use serde::{Deserialize, Serialize};
+
+use crate::output::OutputFormat;
+
+/// The model, its sampling options, and the device that it runs on.
+#[derive(Args, Clone)]
+pub struct ModelArguments {
+    /// Folder of a model instead of the embedded one.
+    #[arg(long, value_name = "FOLDER")]
+    pub model: Option<PathBuf>,
+    /// Smooth predictions along time by a Gaussian of so many frames, such as 1, while there is much noise, so that the legs of a
+    /// small network keep step; or off. Usually what the model's config.json says: 1 for the embedded model, off where it says nothing.
+    #[arg(long, alias = "coherence", value_name = "FRAMES")]
+    pub temporal_smoothing: Option<TemporalSmoothingChoice>,
+    /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, others, such as 2.5, twice. Usually
+    /// what the model's config.json says: 2 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
+    #[arg(long, value_name = "SCALE")]
+    pub text_scale: Option<f64>,
+    /// Where to compute; lamogen devices lists them.
+    #[arg(long)]
+    pub device: Option<DeviceName>,
+}
+
+/// The value of `--temporal-smoothing`: a number of frames, or `off`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TemporalSmoothingChoice(pub Option<TemporalSmoothing>);
+
+impl FromStr for TemporalSmoothingChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(TemporalSmoothingChoice(None));
+        }
+        let frames: f32 = { text.parse() }
+            .map_err(|_| format!("expected a number of frames such as 1, or off, found {text}"))?;
+        let temporal_smoothing = TemporalSmoothing {
+            frames,
+            ..TemporalSmoothing::default()
+        };
+        match temporal_smoothing.check() {
+            Ok(()) => Ok(TemporalSmoothingChoice(Some(temporal_smoothing))),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+/// The options of the passes of the network.
+#[derive(Args, Clone)]
+pub struct PassArguments {
+    /// DDIM steps of each pass, 1 to 1000.
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Steps and guidance together: precise is the embedded model's default, paper that of others.
+    #[arg(long, value_enum)]
+    pub preset: Option<PresetName>,
+    /// How much the components that shall change count in the loss beside those that shall not: more follows
+    /// the factors more exactly and keeps the others less.
+    #[arg(long, value_name = "WEIGHT")]
+    pub emphasis: Option<f32>,
+    /// Whose motion is measured, guided and written: that of a rigid body, or the network's, whose bones may stretch. Precise and fast
+    /// have the rig, paper has the network.
+    #[arg(long, value_enum)]
+    pub body: Option<BodyName>,
+}
+
+impl PassArguments {
+    /// Sets the options on a request. `default` is the preset of the model, for arguments without a preset.
+    pub fn apply(&self, mut request: Request, default: Preset) -> Request {
+        let preset = self.preset.map_or(default, PresetName::preset);
+        request = request.preset(preset);
+        if let Some(steps) = self.steps {
+            request = request.steps(steps);
+        }
+        let mut guidance = preset.guidance();
+        if let Some(emphasis) = self.emphasis {
+            guidance.emphasis = [emphasis; COMPONENTS];
+        }
+        if let Some(body) = self.body {
+            guidance.body = body.body();
+        }
+        request.guidance(guidance)
+    }
+}
+
+/// The value of `--preset`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PresetName {
+    Precise,
+    Fast,
+    Paper,
+}
+
+impl PresetName {
+    pub fn preset(self) -> Preset {
+        match self {
+            PresetName::Precise => Preset::Precise,
+            PresetName::Fast => Preset::Fast,
+            PresetName::Paper => Preset::Paper,
+        }
+    }
+}
+
+/// The value of `--body`: the body of the motion that is measured, guided and written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BodyName {
+    Rig,
+    Network,
+}
+
+impl BodyName {
+    pub fn name(self) -> &'static str {
+        match self {
+            BodyName::Rig => "rig",
+            BodyName::Network => "network",
+        }
+    }
+
+    /// Returns the name of the body that guidance works on.
+    pub fn of(body: Body) -> BodyName {
+        match body {
+            Body::Rig => BodyName::Rig,
+            Body::Network => BodyName::Network,
+        }
+    }
+
+    fn body(self) -> Body {
+        match self {
+            BodyName::Rig => Body::Rig,
+            BodyName::Network => Body::Network,
+        }
+    }
+}
+
+/// The options of writing motion files.
+#[derive(Args, Clone)]
+pub struct WritingArguments {
+    /// Frames a second of .bvh and .glb.
+    #[arg(long, default_value_t = 20.0, value_parser = parse_fps)]
+    pub fps: f32,
+    /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
+    #[arg(long, default_value = "cm")]
+    pub bvh_unit: Unit,
+    /// Names of the joints in .bvh.
+    #[arg(long, value_enum, default_value = "humanml3d")]
+    pub bvh_names: BvhNaming,
+    /// Width of .gif in pixels; usually 320 a motion.
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(160..=4096))]
+    pub gif_width: Option<u32>,
+}
+
+impl WritingArguments {
+    /// Returns a notice for each option that was given and has no effect on files of these formats.
+    pub fn unused_option_notices(&self, formats: &[OutputFormat]) -> Vec<String> {
+        let given = [
+            (
+                "--fps",
+                self.fps != 20.0,
+                &[OutputFormat::Bvh, OutputFormat::Glb][..],
+            ),
+            (
+                "--bvh-unit",
+                self.bvh_unit != Unit::Centimetre,
+                &[OutputFormat::Bvh],
+            ),
+            (
+                "--bvh-names",
+                self.bvh_names != BvhNaming::HumanMl3d,
+                &[OutputFormat::Bvh],
+            ),
+            (
+                "--gif-width",
+                self.gif_width.is_some(),
+                &[OutputFormat::Gif],
+            ),
+        ];
+        let unused = given.into_iter().filter(|(_, is_given, affected)| {
+            *is_given && !affected.iter().any(|format| formats.contains(format))
+        });
+        unused
+            .map(|(option, _, affected)| {
+                let endings: Vec<String> = affected
+                    .iter()
+                    .map(|format| format!(".{}", format.ending()))
+                    .collect();
+                format!(
+                    "{option} changes nothing here: it is for {}",
+                    endings.join(" and ")
+                )
+            })
+            .collect()
+    }
+}
+
+/// The value of `--bvh-names`: the names of the joints in a BVH file.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BvhNaming {
+    #[value(name = "humanml3d")]
+    HumanMl3d,
+    Mixamo,
+}
+
+impl BvhNaming {
+    pub fn name(self) -> &'static str {
+        match self {
+            BvhNaming::HumanMl3d => "humanml3d",
+            BvhNaming::Mixamo => "mixamo",
+        }
+    }
+}
+
+/// The options of reading motion files.
+#[derive(Args, Clone)]
+pub struct ReadingArguments {
+    /// Unit of the file: m, dm, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
+    #[arg(long)]
+    pub unit: Option<Unit>,
+    /// Axis of the file that points up, y, z, -y or -z; usually told by the body.
+    #[arg(long, allow_hyphen_values = true)]
+    pub up: Option<Up>,
+    /// Frames a second of a .bvh, in place of what it says, or of a .npy, which says nothing and is taken for one of 20.
+    #[arg(long, value_name = "FPS", value_parser = parse_fps)]
+    pub input_fps: Option<f32>,
+    /// Animation of a .glb or .gltf, by its name; usually the first.
+    #[arg(long, value_name = "NAME")]
+    pub animation: Option<String>,
+    /// JointMapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
+    #[arg(long, value_name = "MAPPING")]
+    pub names: Option<PathBuf>,
+    /// Format of standard input, where the file is -; usually told by its first bytes.
+    #[arg(long, value_name = "FORMAT")]
+    pub from: Option<StreamFormat>,
+}
+
+/// A format of motion that can be read from standard input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StreamFormat {
+    Bvh,
+    Glb,
+    Gltf,
+    Npy,
+}
+
+impl StreamFormat {
+    /// Returns the file name extension of the format.
+    pub fn ending(self) -> &'static str {
+        match self {
+            StreamFormat::Bvh => "bvh",
+            StreamFormat::Glb => "glb",
+            StreamFormat::Gltf => "gltf",
+            StreamFormat::Npy => "npy",
+        }
+    }
+
+    /// Detects the format by the first bytes of a file.
+    pub fn detect(bytes: &[u8]) -> Option<StreamFormat> {
+        let text = bytes.trim_ascii_start();
+        let starts = |beginning: &[u8]| text.starts_with(beginning);
+        if bytes.starts_with(b"glTF") {
+            Some(StreamFormat::Glb)
+        } else if bytes.starts_with(b"\x93NUMPY") {
+            Some(StreamFormat::Npy)
+        } else if starts(b"{") {
+            Some(StreamFormat::Gltf)
+        } else if text.len() >= 9 && text[..9].eq_ignore_ascii_case(b"HIERARCHY") {
+            Some(StreamFormat::Bvh)
+        } else {
+            None
+        }
+    }
+}
+
+/// Parses a shard such as `2/8`: its number from 1, and the number of shards.
+pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/');
+    let numbers = parts.and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match numbers {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err("expected a part of a whole, such as 2/8, from 1/8 to 8/8".into()),
+    }
+}
+
+/// Parses a frame rate in frames a second.
+fn parse_fps(text: &str) -> Result<f32, String> {
+    let rate = text
+        .parse()
+        .ok()
+        .filter(|rate| (0.001..=10_000.0).contains(rate));
+    rate.ok_or_else(|| "expected 0.001 to 10000 frames a second".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_counted_from_one() {
+        assert_eq!(parse_shard("2/8"), Ok((2, 8)));
+        for wrong in ["0/8", "9/8", "1", "a/b", "1/0", "-1/2"] {
+            assert!(parse_shard(wrong).is_err(), "{wrong}");
+        }
+    }
+}
