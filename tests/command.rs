@@ -440,6 +440,43 @@ fn shards_share_a_batch_without_a_gap() {
 }
 
 #[test]
+fn a_merge_names_what_a_batch_lacks() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    requests(folder, &LINES);
+    let merge = [&BATCH[..], &["--merge"]].concat();
+    fails(folder, &merge, 3, "expected the folder of a batch");
+    succeeds(folder, &[&BATCH[..], &["--shard", "1/2"]].concat());
+    let (result, message) = running::ends(folder, &merge, 5);
+    assert_eq!(number(&json(&result), "/finished"), 2.0);
+    assert_eq!(json(&result)["missing"].as_array().unwrap().len(), 2);
+    assert!(
+        message.contains("line 2, line-00002: line-00002.json is not there")
+            && message.contains("without --merge makes what is missing"),
+        "{message}"
+    );
+    succeeds(folder, &BATCH);
+    let out = folder.join("out");
+    let before = files(&out);
+    assert_eq!(number(&json(&succeeds(folder, &merge)), "/finished"), 4.0);
+    assert_eq!(files(&out), before);
+
+    // A file that is lost, and the record of a run with other options.
+    std::fs::remove_file(out.join("jump.bvh")).unwrap();
+    let (_, message) = running::ends(folder, &merge, 5);
+    assert!(message.contains("jump.bvh is not there"), "{message}");
+    let slower = [&merge[..], &["--emphasis", "2"]].concat();
+    let (_, message) = running::ends(folder, &slower, 5);
+    assert!(message.contains("other emphasis"), "{message}");
+    fails(
+        folder,
+        &[&merge[..], &["--shard", "1/2"]].concat(),
+        2,
+        "--shard",
+    );
+}
+
+#[test]
 fn wrong_lines_are_named_before_anything_runs() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -1,5 +1,6 @@
 //! Checks of the files that lamogen writes by other programs, the judges.
 
+mod cluster;
 mod files;
 mod motions;
 
@@ -17,11 +18,14 @@ const FOLDER: &str = "target/judges";
 /// The scripts of the judges and their npm package file, in the folder `judges` of this crate.
 const SCRIPTS: [&str; 4] = ["package.json", "validate.mjs", "page.mjs", "blender.py"];
 /// The required programs: a command that fails if the program is missing, and the Debian package that contains it.
-const REQUIRED_PROGRAMS: [(&[&str], &str); 5] = [
+const REQUIRED_PROGRAMS: [(&[&str], &str); 8] = [
     (&["node", "--version"], "nodejs"),
     (&["npm", "--version"], "npm"),
     (&["chromium", "--version"], "chromium"),
     (&["blender", "--version"], "blender"),
+    (&["python3", "-c", "import ensurepip"], "python3-venv"),
+    (&["slurmctld", "-V"], "slurm-wlm"),
+    (&["munged", "--version"], "munge"),
     // Blender's glTF importer needs numpy, which the Debian package of Blender only suggests.
     (
         &[
@@ -43,10 +47,12 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A check of the files by another program. The path is the folder of the scripts.
 type Judge = fn(&Path, &JudgedFiles) -> Result<()>;
-const JUDGES: [(&str, Judge); 3] = [
+const JUDGES: [(&str, Judge); 5] = [
     ("glTF validator", check_with_validator),
     ("Blender", check_with_blender),
     ("the page in a browser", check_in_browser),
+    ("HyperQueue", cluster::check_under_hyperqueue),
+    ("Slurm", cluster::check_under_slurm),
 ];
 
 /// Writes motions in all formats and lets every judge check them. Fails if a judge is not installed, cannot be run, or finds an

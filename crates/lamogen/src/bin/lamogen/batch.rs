@@ -38,10 +38,22 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     for notice in options.writing.unused_option_notices(&options.format) {
         console.notice(notice);
     }
-    std::fs::create_dir_all(&options.out)
-        .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
-        .map_err(|error| Failure::output(&options.out, error))?;
-    remove_stale_temporaries(&options.out);
+    match options.merge {
+        true if !options.out.is_dir() => {
+            let message = format!(
+                "{}: expected the folder of a batch, found none",
+                options.out.display()
+            );
+            return Err(Failure::new(FailureCode::Input, message));
+        }
+        true => {}
+        false => {
+            std::fs::create_dir_all(&options.out)
+                .and_then(|()| tempfile::tempfile_in(&options.out).map(drop))
+                .map_err(|error| Failure::output(&options.out, error))?;
+            remove_stale_temporaries(&options.out);
+        }
+    }
     let mut source = ModelSource::open(&options.source, console)?;
     let batch_size = options.batch_size.map(|size| size as usize);
     let batch_size = batch_size.unwrap_or(source.model.batch_size());
@@ -55,8 +67,11 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     for item in &mut items {
         item.compute_like_checksum(&mut checksums);
     }
+    if options.merge {
+        return runner.report_missing(&items);
+    }
     let (finished, mut pending): (Vec<BatchItem>, Vec<BatchItem>) =
-        items.into_iter().partition(|item| runner.is_finished(item));
+        { items.into_iter() }.partition(|item| runner.missing_part(item).is_none());
     runner.resolve_goals(&mut pending)?;
     runner.check(&pending)?;
 
@@ -235,20 +250,73 @@ impl BatchRunner<'_> {
         }
     }
 
-    /// Whether the files of an item exist and have the same identity.
-    fn is_finished(&self, item: &BatchItem) -> bool {
+    /// Returns what an item lacks of being finished; none if all of its files exist and are of this run.
+    fn missing_part(&self, item: &BatchItem) -> Option<String> {
         let record = self.output(item, OutputFormat::Json).path;
         // The numbers take the way through text that those in the file took, so that both are rounded alike.
-        let identity = serde_json::from_str::<Value>(&self.identity(item).to_string());
-        let identity_in_file = read_identity(&record);
-        identity_in_file.is_some()
-            && identity_in_file == identity.ok()
-            && formats(self.options).all(|format| {
-                self.output(item, format)
-                    .path
-                    .metadata()
-                    .is_ok_and(|file| file.len() > 0)
-            })
+        let identity = serde_json::from_str::<Value>(&self.identity(item).to_string()).ok()?;
+        let name = |path: &Path| {
+            path.file_name()
+                .map(|name| name.to_string_lossy().into_owned())
+        };
+        let Some(found) = read_identity(&record) else {
+            return Some(format!("{} is not there", name(&record)?));
+        };
+        if found != identity {
+            let fields = identity.as_object().into_iter().flatten();
+            let differs = fields.filter(|(key, value)| found.get(key) != Some(value));
+            let differs: Vec<&str> = differs.map(|(key, _)| key.as_str()).collect();
+            return Some(format!(
+                "{} is of another run: other {}",
+                name(&record)?,
+                differs.join(", ")
+            ));
+        }
+        let mut outputs = formats(self.options).map(|format| self.output(item, format).path);
+        let missing = outputs.find(|path| !path.metadata().is_ok_and(|file| file.len() > 0))?;
+        Some(format!("{} is not there", name(&missing)?))
+    }
+
+    /// Prints how many motions are finished, and fails with those that are not.
+    fn report_missing(&self, items: &[BatchItem]) -> Result<(), Failure> {
+        let missing = items
+            .iter()
+            .filter_map(|item| Some((item, self.missing_part(item)?)));
+        let missing: Vec<(&BatchItem, String)> = missing.collect();
+        let finished = items.len() - missing.len();
+        match self.console.json {
+            true => {
+                let missing = missing.iter().map(|(item, reason)| {
+                    json!({ "id": item.id, "line": item.number, "reason": reason })
+                });
+                self.console.print(
+                    json!({
+                        "motions": items.len(),
+                        "finished": finished,
+                        "missing": missing.collect::<Vec<_>>(),
+                        "folder": self.options.out.to_string_lossy(),
+                    })
+                    .to_string(),
+                )?;
+            }
+            false => self.console.print(format!(
+                "{finished} of {} motions are finished; {}",
+                items.len(),
+                self.options.out.display()
+            ))?,
+        }
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let listed = missing.iter().take(MAX_LISTED);
+        let mut lines: Vec<String> = listed
+            .map(|(item, reason)| format!("line {}, {}: {reason}", item.number, item.id))
+            .collect();
+        if missing.len() > MAX_LISTED {
+            lines.push(format!("and {} more", missing.len() - MAX_LISTED));
+        }
+        Err(Failure::new(FailureCode::Partial, lines.join("\n"))
+            .hint("the same command without --merge makes what is missing"))
     }
 
     /// Resolves the goals of all items, before anything is generated.

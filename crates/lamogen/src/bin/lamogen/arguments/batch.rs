@@ -15,7 +15,7 @@ Only the prompt must be there. A motion's files are named by its id (letters A t
 line's number.
 
 A motion counts as finished once its .json is there and says the same request, options and files; it is not made \
-again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4.";
+again. Parts of the work go to several machines or jobs by --shard: 1/4, 2/4, 3/4, 4/4; --merge then says whether all is there.";
 
 /// The arguments of `lamogen batch`.
 #[derive(Args)]
@@ -32,6 +32,9 @@ pub struct BatchArguments {
     /// Which part of the lines to work on: 2/8 is the second of eight.
     #[arg(long, value_name = "I/N", value_parser = parse_shard)]
     pub shard: Option<(usize, usize)>,
+    /// Generate nothing: check that every line's files are there and finished, with the same options, and name those that are not.
+    #[arg(long, conflicts_with_all = ["shard", "batch_size"])]
+    pub merge: bool,
     /// How many motions run together: usually 1 on a CPU, where each is then exactly the motion that generate gives, and 8 on a GPU.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub batch_size: Option<u32>,

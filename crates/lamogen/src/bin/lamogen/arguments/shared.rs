@@ -234,7 +234,7 @@ pub struct ReadingArguments {
     /// Animation of a .glb or .gltf, by its name; usually the first.
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,
-    /// JointMapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
+    /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
     #[arg(long, value_name = "MAPPING")]
     pub names: Option<PathBuf>,
     /// Format of standard input, where the file is -; usually told by its first bytes.

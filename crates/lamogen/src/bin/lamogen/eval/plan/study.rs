@@ -28,6 +28,7 @@ pub enum Study {
     /// Updates a step: 1, 2, 4.
     Updates,
     /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
+    #[value(alias = "front")]
     ParetoFront,
     /// Updates of the finished motion, after guidance and without it.
     Finish,
