@@ -1,4 +1,4 @@
-//! Steps of both passes at the embedded model's sizes: `cargo bench --bench steps`.
+//! Benchmarks of both passes at the sizes of the embedded model: `cargo bench --bench steps`.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -8,7 +8,7 @@ use lamogen_model::{Denoiser, ModelConfig, MotionDiffuse};
 use lamogen_motion::{Normalization, POSE_FEATURES, npy};
 
 const FRAMES: usize = 80;
-/// Steps of a pass; the times are those of all of them.
+/// The number of steps of a pass. The measured times are those of a whole pass.
 const STEPS: usize = 5;
 
 fn normalization(device: &Device) -> Normalization {

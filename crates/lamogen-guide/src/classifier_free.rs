@@ -8,36 +8,42 @@ use lamogen_motion::FeatureGroup;
 
 use crate::error::GuideError;
 
-/// A network whose output is `free + scale · (told - free)`: `told` is what it says to the sentence, `free` what it says where nothing is said
-/// (Ho and Salimans 2022, arXiv 2207.12598; for motion MDM, Tevet et al. 2022, section 3). At 1 it is the network as it is; above, it follows the
-/// sentence more closely, and motions differ less. The network must have been trained with text dropout.
+/// A network with classifier-free guidance: its output is `unconditional + scale · (conditional - unconditional)`.
 ///
-/// How far the body turns is followed as the network says it, at a scale of 1 where the scale is above: one feature of 263 that is summed up over all
-/// frames, of which a scale of 2.5 makes half a circle where a quarter was asked ([`feature_scales`]).
+/// `conditional` is the output of the network for the sentence, `unconditional` its output for a text without words
+/// (Ho and Salimans 2022, arXiv 2207.12598; for motion MDM, Tevet et al. 2022, section 3). At a scale of 1 the output
+/// is that of the network itself. Above 1 motions follow the sentence more closely and differ less from each other. The
+/// network must have been trained with text dropout.
 ///
-/// It is evaluated twice a step. Gradients go through the told evaluation.
+/// The turning of the root has a scale of at most 1 ([`feature_scales`]). It is one feature of 263 and is summed over
+/// all frames, so a scale of 2.5 would turn the body by half a circle where a quarter was requested.
+///
+/// The network is evaluated twice a step. Gradients with respect to the embedding or modulation go through the
+/// conditional evaluation, those with respect to the noisy motion through both.
 pub struct ClassifierFree<'a, D> {
     network: &'a D,
-    /// None at a scale of 1.
-    free: Option<Free>,
+    /// `None` at a scale of 1, where the unconditional output is not needed.
+    text_guidance: Option<TextGuidance>,
 }
 
-struct Free {
-    /// Of each feature, `[1, 1, features]`.
+/// The scale of each feature, and the text of the unconditional evaluation.
+struct TextGuidance {
+    /// The scale of each feature, `[1, 1, features]`.
     scales: Tensor<3>,
-    /// Token ids of one motion of which nothing is said.
-    unsaid: Vec<i32>,
+    /// The token ids of a text without words.
+    unconditional_tokens: Vec<i32>,
 }
 
-/// What a network keeps of a sentence, and of none.
+/// The context of a sentence, and the encoded text without words.
 #[derive(Clone)]
 pub struct ClassifierFreeContext<C> {
-    told: C,
-    free: Option<Prompt<C>>,
+    conditional: C,
+    unconditional: Option<Prompt<C>>,
 }
 
 impl<'a, D: Denoiser> ClassifierFree<'a, D> {
-    /// A network at a scale. `unconditional` are the token ids of a text without words (`lamogen_model::Tokenizer::unconditional`).
+    /// Wraps a network at a scale. `unconditional` are the token ids of a text without words
+    /// (`lamogen_model::Tokenizer::unconditional`).
     ///
     /// # Errors
     ///
@@ -48,51 +54,56 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
                 "expected a finite text scale of at least 0, found {scale}"
             )));
         }
-        let free = (scale != 1.0).then(|| Free {
+        let text_guidance = (scale != 1.0).then(|| TextGuidance {
             scales: feature_scales(scale, network.pose_features(), &network.device()),
-            unsaid: unconditional.iter().map(|&id| id as i32).collect(),
+            unconditional_tokens: unconditional.iter().map(|&id| id as i32).collect(),
         });
-        Ok(ClassifierFree { network, free })
+        Ok(ClassifierFree {
+            network,
+            text_guidance,
+        })
     }
 
-    /// What the network is given where nothing is said, and the scales.
-    fn unsaid<'c>(
+    /// Returns the input and the context of the unconditional evaluation, and the scales; `None` at a scale of 1.
+    fn unconditional_input<'c>(
         &self,
         input: &DenoiserInput,
         context: &'c ClassifierFreeContext<D::Context>,
     ) -> Option<(DenoiserInput, &'c D::Context, Tensor<3>)> {
-        let (free, prompt) = (self.free.as_ref()?, context.free.as_ref()?);
+        let text_guidance = self.text_guidance.as_ref()?;
+        let prompt = context.unconditional.as_ref()?;
         let input = DenoiserInput {
             embedding: prompt.embedding.clone(),
             modulation: None,
             ..input.clone()
         };
-        Some((input, &prompt.context, free.scales.clone()))
+        Some((input, &prompt.context, text_guidance.scales.clone()))
     }
 
-    /// What the network says where nothing is said, and the scales.
-    fn free(
+    /// Returns the output of the unconditional evaluation, and the scales; `None` at a scale of 1.
+    fn denoise_unconditionally(
         &self,
         input: &DenoiserInput,
         context: &ClassifierFreeContext<D::Context>,
     ) -> Option<(Tensor<3>, Tensor<3>)> {
-        let (input, context, scales) = self.unsaid(input, context)?;
+        let (input, context, scales) = self.unconditional_input(input, context)?;
         Some((self.network.denoise(input, context), scales))
     }
 }
 
-/// How strongly each of a pose's features follows the sentence at a scale, `[1, 1, features]`: all by the scale, but the turning of the root
-/// ([`FeatureGroup::RootYaw`]) by 1 at most.
+/// Returns the scale of each pose feature, `[1, 1, features]`: the given scale, but at most 1 for the turning of the
+/// root ([`FeatureGroup::RootYaw`]).
 pub fn feature_scales(scale: f64, features: usize, device: &Device) -> Tensor<3> {
     let mut scales = vec![scale as f32; features];
-    for turning in &mut scales[FeatureGroup::RootYaw.range()] {
-        *turning = turning.min(1.0);
+    for yaw_scale in &mut scales[FeatureGroup::RootYaw.range()] {
+        *yaw_scale = yaw_scale.min(1.0);
     }
     Tensor::from_data(TensorData::new(scales, [1, 1, features]), device)
 }
 
-fn scaled(told: Tensor<3>, free: Tensor<3>, scales: Tensor<3>) -> Tensor<3> {
-    free.clone() + (told - free) * scales
+/// Computes `unconditional + scales · (conditional - unconditional)`.
+fn combine(conditional: Tensor<3>, unconditional: Tensor<3>, scales: Tensor<3>) -> Tensor<3> {
+    unconditional.clone() + (conditional - unconditional) * scales
 }
 
 impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
@@ -120,17 +131,18 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
 
     fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context> {
         let [batch, _] = tokens.dims();
-        let free = self.free.as_ref().map(|free| {
-            let ids = TensorData::new(free.unsaid.repeat(batch), [batch, free.unsaid.len()]);
+        let unconditional = self.text_guidance.as_ref().map(|text_guidance| {
+            let ids = &text_guidance.unconditional_tokens;
+            let ids = TensorData::new(ids.repeat(batch), [batch, ids.len()]);
             self.network
                 .encode(Tensor::from_data(ids, &tokens.device()))
         });
-        let told = self.network.encode(tokens);
+        let conditional = self.network.encode(tokens);
         Prompt {
-            embedding: told.embedding,
+            embedding: conditional.embedding,
             context: ClassifierFreeContext {
-                told: told.context,
-                free,
+                conditional: conditional.context,
+                unconditional,
             },
         }
     }
@@ -144,11 +156,11 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        let free = self.free(&input, context);
-        let told = self.network.denoise(input, &context.told);
-        match free {
-            Some((free, scales)) => scaled(told, free, scales),
-            None => told,
+        let unconditional = self.denoise_unconditionally(&input, context);
+        let conditional = self.network.denoise(input, &context.conditional);
+        match unconditional {
+            Some((unconditional, scales)) => combine(conditional, unconditional, scales),
+            None => conditional,
         }
     }
 
@@ -157,14 +169,16 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a> {
-        let free = self.free(&input, context);
-        let told = self.network.linearize(input, &context.told);
-        match free {
-            Some((free, scales)) => {
-                let output = scaled(told.output.clone(), free, scales.clone());
-                LinearizedEvaluation::new(output, move |gradient| told.pull(gradient * scales))
+        let unconditional = self.denoise_unconditionally(&input, context);
+        let conditional = self.network.linearize(input, &context.conditional);
+        match unconditional {
+            Some((unconditional, scales)) => {
+                let output = combine(conditional.output.clone(), unconditional, scales.clone());
+                LinearizedEvaluation::new(output, move |gradient| {
+                    conditional.pull(gradient * scales)
+                })
             }
-            None => told,
+            None => conditional,
         }
     }
 
@@ -177,16 +191,22 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a, 3> {
-        let unsaid = self.unsaid(&input, context);
-        let Some((unsaid, free, scales)) = unsaid else {
-            return self.network.linearize_motion(input, &context.told);
+        let Some((unconditional_input, unconditional_context, scales)) =
+            self.unconditional_input(&input, context)
+        else {
+            return self.network.linearize_motion(input, &context.conditional);
         };
-        let free = self.network.linearize_motion(unsaid, free);
-        let told = self.network.linearize_motion(input, &context.told);
-        let output = scaled(told.output.clone(), free.output.clone(), scales.clone());
+        let unconditional =
+            { self.network }.linearize_motion(unconditional_input, unconditional_context);
+        let conditional = self.network.linearize_motion(input, &context.conditional);
+        let output = combine(
+            conditional.output.clone(),
+            unconditional.output.clone(),
+            scales.clone(),
+        );
         LinearizedEvaluation::new(output, move |gradient: Tensor<3>| {
             let rest: Tensor<3> = 1.0 - scales.clone();
-            told.pull(gradient.clone() * scales) + free.pull(gradient * rest)
+            conditional.pull(gradient.clone() * scales) + unconditional.pull(gradient * rest)
         })
     }
 }

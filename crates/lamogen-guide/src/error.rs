@@ -1,4 +1,4 @@
-//! What can stop a run.
+//! The errors of a run.
 
 use std::fmt;
 
@@ -6,60 +6,60 @@ use burn::tensor::Tensor;
 
 use crate::observer::{Pass, Step};
 
-/// What can go wrong in a run.
+/// The reason why a run failed or was stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum GuideError {
-    /// A number of DDIM steps that there is no pass for.
+    /// The number of DDIM steps is 0 or larger than the number of training timesteps.
     #[error("expected 1 to {largest} DDIM steps, found {found}")]
     #[allow(missing_docs)]
     Steps { found: usize, largest: usize },
-    /// A smoothing that makes no sense.
+    /// The standard deviation of a temporal smoothing is out of range.
     #[error("expected a smoothing by 0.01 to 100 frames, found {found}")]
     #[allow(missing_docs)]
     TemporalSmoothing { found: f32 },
-    /// A guidance option that makes no sense.
+    /// A guidance option is invalid.
     #[error("guidance: {0}")]
     Guidance(String),
-    /// A network without stylization layers whose scales and shifts were to be moved.
+    /// Guidance shall move scales and shifts, but the network has no stylization layers.
     #[error(
         "guidance: expected a network whose stylization layers have scales and shifts to move, found one without; move its sentence embedding"
     )]
     NoModulation,
-    /// A network that cannot be told Laban features.
+    /// The network was not trained with Laban features as a condition.
     #[error(
         "guidance: expected a network that was trained with Laban features as a condition (laban_condition in its config.json), found one without; guide it by gradients"
     )]
     NoLabanCondition,
-    /// A term of the loss whose values or target make no sense.
+    /// The values or the target of a loss term are invalid.
     #[error("loss term `{term}`: {reason}")]
     #[allow(missing_docs)]
     LossTerm { term: String, reason: String },
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
     Stopped(Box<StoppedPass>),
-    /// Numbers left the range of 32-bit floats, or were never in it.
+    /// A loss or gradient is infinite or NaN.
     #[error(
         "the {quantity} of {value} is not finite at step {step} of {steps} of the guided pass (timestep {timestep}); lower the learning rate or ask for a smaller change",
         step = .index + 1
     )]
     NotFinite {
-        /// Loss or gradient.
+        /// The loss or the gradient.
         quantity: Quantity,
-        /// The value it belongs to: a Laban component, or a value of another [`LossTerm`](crate::LossTerm).
+        /// The name of the value: a Laban component, or a value of another [`LossTerm`](crate::LossTerm).
         value: String,
-        /// The step, from 0.
+        /// The step, counted from 0.
         index: usize,
-        /// How many steps the pass has.
+        /// The number of steps of the pass.
         steps: usize,
         /// The step's timestep.
         timestep: usize,
-        /// The motion's place in the batch, from 0.
+        /// The motion's index in the batch, counted from 0.
         motion: usize,
     },
 }
 
 impl GuideError {
-    /// The end of a pass after a step, with the losses of the steps until then.
+    /// Creates the error of a pass that was stopped after `step`. `loss` holds the losses of the steps until then.
     pub(crate) fn stopped(step: &Step<'_>, loss: &[Vec<f32>]) -> Self {
         GuideError::Stopped(Box::new(StoppedPass {
             pass: step.pass,
@@ -70,7 +70,7 @@ impl GuideError {
         }))
     }
 
-    /// The motion of the batch that the error is about, if it is about one.
+    /// Returns the index in the batch of the motion that caused the error, if a single motion caused it.
     pub fn motion(&self) -> Option<usize> {
         match self {
             GuideError::NotFinite { motion, .. } => Some(*motion),
@@ -79,12 +79,12 @@ impl GuideError {
     }
 }
 
-/// A number that guidance follows.
+/// The quantity that is not finite in [`GuideError::NotFinite`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// The loss.
     Loss,
-    /// Its gradient with respect to what guidance moves.
+    /// The gradient of the loss with respect to the variable that guidance moves.
     Gradient,
 }
 
@@ -97,17 +97,17 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// What a stopped run has.
+/// The state of a pass that the observer stopped.
 #[derive(Clone, Debug)]
 pub struct StoppedPass {
     /// The pass that was stopped.
     pub pass: Pass,
-    /// The last step that was made, from 0.
+    /// The last step that was made, counted from 0.
     pub index: usize,
-    /// How many steps the pass has.
+    /// The number of steps of the pass.
     pub steps: usize,
-    /// The clean motion as predicted at that step, normalised, `[batch, frames, features]`.
+    /// The clean motions that were predicted at that step, normalised, `[batch, frames, features]`.
     pub prediction: Tensor<3>,
-    /// The Laban loss of each motion at every step that was made; guided pass only.
+    /// The loss of each motion at every step that was made, `[step][motion]`; guided pass only.
     pub loss: Vec<Vec<f32>>,
 }

@@ -1,4 +1,4 @@
-//! Options of the guided pass.
+//! The options of the guided pass, and their presets.
 
 use std::f64::consts::PI;
 use std::str::FromStr;
@@ -10,73 +10,80 @@ use crate::error::GuideError;
 use crate::loss_term::LossTerms;
 use crate::schedule::TRAINING_STEPS;
 
-/// Whose motion is measured, guided to its target and given.
+/// The body on which motions are measured, guided and returned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Body {
-    /// That of a rigid body, which the network's motion is fitted to: its bones keep their length, its feet stand where they stand, and
-    /// files hold exactly its rotations. See [`Rig`](crate::Rig).
+    /// A rigid body that the network's motion is fitted to. Its bones keep their lengths, its feet do not slide while
+    /// they stand, and files hold exactly its rotations. See [`Rig`](crate::Rig).
     #[default]
     Rig,
-    /// That of the network, as in the paper: joints of the pose features, whose bones may stretch.
+    /// The joints of the network's pose features, as in the paper. Bones may stretch.
     Network,
 }
 
-/// When a step's update of the embedding or modulation takes effect.
+/// The time at which a step's update of the embedding or modulation takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UpdateTiming {
-    /// At once: the network is evaluated again with what was updated (paper, section "Step 2").
+    /// The update takes effect at the same step: the network is evaluated again with the updated variable (paper,
+    /// section "Step 2").
     #[default]
     Immediate,
-    /// From the next step on: the evaluation that the gradient came from makes the step. Saves a
+    /// The update takes effect at the next step: the step uses the evaluation that the gradient came from. This saves a
     /// third of the work.
     Lagged,
 }
 
-/// What guidance moves so that the motion reaches its target.
+/// The variable that guidance moves so that the motion reaches its target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GuidanceVariable {
-    /// The sentence embedding, by Adam at every DDIM step of a second pass: the paper's method.
+    /// The sentence embedding. Adam moves it at every DDIM step of a second pass (the paper's method).
     #[default]
     Embedding,
-    /// What is added to the scales and shifts that embedding and timestep become, in each stylization layer its own, by Adam
-    /// at every DDIM step of a second pass; it begins with nothing. As the style space of image generators is to their latent code
-    /// (Wu et al. 2021, "StyleSpace Analysis"): as many dimensions as the layers have channels, so that one property can be moved
-    /// and the others kept.
+    /// Offsets that are added to the scales and shifts of the stylization layers, which the layers compute from
+    /// embedding and timestep. Each layer has its own. They start at 0, and Adam moves them at every DDIM step of a
+    /// second pass. They relate to the embedding as the style space of image generators relates to their latent code
+    /// (Wu et al. 2021, "StyleSpace Analysis"): they have as many dimensions as the layers have channels, so that one
+    /// property of the motion can be moved and the others kept.
     Modulation,
-    /// The clean motion that the network predicts, down the gradient at every DDIM step of a second pass: the paper's rival
-    /// "classifier guidance".
+    /// The clean motion that the network predicts. It is moved down the gradient at every DDIM step of a second pass
+    /// (the paper's comparison method "classifier guidance").
     Prediction,
-    /// The finished motion of the first pass, by Adam and without the network: the paper's rival "raw frame update".
+    /// The finished motion of the first pass. Adam moves it without the network (the paper's comparison method "raw
+    /// frame update").
     Motion {
-        /// How often.
+        /// The number of updates.
         iterations: usize,
     },
-    /// Nothing: the second pass runs as it is told ([`Guidance::laban_condition`]), without a gradient.
+    /// No variable. The second pass runs without a gradient, with the condition of [`Guidance::laban_condition`] if
+    /// that is on.
     Nothing,
-    /// The start noise, by Adam, through all DDIM steps of a pass: as in DNO (Karunratanakul et al. 2024). Each iteration is
-    /// a pass with its gradient, so it is one for few DDIM steps. The noise keeps its length.
+    /// The start noise. Adam moves it through all DDIM steps of a pass, as in DNO (Karunratanakul et al. 2024). Each
+    /// iteration is a whole pass with its gradient, so this variable is practical for few DDIM steps. The Euclidean
+    /// length of the noise is kept.
     Noise {
-        /// How often.
+        /// The number of updates.
         iterations: usize,
     },
 }
 
-/// How the finished motion is moved by what is left to its target: by Adam and without the network, as
-/// [`GuidanceVariable::Motion`] does it, but after something else has come near. Little is left then, and little is done to the motion.
-/// Adam's betas are 0.9 and 0.999.
+/// Updates of the finished motion that remove the remaining distance to its target.
+///
+/// Adam moves the motion without the network, as with [`GuidanceVariable::Motion`], but after another variable has
+/// brought the motion near its target. Little distance remains then, so the motion changes little. Adam's betas are 0.9
+/// and 0.999.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finish {
-    /// How often.
+    /// The number of updates.
     pub iterations: usize,
-    /// Adam's learning rate at first; it goes to 0 on half a cosine, so that the motion comes to rest.
+    /// Adam's learning rate at the first update. It falls to 0 along half a cosine, so that the motion converges.
     pub learning_rate: f64,
-    /// Adam's epsilon. Where it is far above the gradients, numbers move in proportion to them, and what is smooth stays
-    /// smooth.
+    /// Adam's epsilon. Where it is far larger than the gradients, numbers move in proportion to their gradients, and a
+    /// smooth motion stays smooth.
     pub epsilon: f32,
 }
 
 impl Default for Finish {
-    /// As in [`Guidance::precise`].
+    /// Returns the finish of [`Guidance::precise`].
     fn default() -> Self {
         Finish {
             iterations: 100,
@@ -87,9 +94,9 @@ impl Default for Finish {
 }
 
 impl Finish {
-    /// The same updates with nothing before them: they move the motion of the first pass. LossDivisor, emphasis and what
-    /// is measured are those of `others`.
-    pub fn alone(self, others: &Guidance) -> Guidance {
+    /// Returns guidance that makes these updates alone: they move the motion of the first pass. Divisor, emphasis, loss
+    /// terms and the options of the Laban features are those of `options`.
+    pub fn alone(self, options: &Guidance) -> Guidance {
         Guidance {
             variable: GuidanceVariable::Motion {
                 iterations: self.iterations,
@@ -100,47 +107,52 @@ impl Finish {
             epsilon: self.epsilon,
             body: Body::Network,
             finish: None,
-            ..others.clone()
+            ..options.clone()
         }
     }
 }
 
-/// How what is moved, usually the sentence embedding, is moved. The default is [`Guidance::fast`].
+/// The options of guidance: the variable that is moved, the optimiser that moves it, and the loss. The default is
+/// [`Guidance::fast`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guidance {
-    /// What is moved.
+    /// The variable that is moved.
     pub variable: GuidanceVariable,
     /// Adam's learning rate; for [`GuidanceVariable::Prediction`] the factor on the gradient.
     pub learning_rate: f64,
-    /// What it becomes at the last step, on half a cosine; none where it stays. Where it rises, the first steps, which decide what
-    /// the motion is, are left more to the sentence, and the last ones, which decide how it is done, follow more exactly.
+    /// The learning rate at the last step, which is approached along half a cosine; `None` for a constant learning
+    /// rate. With a rising learning rate, guidance changes the first steps less, which decide what the motion is, so
+    /// that they follow the sentence; and it changes the last steps more, which decide how the motion is done, so that
+    /// they reach the target more exactly.
     pub final_learning_rate: Option<f64>,
-    /// Adam's decay of the first and second moment, which carry over from step to step.
+    /// The exponential decay rates of Adam's first and second moments. The moments carry over from step to step.
     pub betas: [f32; 2],
-    /// Adam's epsilon. What has gradients far below it hardly moves; a tiny one moves all numbers alike, those too that
-    /// play no part.
+    /// Adam's epsilon. Numbers with gradients far below it hardly move. A tiny epsilon moves all numbers equally far,
+    /// even those that hardly affect the loss.
     pub epsilon: f32,
-    /// Updates of the embedding, modulation or prediction at each DDIM step (the paper's K).
+    /// The number of updates of the embedding, modulation or prediction at each DDIM step (the paper's K).
     pub updates_per_step: usize,
-    /// When those of the embedding or modulation take effect.
+    /// The time at which updates of the embedding or modulation take effect.
     pub update: UpdateTiming,
-    /// What the loss divides by.
+    /// The divisor of differences in the loss.
     pub divisor: LossDivisor,
-    /// Weight in the loss of components that shall change at any moment, in the order of
-    /// [`Component::ALL`](lamogen_laban::Component::ALL); those that shall not weigh 1. Above 1, targets are reached more exactly and the
-    /// other components move more.
+    /// The weight in the loss of components that shall change at any time, in the order of
+    /// [`Component::ALL`](lamogen_laban::Component::ALL). Components that shall not change have the weight 1. With a
+    /// weight above 1, targets are reached more exactly and the other components move more.
     pub emphasis: [f32; COMPONENTS],
-    /// Whether the network is told the Laban features to reach, as the condition that it was trained with: the means over time of the target of
-    /// the whole body. For networks whose config has a `laban_condition`.
+    /// Whether the network receives the Laban features to reach as the condition that it was trained with. The
+    /// condition is the mean over time of the whole body's target. This works for networks with a `laban_condition` in
+    /// their config.
     pub laban_condition: bool,
-    /// Whose motion is measured and given: that of a rigid body by default, the network's in the paper.
+    /// The body on which motions are measured and returned: a rigid body by default, the network's in the paper.
     pub body: Body,
-    /// How the network's motion becomes that of a rigid body and, where there are goals, reaches them on it; with [`Body::Rig`] only.
+    /// The options of the fit that turns the network's motion into that of a rigid body and, where there are goals,
+    /// moves it to its target; with [`Body::Rig`] only.
     pub fit: FitOptions,
-    /// What is done to the network's finished motion after the last step; nothing in the paper. With [`Body::Network`] only: on a rigid
-    /// body the fit does it.
+    /// The updates of the network's finished motion after the last step; none in the paper. They are made with
+    /// [`Body::Network`] only, because on a rigid body the fit moves the motion to its target.
     pub finish: Option<Finish>,
-    /// How Laban features are measured.
+    /// The options of the measurement of Laban features.
     pub laban: LabanOptions,
     /// Further terms of the loss, which all motions of the run share: goals of your own.
     pub loss_terms: LossTerms,
@@ -151,20 +163,21 @@ pub struct Guidance {
 pub enum Preset {
     /// The paper's numbers: 1000 steps, learning rate 0.005, loss relative to each frame.
     Paper,
-    /// 100 steps, learning rate 0.05, loss relative to the mean over time: a tenth of the work, and
-    /// on the embedded model more selective than the paper's numbers.
+    /// 100 steps, learning rate 0.05, loss relative to the mean over time. This is a tenth of the work, and
+    /// on the embedded model it moves the other components less than the paper's numbers.
     #[default]
     Fast,
-    /// 50 steps, an update of the modulation at each, and a finish: nearest to what the tags ask for, with the least else
-    /// moved. For networks with stylization layers, as MotionDiffuse; what the embedded model runs with.
+    /// 50 steps, an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
+    /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse; it
+    /// is the one of the embedded model.
     Precise,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Preset; 3] = [Preset::Precise, Preset::Fast, Preset::Paper];
 
-    /// Its name, such as `precise`.
+    /// Returns the preset's name, such as `precise`.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Paper => "paper",
@@ -173,7 +186,7 @@ impl Preset {
         }
     }
 
-    /// DDIM steps of each pass.
+    /// Returns the number of DDIM steps of each pass.
     pub fn steps(self) -> usize {
         match self {
             Preset::Paper => TRAINING_STEPS,
@@ -182,7 +195,7 @@ impl Preset {
         }
     }
 
-    /// The guidance options.
+    /// Returns the guidance options.
     pub fn guidance(self) -> Guidance {
         match self {
             Preset::Paper => Guidance::paper(),
@@ -192,7 +205,7 @@ impl Preset {
     }
 }
 
-/// A word that is the name of no preset.
+/// The error of a word that is not the name of a preset.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a preset (precise, fast, paper), found `{0}`")]
 pub struct PresetError(pub String);
@@ -207,11 +220,11 @@ impl FromStr for Preset {
     }
 }
 
-/// Updates of one kind, beyond what anybody waits for; keeps sums of them from overflowing.
-const MOST_UPDATES: usize = 1_000_000;
+/// The largest number of updates of one kind. The limit keeps sums of them from overflowing, and no run needs as many.
+const MAX_UPDATES: usize = 1_000_000;
 
 impl Guidance {
-    /// The paper's numbers (appendix, section "Hyperparameters"); meant for 1000 DDIM steps.
+    /// Returns the paper's numbers (appendix, section "Hyperparameters"), which are meant for 1000 DDIM steps.
     pub fn paper() -> Self {
         Guidance {
             variable: GuidanceVariable::Embedding,
@@ -232,7 +245,8 @@ impl Guidance {
         }
     }
 
-    /// Ten times fewer steps, ten times as long, with all frames weighing alike.
+    /// Returns options for ten times fewer steps, with a ten times larger learning rate and the same weight for all
+    /// frames. They are meant for 100 DDIM steps.
     pub fn fast() -> Self {
         Guidance {
             learning_rate: 0.05,
@@ -242,8 +256,9 @@ impl Guidance {
         }
     }
 
-    /// Every stylization layer's own scales and shifts instead of the embedding that they all come from, gently, with more weight on Time
-    /// and Flow where they are asked for; and then the finished motion by what is left. Meant for 50 DDIM steps.
+    /// Returns options that move the scales and shifts of each stylization layer instead of the embedding that they are
+    /// computed from, with a small learning rate and more weight on Time and Flow where these shall change. A finish
+    /// then removes the remaining distance. They are meant for 50 DDIM steps.
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,
@@ -256,8 +271,9 @@ impl Guidance {
         }
     }
 
-    /// The paper's rival "classifier guidance" with the paper's numbers: the predicted motion moves by 0.005 of the gradient at each
-    /// step.
+    /// Returns the options of the paper's comparison method "classifier guidance" with the paper's numbers: the
+    /// predicted motion moves by
+    /// 0.005 times the gradient at each step.
     pub fn classifier() -> Self {
         Guidance {
             variable: GuidanceVariable::Prediction,
@@ -265,7 +281,8 @@ impl Guidance {
         }
     }
 
-    /// The paper's rival "raw frame update" with the paper's numbers: 100 updates of the finished motion, learning rate 0.05.
+    /// Returns the options of the paper's comparison method "raw frame update" with the paper's numbers: 100 updates of
+    /// the finished motion with a learning rate of 0.05.
     pub fn raw_frame_update() -> Self {
         Guidance {
             variable: GuidanceVariable::Motion { iterations: 100 },
@@ -274,7 +291,8 @@ impl Guidance {
         }
     }
 
-    /// The start noise, 100 times by a learning rate of 0.05 and the loss of [`fast`](Guidance::fast); meant for 10 DDIM steps.
+    /// Returns options that move the start noise in 100 updates with a learning rate of 0.05 and the loss of
+    /// [`fast`](Guidance::fast). They are meant for 10 DDIM steps.
     pub fn start_noise() -> Self {
         Guidance {
             variable: GuidanceVariable::Noise { iterations: 100 },
@@ -284,9 +302,9 @@ impl Guidance {
         }
     }
 
-    /// How many steps a guided pass of the network has beside a first pass of so many DDIM steps.
+    /// Returns the number of steps of a guided pass of the network, for a first pass of `ddim` DDIM steps.
     pub fn steps(&self, ddim: usize) -> usize {
-        let moves = match self.variable {
+        let steps = match self.variable {
             GuidanceVariable::Embedding
             | GuidanceVariable::Modulation
             | GuidanceVariable::Prediction
@@ -295,23 +313,23 @@ impl Guidance {
                 iterations
             }
         };
-        moves + self.network_finish().map_or(0, |finish| finish.iterations)
+        steps + self.network_finish().map_or(0, |finish| finish.iterations)
     }
 
-    /// What is done to the network's finished motion.
+    /// Returns the finish of the network's motion, if one is made: with [`Body::Network`] only.
     pub(crate) fn network_finish(&self) -> Option<Finish> {
         self.finish.filter(|_| self.body == Body::Network)
     }
 
-    /// The learning rate at a step, from 0, of so many.
-    pub(crate) fn rate(&self, step: usize, steps: usize) -> f64 {
+    /// Returns the learning rate at a step of `steps`, counted from 0.
+    pub(crate) fn learning_rate_at(&self, step: usize, steps: usize) -> f64 {
         let first = self.learning_rate;
         let last = self.final_learning_rate.unwrap_or(first);
-        let way = step as f64 / steps.saturating_sub(1).max(1) as f64;
-        first + (last - first) * 0.5 * (1.0 - (PI * way).cos())
+        let progress = step as f64 / steps.saturating_sub(1).max(1) as f64;
+        first + (last - first) * 0.5 * (1.0 - (PI * progress).cos())
     }
 
-    /// Whether the options make sense.
+    /// Checks that the options are valid.
     ///
     /// # Errors
     ///
@@ -323,8 +341,8 @@ impl Guidance {
             )))
         };
         let rates = [Some(self.learning_rate), self.final_learning_rate];
-        let makes_sense = |rate: &f64| rate.is_finite() && *rate >= 0.0;
-        if let Some(rate) = rates.iter().flatten().find(|rate| !makes_sense(rate)) {
+        let is_valid = |rate: &f64| rate.is_finite() && *rate >= 0.0;
+        if let Some(rate) = rates.iter().flatten().find(|rate| !is_valid(rate)) {
             return problem("a finite learning rate of at least 0", rate);
         }
         if !self.betas.iter().all(|beta| (0.0..1.0).contains(beta)) {
@@ -333,19 +351,19 @@ impl Guidance {
         if !self.epsilon.is_finite() || self.epsilon <= 0.0 {
             return problem("a finite epsilon above 0", &self.epsilon);
         }
-        if !(1..=MOST_UPDATES).contains(&self.updates_per_step) {
-            let expected = format!("1 to {MOST_UPDATES} updates a step");
+        if !(1..=MAX_UPDATES).contains(&self.updates_per_step) {
+            let expected = format!("1 to {MAX_UPDATES} updates a step");
             return problem(&expected, &self.updates_per_step);
         }
         if let GuidanceVariable::Motion { iterations } | GuidanceVariable::Noise { iterations } =
             self.variable
-            && !(1..=MOST_UPDATES).contains(&iterations)
+            && !(1..=MAX_UPDATES).contains(&iterations)
         {
-            let expected = format!("1 to {MOST_UPDATES} iterations");
+            let expected = format!("1 to {MAX_UPDATES} iterations");
             return problem(&expected, &self.variable);
         }
-        let makes_sense = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
-        if !self.emphasis.iter().all(makes_sense) {
+        let is_valid = |emphasis: &f32| emphasis.is_finite() && *emphasis >= 0.0;
+        if !self.emphasis.iter().all(is_valid) {
             return problem("a finite emphasis of at least 0", &self.emphasis);
         }
         if let Err(problem) = self.fit.check() {
@@ -373,7 +391,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presets_go_by_their_names() {
+    fn presets_are_parsed_from_their_names() {
         for preset in Preset::ALL {
             assert_eq!(preset.name().parse(), Ok(preset));
         }
@@ -387,16 +405,18 @@ mod tests {
     }
 
     #[test]
-    fn the_learning_rate_stays_or_goes_to_its_last_value() {
+    fn the_learning_rate_is_constant_or_approaches_its_last_value() {
         let fast = Guidance::fast();
-        assert!((0..100).all(|step| fast.rate(step, 100) == 0.05));
+        assert!((0..100).all(|step| fast.learning_rate_at(step, 100) == 0.05));
         let rising = Guidance {
             learning_rate: 0.01,
             final_learning_rate: Some(0.05),
             ..fast
         };
-        let rates: Vec<f64> = (0..5).map(|step| rising.rate(step, 5)).collect();
-        assert_eq!((rates[0], rising.rate(0, 1)), (0.01, 0.01));
+        let rates: Vec<f64> = (0..5)
+            .map(|step| rising.learning_rate_at(step, 5))
+            .collect();
+        assert_eq!((rates[0], rising.learning_rate_at(0, 1)), (0.01, 0.01));
         assert!((rates[2] - 0.03).abs() < 1e-12 && (rates[4] - 0.05).abs() < 1e-12);
         assert!(rates.is_sorted());
     }

@@ -17,8 +17,8 @@ pub struct LabanTerm {
 }
 
 impl LabanTerm {
-    /// Creates the term for a batch of motions. It is measured, divided and weighed as the guidance options say, with these end-effectors instead of
-    /// theirs.
+    /// Creates the term for a batch of motions. The guidance options give its measurement, divisor and emphasis;
+    /// `end_effectors` replaces the end-effectors of the options.
     ///
     /// # Shapes
     ///

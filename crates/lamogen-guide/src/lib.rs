@@ -7,10 +7,11 @@
 //!                                            so that the predicted motion's features reach it
 //! ```
 //!
-//! The same pass moves something else where [`Guidance::variable`] says so: the scales and shifts that `e` becomes in every layer (the most exact,
-//! [`Preset::Precise`]), the predicted motion, the finished motion, the start noise.
+//! [`Guidance::variable`] selects what the second pass moves: the embedding `e`, the scales and shifts that every layer
+//! computes from `e` (the most exact choice, [`Preset::Precise`]), the predicted motion, the finished motion, or the
+//! start noise.
 //!
-//! What users get is the motion of a rigid body, unless [`Guidance::body`] says otherwise:
+//! The result for users is the motion of a rigid body, unless [`Guidance::body`] is [`Body::Network`]:
 //!
 //! ```text
 //! motion of pass 1 ──Rig::fit──▶ rigid motion ──Laban features, scaled──▶ target

@@ -12,17 +12,18 @@ use burn::tensor::{Device, Tensor};
 
 use crate::error::GuideError;
 
-/// One term of a loss: values that are measured on motions, the values that they shall reach, and how much each difference counts.
+/// One term of a loss: values that are measured on motions, the values to reach, and the weight of each difference.
 ///
-/// Guidance adds the terms of [`Guidance::loss_terms`](crate::Guidance::loss_terms) to the Laban loss, whose own terms implement this trait too
-/// ([`LabanTerm`](crate::LabanTerm)). `lamogen-train` takes such terms as well, with the motion of the data in the place of the baseline. The loss of
-/// a motion is
+/// Guidance adds the terms of [`Guidance::loss_terms`](crate::Guidance::loss_terms) to the Laban loss. The Laban loss
+/// itself consists of such terms ([`LabanTerm`](crate::LabanTerm)). `lamogen-train` takes them too, with the motion of
+/// the data in the place of the baseline. The loss of a motion is
 ///
 /// ```text
 /// Σ ((measured - target) · weight)²    over the motion's frames and values
 /// ```
 ///
-/// so a difference whose product with its weight is 1 at one frame counts as much as a Laban feature that is 100 % off at one frame.
+/// so if the product of a difference and its weight is 1 at one frame, the difference adds as much to the loss as a
+/// Laban feature that is off by 100 % at one frame.
 ///
 /// ```
 /// use burn::tensor::Tensor;
@@ -51,7 +52,7 @@ use crate::error::GuideError;
 /// }
 /// ```
 pub trait LossTerm: fmt::Debug + Send + Sync {
-    /// Returns the name by which errors and reports call the term.
+    /// Returns the name of the term in errors and reports.
     fn name(&self) -> String;
 
     /// Returns the name of a value, counted from 0, for errors and reports.
@@ -59,35 +60,36 @@ pub trait LossTerm: fmt::Debug + Send + Sync {
         format!("value {} of {}", value + 1, self.name())
     }
 
-    /// Measures the values of each frame of each motion. The function must be differentiable by autodiff: values and gradients must be finite for any
-    /// finite joints (`sqrt` at 0 is not; add a small number).
+    /// Measures the values of each frame of each motion. The function must be differentiable by autodiff: values and
+    /// gradients must be finite for any finite joints (the gradient of `sqrt` at 0 is not; add a small number).
     ///
     /// # Shapes
     ///
-    /// - `joints`: `[batch, frames, 22, 3]`, positions in metres in the order of [`Joint`](lamogen_motion::Joint), y up, at
-    ///   [`FRAMES_PER_SECOND`](lamogen_motion::FRAMES_PER_SECOND); what stands past a motion's length has no meaning
+    /// - `joints`: `[batch, frames, 22, 3]`, positions in metres in the order of [`Joint`](lamogen_motion::Joint), y
+    ///   up, at [`FRAMES_PER_SECOND`](lamogen_motion::FRAMES_PER_SECOND); positions past a motion's length have no
+    ///   meaning
     /// - `lengths`: the number of frames of each motion
-    /// - output: `[batch, frames, values]`, with at least one value; what stands past a motion's length does not count
+    /// - output: `[batch, frames, values]`, with at least one value; values past a motion's length are ignored
     fn measure(&self, joints: Tensor<4>, lengths: &[usize]) -> Tensor<3>;
 
-    /// Returns what the values shall become, and how much each difference counts. It is called once, with the values measured on the baseline,
-    /// `[batch, frames, values]`.
+    /// Returns the values to reach, and the weight of each difference. It is called once, with the values measured on
+    /// the baseline, `[batch, frames, values]`.
     fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget;
 }
 
 /// The values that a [`LossTerm`] shall reach, and their weights.
 ///
-/// Both have the axes `[batch, frames, values]`, where an axis may also be of size 1 and then stands for all.
+/// Both have the axes `[batch, frames, values]`. An axis may also have the size 1; it is then broadcast.
 #[derive(Clone, Debug)]
 pub struct LossTarget {
     /// The values to reach.
     pub values: Tensor<3>,
-    /// What differences are multiplied by before they are squared; 0 where a value may be anything.
+    /// The factors on differences before they are squared; 0 where a value may be anything.
     pub weight: Tensor<3>,
 }
 
 impl LossTarget {
-    /// Returns the same values for all frames of all motions, with one weight.
+    /// Creates a target with the same values at all frames of all motions, and one weight.
     pub fn constant(values: &[f32], weight: f32, device: &Device) -> Self {
         LossTarget {
             values: Tensor::<1>::from_data(values, device).reshape([1, 1, values.len()]),
@@ -112,8 +114,8 @@ impl LossTarget {
 
 /// A list of loss terms that all motions of a run share.
 ///
-/// Two lists are equal if they hold the very same terms (`Arc::ptr_eq`), since nothing is known of what is in them. Requests with equal guidance
-/// run together.
+/// Two lists are equal if they hold the same terms by pointer (`Arc::ptr_eq`), because the contents of a term are
+/// unknown. Requests with equal guidance run together.
 #[derive(Clone, Debug, Default)]
 pub struct LossTerms(Vec<Arc<dyn LossTerm>>);
 
@@ -148,7 +150,8 @@ impl FromIterator<Arc<dyn LossTerm>> for LossTerms {
     }
 }
 
-/// The values of a [`LossTerm`] before and after guidance, and those that it asked for: `[batch, frames, values]` each.
+/// The values of a [`LossTerm`] before and after guidance, and the values to reach. Each tensor is
+/// `[batch, frames, values]`.
 #[derive(Clone, Debug)]
 pub struct TermComparison {
     /// The name of the term.
@@ -159,7 +162,7 @@ pub struct TermComparison {
     pub baseline: Tensor<3>,
     /// The values to reach.
     pub target: Tensor<3>,
-    /// What differences are multiplied by; 0 past each motion's length.
+    /// The factors on differences; 0 past each motion's length.
     pub weight: Tensor<3>,
     /// The values of the guided motions.
     pub guided: Tensor<3>,
@@ -176,7 +179,7 @@ pub struct PreparedTerm {
 }
 
 impl PreparedTerm {
-    /// Measures a term on baselines and takes its target. `importance` multiplies the loss of the term.
+    /// Measures a term on baselines and sets its target. `importance` multiplies the loss of the term.
     ///
     /// # Shapes
     ///
@@ -235,11 +238,12 @@ impl PreparedTerm {
         });
         let mask: Vec<f32> = mask.collect();
         let mask = Tensor::<1>::from_data(&mask[..], &device).reshape([batch, frames, 1]);
-        let own = Tensor::<3>::ones(shape, &device);
+        // The product with ones broadcasts target and weights to the shape of the values.
+        let ones = Tensor::<3>::ones(shape, &device);
         let weight = weight.to_device(&device) * mask * importance.sqrt();
         Ok(PreparedTerm {
-            target: values.to_device(&device) * own.clone(),
-            weight: weight * own,
+            target: values.to_device(&device) * ones.clone(),
+            weight: weight * ones,
             lengths: lengths.to_vec(),
             baseline,
             term,
@@ -275,7 +279,7 @@ impl PreparedTerm {
         self.target.clone()
     }
 
-    /// Compares finished motions with what was asked for.
+    /// Compares finished motions with the baselines and the target.
     ///
     /// # Shapes
     ///

@@ -1,13 +1,13 @@
-//! Start noise.
+//! The start noise of a pass.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Standard normal noise `[frames, features]`, row by row.
+/// Returns standard normal noise `[frames, features]`, row by row.
 ///
-/// Drawn on the host by a counter-based generator (ChaCha with 12 rounds), so that a seed means the
-/// same noise on every machine and backend. A longer motion begins with the noise of a shorter one.
+/// The noise is drawn in main memory by a counter-based generator (ChaCha with 12 rounds), so that a seed gives the
+/// same noise on every machine and backend. The noise of a longer motion begins with that of a shorter one.
 pub fn noise(seed: u64, frames: usize, features: usize) -> Vec<f32> {
     let generator = ChaCha12Rng::seed_from_u64(seed);
     StandardNormal
@@ -23,9 +23,9 @@ mod tests {
     const PINNED: [f32; 4] = [-1.0435766, -0.5767478, -0.7112543, 0.11629714];
 
     #[test]
-    fn a_seed_means_the_same_noise_for_ever() {
+    fn a_seed_gives_the_same_noise_in_all_versions() {
         let first = noise(7, 2, 2);
-        // Written down once: motions that people have published must come back.
+        // These numbers must never change, so that published motions can be generated again.
         assert_eq!(first, PINNED);
         assert_eq!(first, noise(7, 2, 2));
         assert_eq!(first, noise(7, 5, 2)[..4]);

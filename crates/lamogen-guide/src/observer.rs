@@ -1,16 +1,16 @@
-//! Watching and stopping a run.
+//! Observers, which receive the steps of a run and may stop it.
 
 use std::fmt;
 use std::ops::ControlFlow;
 
 use burn::tensor::Tensor;
 
-/// One of the two passes, or what follows each of them on a rigid body.
+/// A part of a run: one of the two passes, or the fit to a rigid body after each of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pass {
-    /// The first, from text alone.
+    /// The first pass, from the text alone.
     Baseline,
-    /// The second, towards the target.
+    /// The second pass, towards the target.
     Guided,
     /// The fit of a pass's motions to a rigid body.
     Body,
@@ -29,31 +29,33 @@ impl fmt::Display for Pass {
 /// A step that has just been made.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// The pass it belongs to.
+    /// The pass of the step.
     pub pass: Pass,
-    /// Its number in the pass, from 0.
+    /// The number of the step in the pass, counted from 0.
     pub index: usize,
-    /// How many steps the pass has; a fit may end before the last one. Where guidance moves the finished motion or the start noise, how many updates. Those of a finish
-    /// come after them and count too.
+    /// The number of steps of the pass; a fit may end before the last one. Where guidance moves the finished motion or
+    /// the start noise, each update is a step. The updates of a finish are the last steps of the guided pass.
     pub steps: usize,
-    /// The timestep that the network saw; 0 for those updates and for a fit.
+    /// The timestep at which the network was evaluated; 0 for updates of the finished motion or the start noise, and
+    /// for a fit.
     pub timestep: usize,
-    /// The Laban loss of each motion of the batch, before the step's last update; guided pass only.
+    /// The loss of each motion of the batch, before the step's last update; guided pass only.
     pub loss: Option<&'a [f32]>,
-    /// The gradient of the last update of the embedding, `[batch, d_condition]`, or of the modulation, `[batch, modulations]`; only
-    /// where guidance moves one of them.
+    /// The gradient of the last update of the embedding, `[batch, d_condition]`, or of the modulation,
+    /// `[batch, modulations]`; only where guidance moves one of them.
     pub gradient: Option<&'a Tensor<2>>,
-    /// The sentence embedding after the step, `[batch, d_condition]`.
+    /// The sentence embeddings after the step, `[batch, d_condition]`.
     pub embedding: &'a Tensor<2>,
-    /// The clean motion as predicted at this step, normalised, `[batch, frames, features]`; in a fit what the network finished.
+    /// The clean motions that were predicted at this step, normalised, `[batch, frames, features]`; in a fit, the
+    /// finished motions of the network.
     pub prediction: &'a Tensor<3>,
 }
 
 /// Receives every step of a run and may stop it.
 ///
-/// Closures are observers; `()` watches nothing.
+/// Closures are observers; `()` is an observer that ignores all steps.
 pub trait Observer {
-    /// Called after a step; [`ControlFlow::Break`] stops the run.
+    /// Receives a step after it has been made; [`ControlFlow::Break`] stops the run.
     fn step(&mut self, step: &Step<'_>) -> ControlFlow<()>;
 }
 

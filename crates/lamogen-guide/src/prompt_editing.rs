@@ -1,8 +1,8 @@
-//! The paper's rival that guides nothing: saying it.
+//! Prompt editing, a comparison method of the paper: the tags are added to the prompt as words, without guidance.
 
 use lamogen_laban::Tag;
 
-/// A prompt with the phrases of tags (see [`Tag::phrase`]) behind it: the paper's rival "prompt editing".
+/// Appends the phrases of tags (see [`Tag::phrase`]) to a prompt: the paper's comparison method "prompt editing".
 ///
 /// ```
 /// use lamogen_guide::edited_prompt;

@@ -1,4 +1,4 @@
-//! The network's motions on a rigid body, and there towards their targets.
+//! The fit of the network's motions to a rigid body, without and with targets.
 
 use std::ops::ControlFlow;
 
@@ -12,14 +12,17 @@ use crate::guidance::Guidance;
 use crate::guided::{Comparisons, LabanComparison, Targets};
 use crate::loss_term::TermComparison;
 
-/// How much more a component that shall change, or another term of the loss, counts on the body than in the network's pass. The body's motion can follow where the
-/// network's would leave what the sentence says.
-const EMPHASIS: f32 = 3.5;
+/// The factor on the emphasis of components that shall change, and on the loss of other terms, relative to the
+/// network's pass. On the body a larger weight is possible: in the network's pass it would move the motion away from
+/// the sentence.
+const RIG_EMPHASIS: f32 = 3.5;
 
-/// The body that motions of pose features are on: that of HumanML3D, which all of its motions have.
+/// Fits motions of pose features to the rigid body of HumanML3D, which all motions of the data set have.
 ///
-/// It turns the network's motions, whose bones stretch and whose feet slide, into those of rigid bones, and draws guided ones to
-/// their target: features of the *rigid* baseline times the factors, reached by the *rigid* motion. What is reported is what files hold.
+/// The bones of the network's motions stretch and their feet slide; [`fit`](Self::fit) turns them into motions of rigid
+/// bones. [`guide`](Self::guide) also moves guided motions to their target: the features of the *rigid* baseline,
+/// changed as the goals ask, are reached by the *rigid* motion. The reported features are therefore those of the
+/// motions in files.
 #[derive(Clone, Debug)]
 pub struct Rig<'a> {
     guidance: &'a Guidance,
@@ -27,24 +30,25 @@ pub struct Rig<'a> {
     device: Device,
 }
 
-/// What guidance on a body gives.
+/// The result of guidance on a rigid body.
 #[derive(Clone, Debug)]
 pub struct RigGuided {
     /// The rotations of every motion.
     pub rotations: Vec<Rotations>,
-    /// Whether the observer stopped the fit; what is here is the best until then.
+    /// Whether the observer stopped the fit. The result is then the best one that was reached before.
     pub is_stopped: bool,
     /// The Laban features of the whole body.
     pub whole: LabanComparison,
-    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the body beside it.
+    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the
+    /// body beside it.
     pub parts: Vec<LabanComparison>,
     /// The values of the terms of [`Guidance::loss_terms`].
     pub terms: Vec<TermComparison>,
 }
 
 impl<'a> Rig<'a> {
-    /// A body that follows these options: [`Guidance::fit`] and how Laban features are measured, divided and weighed. Features are
-    /// computed on the device.
+    /// Creates a rig with the options of guidance: [`Guidance::fit`], the measurement of Laban features, divisor,
+    /// emphasis and loss terms. Features are computed on `device`.
     pub fn new(guidance: &'a Guidance, device: &Device) -> Self {
         Rig {
             guidance,
@@ -53,59 +57,65 @@ impl<'a> Rig<'a> {
         }
     }
 
-    /// The rigid motions that are nearest to the network's, and whether the observer stopped the fit before its end.
+    /// Returns the rigid motions that are nearest to the network's motions, and whether `on_progress` stopped the fit
+    /// before its end.
     pub fn fit(
         &self,
         motions: &[Motion],
-        watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+        on_progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> (Vec<Rotations>, bool) {
-        let fitted = self.guidance.fit.run(&self.inputs(motions), None, watch);
-        (fitted.rotations, fitted.is_stopped)
+        let inputs = self.fit_inputs(motions);
+        let fit = self.guidance.fit.run(&inputs, None, on_progress);
+        (fit.rotations, fit.is_stopped)
     }
 
-    /// The rigid motions that reach the features of the rigid baselines as the goals ask, near the network's guided motions.
+    /// Returns the rigid motions that reach the goals and stay near the network's guided motions. Targets are computed
+    /// from the features of the rigid baselines.
     ///
     /// # Errors
     ///
-    /// If a loss of the motions as they are given is not finite.
+    /// If a loss of the given motions is not finite, or a loss term is invalid.
     ///
     /// # Panics
     ///
-    /// If there are not as many motions, baselines and goals, or a motion is not as long as its baseline.
+    /// If motions, baselines and goals differ in number, or a motion and its baseline differ in length.
     pub fn guide(
         &self,
         motions: &[Motion],
         baselines: &[Motion],
         goals: &[Goals],
-        watch: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+        on_progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> Result<RigGuided, GuideError> {
         let lengths: Vec<usize> = motions.iter().map(Motion::frames).collect();
-        let of_baselines: Vec<usize> = baselines.iter().map(Motion::frames).collect();
+        let baseline_lengths: Vec<usize> = baselines.iter().map(Motion::frames).collect();
         assert_eq!(
-            lengths, of_baselines,
+            lengths, baseline_lengths,
             "motions are as long as their baselines"
         );
         let baselines: Vec<&[[[f32; 3]; JOINTS]]> = baselines.iter().map(Motion::joints).collect();
         let guidance = Guidance {
-            emphasis: self.guidance.emphasis.map(|emphasis| EMPHASIS * emphasis),
+            emphasis: self
+                .guidance
+                .emphasis
+                .map(|emphasis| RIG_EMPHASIS * emphasis),
             ..self.guidance.clone()
         };
         let targets = Targets::new(
-            &self.tensor(&baselines),
+            &self.joint_tensor(&baselines),
             &lengths,
             goals,
             &guidance,
-            EMPHASIS,
+            RIG_EMPHASIS,
         )?;
-        let mut goal = LossObjective {
+        let mut objective = LossObjective {
             rig: self,
             targets: &targets,
             is_first: true,
             non_finite: None,
         };
-        let inputs = self.inputs(motions);
-        let fitted = { self.guidance.fit }.run(&inputs, Some(&mut goal), watch);
-        if let Some((motion, value)) = goal.non_finite {
+        let inputs = self.fit_inputs(motions);
+        let fit = { self.guidance.fit }.run(&inputs, Some(&mut objective), on_progress);
+        if let Some((motion, value)) = objective.non_finite {
             return Err(GuideError::NotFinite {
                 quantity: Quantity::Loss,
                 value: targets.value_name(value),
@@ -116,40 +126,41 @@ impl<'a> Rig<'a> {
             });
         }
         let joints: Vec<Vec<[[f32; 3]; JOINTS]>> =
-            fitted.rotations.iter().map(Rotations::joints).collect();
+            fit.rotations.iter().map(Rotations::joints).collect();
         let joints: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
         let Comparisons {
             whole,
             parts,
             terms,
-        } = targets.compare(&self.tensor(&joints));
+        } = targets.compare(&self.joint_tensor(&joints));
         Ok(RigGuided {
-            rotations: fitted.rotations,
-            is_stopped: fitted.is_stopped,
+            rotations: fit.rotations,
+            is_stopped: fit.is_stopped,
             whole,
             parts,
             terms,
         })
     }
 
-    fn inputs<'m>(&'m self, motions: &'m [Motion]) -> Vec<FitInput<'m>> {
+    /// Returns the input of the fit for each motion.
+    fn fit_inputs<'m>(&'m self, motions: &'m [Motion]) -> Vec<FitInput<'m>> {
         let input = |motion| FitInput {
             motion,
             body: &self.body,
-            // Pose features count heights from the ground.
+            // Heights in pose features are measured from the ground.
             ground: 0.0,
         };
         motions.iter().map(input).collect()
     }
 
-    /// Joints of motions, padded by zeros to the longest: `[batch, frames, 22, 3]`.
-    fn tensor(&self, motions: &[&[[[f32; 3]; JOINTS]]]) -> Tensor<4> {
+    /// Copies the joints of motions to a tensor `[batch, frames, 22, 3]`, padded with zeros to the longest motion.
+    fn joint_tensor(&self, motions: &[&[[[f32; 3]; JOINTS]]]) -> Tensor<4> {
         let frames = motions.iter().map(|motion| motion.len()).max().unwrap_or(0);
         let width = JOINTS * 3;
         let mut values = Vec::with_capacity(motions.len() * frames * width);
-        for (place, motion) in motions.iter().enumerate() {
+        for (index, motion) in motions.iter().enumerate() {
             values.extend_from_slice(motion.as_flattened().as_flattened());
-            values.resize((place + 1) * frames * width, 0.0);
+            values.resize((index + 1) * frames * width, 0.0);
         }
         let data = TensorData::new(values, [motions.len(), frames, JOINTS, 3]);
         Tensor::from_data(data, &self.device)
@@ -160,9 +171,10 @@ impl<'a> Rig<'a> {
 struct LossObjective<'g> {
     rig: &'g Rig<'g>,
     targets: &'g Targets,
-    /// Whether no trial was evaluated yet. Later ones may be too bold, and are stepped back from.
+    /// Whether the next evaluation is the first. At later evaluations the loss may be non-finite because a step was too
+    /// large; the fit then makes a smaller step.
     is_first: bool,
-    /// The first motion whose loss was not finite at the first evaluation, and the value of the loss.
+    /// The first motion that had a non-finite loss at the first evaluation, and the index of the value with that loss.
     non_finite: Option<(usize, usize)>,
 }
 
@@ -172,15 +184,15 @@ impl FitObjective for LossObjective<'_> {
         joints: &[Vec<[[f32; 3]; JOINTS]>],
     ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
         let poses: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
-        let leaf = self.rig.tensor(&poses).autodiff().require_grad();
+        let leaf = self.rig.joint_tensor(&poses).autodiff().require_grad();
         let [_, frames, ..] = leaf.dims();
         let loss = self.targets.loss(leaf.clone());
-        let losses: Vec<f32> = host(loss.clone().inner());
+        let losses: Vec<f32> = to_host(loss.clone().inner());
         let gradient = match loss.is_tracked() {
             true => leaf.grad(&loss.sum().backward()),
             false => None,
         };
-        let gradient: Vec<f32> = host(gradient.unwrap_or_else(|| leaf.inner().zeros_like()));
+        let gradient: Vec<f32> = to_host(gradient.unwrap_or_else(|| leaf.inner().zeros_like()));
         let (poses, _) = gradient.as_chunks::<3>();
         let (poses, _) = poses.as_chunks::<JOINTS>();
         let motions = losses
@@ -201,6 +213,7 @@ impl FitObjective for LossObjective<'_> {
     }
 }
 
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+/// Copies a tensor to main memory.
+fn to_host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("floats convert to f32")
 }

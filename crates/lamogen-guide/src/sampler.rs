@@ -1,4 +1,4 @@
-//! DDIM sampling: the first pass, and the steps that both passes are made of.
+//! DDIM sampling: the first pass, and the steps of both passes.
 
 use burn::tensor::Tensor;
 use lamogen_laban::Window;
@@ -16,39 +16,44 @@ pub struct Sampler<'a, D> {
     pub(crate) model: &'a D,
     pub(crate) normalization: &'a Normalization,
     steps: Vec<DdimStep>,
+    /// The embedded timestep of each step, `[steps, d_condition]`.
     time: Tensor<2>,
     temporal_smoothing: Option<TemporalSmoothing>,
 }
 
-/// What the motions of a batch start from.
+/// The input of both passes: the prompts, the start noise and the lengths of the motions of a batch.
 #[derive(Clone, Debug)]
 pub struct Batch<C> {
     /// The encoded prompts.
     pub prompt: Prompt<C>,
-    /// Start noise `[batch, frames, features]`; both passes start from it.
+    /// The start noise of both passes, `[batch, frames, features]`.
     pub noise: Tensor<3>,
-    /// Frames of each motion; what is beyond them is padding.
+    /// The number of frames of each motion; further frames are padding.
     pub lengths: Vec<usize>,
 }
 
-/// A noisy batch on its way, with all else that the network is told.
+/// The state of a pass between two steps: the noisy motions, and the other inputs of the network.
 #[derive(Clone)]
-pub(crate) struct Latent<'a, C> {
+pub(crate) struct SamplerState<'a, C> {
+    /// The noisy motions, `[batch, frames, features]`.
     pub(crate) x: Tensor<3>,
+    /// The sentence embeddings, `[batch, d_condition]`.
     pub(crate) embedding: Tensor<2>,
+    /// The offsets of scales and shifts, `[batch, modulations]`, if there are any.
     pub(crate) modulation: Option<Tensor<2>>,
     pub(crate) context: &'a C,
     pub(crate) mask: FrameMask,
-    /// Smooths predictions along time, where that is asked for.
+    /// The window that smooths predictions along time, if they are smoothed.
     window: Option<Window>,
 }
 
 impl<'a, D: Denoiser> Sampler<'a, D> {
-    /// A sampler that makes `steps` steps a pass. `normalization` is that of the model's features.
+    /// Creates a sampler that makes `steps` steps in each pass. `normalization` is the normalisation of the model's
+    /// features.
     ///
     /// # Errors
     ///
-    /// If there are no steps, or more than 1000.
+    /// If `steps` is 0 or above 1000.
     pub fn new(
         model: &'a D,
         normalization: &'a Normalization,
@@ -65,11 +70,11 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         })
     }
 
-    /// Smooths predictions along time in both passes, or not.
+    /// Sets the smoothing of predictions along time in both passes, or turns it off.
     ///
     /// # Errors
     ///
-    /// If the numbers make no sense (see [`TemporalSmoothing::check`]).
+    /// If the numbers of the smoothing are invalid (see [`TemporalSmoothing::check`]).
     pub fn with_temporal_smoothing(
         self,
         temporal_smoothing: Option<TemporalSmoothing>,
@@ -83,12 +88,12 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         })
     }
 
-    /// The steps of a pass.
+    /// Returns the steps of a pass.
     pub fn steps(&self) -> &[DdimStep] {
         &self.steps
     }
 
-    /// Pass 1: the motions that the text alone gives, normalised, `[batch, frames, features]`.
+    /// Runs pass 1. Returns the motions from the text alone, normalised, `[batch, frames, features]`.
     ///
     /// # Errors
     ///
@@ -96,18 +101,18 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Panics
     ///
-    /// If noise, lengths and prompts are not of as many motions, or a length is 0 or beyond the
-    /// noise's frames.
+    /// If noise, lengths and prompts differ in the number of motions, or a length is 0 or larger than the
+    /// number of frames of the noise.
     pub fn baseline(
         &self,
         batch: &Batch<D::Context>,
         observer: &mut dyn Observer,
     ) -> Result<Tensor<3>, GuideError> {
-        let mut latent = self.start(batch);
+        let mut state = self.initial_state(batch);
         for (index, step) in self.steps.iter().enumerate() {
-            let output = self.evaluate(&latent, index);
-            let prediction = self.clean(&latent, output.clone(), step);
-            latent.x = self.advance(&latent, &prediction, output, step);
+            let output = self.evaluate(&state, index);
+            let prediction = self.clean_motion(&state, output.clone(), step);
+            state.x = self.advance(&state, &prediction, output, step);
             let step = Step {
                 pass: Pass::Baseline,
                 index,
@@ -115,24 +120,28 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
                 timestep: step.timestep,
                 loss: None,
                 gradient: None,
-                embedding: &latent.embedding,
+                embedding: &state.embedding,
                 prediction: &prediction,
             };
             if observer.step(&step).is_break() {
                 return Err(GuideError::stopped(&step, &[]));
             }
         }
-        Ok(latent.x)
+        Ok(state.x)
     }
 
-    pub(crate) fn start<'b>(&self, batch: &'b Batch<D::Context>) -> Latent<'b, D::Context> {
+    /// Returns the state before the first step: the start noise with the prompts of the batch.
+    pub(crate) fn initial_state<'b>(
+        &self,
+        batch: &'b Batch<D::Context>,
+    ) -> SamplerState<'b, D::Context> {
         let [size, frames, _] = batch.noise.dims();
         assert_eq!(
             [size, size],
             [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
             "noise, lengths and prompts must be of as many motions"
         );
-        Latent {
+        SamplerState {
             x: batch.noise.clone(),
             embedding: batch.prompt.embedding.clone(),
             modulation: None,
@@ -144,125 +153,131 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         }
     }
 
-    /// What smooths the predictions of a step, if they are.
-    fn window<'b>(
+    /// Returns the window that smooths the predictions of a step; `None` if they are not smoothed.
+    fn smoothing_window<'b>(
         &self,
-        latent: &'b Latent<'_, D::Context>,
+        state: &'b SamplerState<'_, D::Context>,
         step: &DdimStep,
     ) -> Option<&'b Window> {
         let temporal_smoothing = self.temporal_smoothing?;
-        (step.timestep >= temporal_smoothing.until).then_some(latent.window.as_ref())?
+        (step.timestep >= temporal_smoothing.until).then_some(state.window.as_ref())?
     }
 
-    /// The network's output at a step.
-    pub(crate) fn evaluate(&self, latent: &Latent<'_, D::Context>, index: usize) -> Tensor<3> {
-        self.model
-            .denoise(self.input(latent, index), latent.context)
+    /// Returns the network's output at a step.
+    pub(crate) fn evaluate(&self, state: &SamplerState<'_, D::Context>, index: usize) -> Tensor<3> {
+        self.model.denoise(self.input(state, index), state.context)
     }
 
-    /// The network's output at a step, with the way back to the noisy motion.
+    /// Returns the network's output at a step, with its derivative with respect to the noisy motion.
     pub(crate) fn linearize_motion<'b>(
         &'b self,
-        latent: &Latent<'_, D::Context>,
+        state: &SamplerState<'_, D::Context>,
         context: &'b D::Context,
         index: usize,
     ) -> LinearizedEvaluation<'b, 3> {
         self.model
-            .linearize_motion(self.input(latent, index), context)
+            .linearize_motion(self.input(state, index), context)
     }
 
-    /// The network's output at a step, with the way back to the embedding, or to the modulation where the latent has one.
+    /// Returns the network's output at a step, with its derivative with respect to the embedding, or to the modulation
+    /// if the state has one.
     pub(crate) fn linearize<'b>(
         &'b self,
-        latent: &'b Latent<'_, D::Context>,
+        state: &'b SamplerState<'_, D::Context>,
         index: usize,
     ) -> LinearizedEvaluation<'b> {
         self.model
-            .linearize(self.input(latent, index), latent.context)
+            .linearize(self.input(state, index), state.context)
     }
 
-    fn input(&self, latent: &Latent<'_, D::Context>, index: usize) -> DenoiserInput {
+    /// Returns the input of the network at a step.
+    fn input(&self, state: &SamplerState<'_, D::Context>, index: usize) -> DenoiserInput {
         DenoiserInput {
-            x_t: latent.x.clone(),
+            x_t: state.x.clone(),
             time: self.time.clone().narrow(0, index, 1),
-            embedding: latent.embedding.clone(),
-            modulation: latent.modulation.clone(),
-            mask: latent.mask.clone(),
+            embedding: state.embedding.clone(),
+            modulation: state.modulation.clone(),
+            mask: state.mask.clone(),
         }
     }
 
-    /// The clean motion that an output speaks of.
-    pub(crate) fn clean(
+    /// Computes the clean motion from the network's output, `[batch, frames, features]`; it is smoothed if the step's
+    /// predictions are.
+    pub(crate) fn clean_motion(
         &self,
-        latent: &Latent<'_, D::Context>,
+        state: &SamplerState<'_, D::Context>,
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        self.clean_at(latent, latent.x.clone(), output, step)
+        self.clean_motion_at(state, state.x.clone(), output, step)
     }
 
-    /// As [`clean`](Self::clean), for an `x` of its own.
-    pub(crate) fn clean_at(
+    /// Computes the clean motion as [`clean_motion`](Self::clean_motion), for noisy motions `x` other than those of the
+    /// state.
+    pub(crate) fn clean_motion_at(
         &self,
-        latent: &Latent<'_, D::Context>,
+        state: &SamplerState<'_, D::Context>,
         x: Tensor<3>,
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        let (signal, rest) = shares(step.alpha_cumprod);
+        let (signal_scale, noise_scale) = coefficients(step.alpha_cumprod);
         let clean = match self.model.prediction() {
             Prediction::Sample => output,
-            Prediction::Epsilon => (x - output * rest) / signal,
-            Prediction::V => x * signal - output * rest,
+            Prediction::Epsilon => (x - output * noise_scale) / signal_scale,
+            Prediction::V => x * signal_scale - output * noise_scale,
         };
-        match self.window(latent, step) {
+        match self.smoothing_window(state, step) {
             Some(window) => window.smooth(clean),
             None => clean,
         }
     }
 
-    /// The noise that an output speaks of, beside the clean motion that it speaks of.
-    pub(crate) fn noise(
+    /// Computes the noise from the network's output, so that `x` is the sum of the clean motion and this noise, each
+    /// times its coefficient.
+    pub(crate) fn predicted_noise(
         &self,
-        latent: &Latent<'_, D::Context>,
+        state: &SamplerState<'_, D::Context>,
         x: Tensor<3>,
         clean: &Tensor<3>,
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        let (signal, rest) = shares(step.alpha_cumprod);
+        let (signal_scale, noise_scale) = coefficients(step.alpha_cumprod);
         match self.model.prediction() {
-            // What is left of x beside the motion, now that it is another.
-            _ if self.window(latent, step).is_some() => (x - clean.clone() * signal) / rest,
+            // Smoothing has changed the clean motion, so the noise is the rest of x.
+            _ if self.smoothing_window(state, step).is_some() => {
+                (x - clean.clone() * signal_scale) / noise_scale
+            }
             Prediction::Epsilon => output,
-            Prediction::Sample => (x - output * signal) / rest,
-            Prediction::V => x * rest + output * signal,
+            Prediction::Sample => (x - output * signal_scale) / noise_scale,
+            Prediction::V => x * noise_scale + output * signal_scale,
         }
     }
 
-    /// `x` at the next timestep.
+    /// Returns the noisy motions at the next timestep.
     pub(crate) fn advance(
         &self,
-        latent: &Latent<'_, D::Context>,
+        state: &SamplerState<'_, D::Context>,
         clean: &Tensor<3>,
         output: Tensor<3>,
         step: &DdimStep,
     ) -> Tensor<3> {
-        let noise = self.noise(latent, latent.x.clone(), clean, output, step);
-        mix(clean, noise, step)
+        let noise = self.predicted_noise(state, state.x.clone(), clean, output, step);
+        add_noise(clean, noise, step)
     }
 }
 
-/// A clean motion with as much noise as there is at the next timestep: none after the last.
-pub(crate) fn mix(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
+/// Adds the noise of the next timestep to a clean motion; after the last timestep there is none.
+pub(crate) fn add_noise(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
     if step.next_alpha_cumprod == 1.0 {
         return clean.clone();
     }
-    let (signal, rest) = shares(step.next_alpha_cumprod);
-    clean.clone() * signal + noise * rest
+    let (signal_scale, noise_scale) = coefficients(step.next_alpha_cumprod);
+    clean.clone() * signal_scale + noise * noise_scale
 }
 
-/// The shares of motion and noise in `x`.
-fn shares(alpha_cumprod: f64) -> (f64, f64) {
+/// Returns the coefficients of the clean motion and of the noise in `x`: `√ᾱ` and `√(1 - ᾱ)`.
+fn coefficients(alpha_cumprod: f64) -> (f64, f64) {
     (alpha_cumprod.sqrt(), (1.0 - alpha_cumprod).sqrt())
 }

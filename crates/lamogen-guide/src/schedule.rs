@@ -1,8 +1,8 @@
-//! How much noise there is at a timestep, and which timesteps are visited.
+//! The noise schedule, and the timesteps of a DDIM pass.
 
 use crate::error::GuideError;
 
-/// Timesteps that the checkpoints were trained with.
+/// The number of timesteps that the checkpoints were trained with.
 pub const TRAINING_STEPS: usize = 1000;
 
 /// The noise schedule: `x_t = √ᾱ_t · x_0 + √(1 - ᾱ_t) · ε`.
@@ -14,17 +14,17 @@ pub struct Schedule {
 /// One step of a DDIM pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DdimStep {
-    /// The timestep that the network sees.
+    /// The timestep at which the network is evaluated.
     pub timestep: usize,
     /// `ᾱ` at this timestep.
     pub alpha_cumprod: f64,
-    /// `ᾱ` at the timestep that the step leads to; 1 at the last one.
+    /// `ᾱ` at the next timestep; 1 for the last step.
     pub next_alpha_cumprod: f64,
 }
 
 impl Schedule {
-    /// The linear schedule of the checkpoints: `β` from 1e-4 to 0.02 over 1000 timesteps (Ho et al.
-    /// 2020), in 64 bits.
+    /// Returns the linear schedule of the checkpoints: `β` from 1e-4 to 0.02 over 1000 timesteps (Ho et al.
+    /// 2020), computed in 64 bits.
     pub fn linear() -> Schedule {
         let (first, last) = (1e-4, 0.02);
         let step = (last - first) / (TRAINING_STEPS - 1) as f64;
@@ -38,17 +38,17 @@ impl Schedule {
         Schedule { alphas_cumprod }
     }
 
-    /// `ᾱ` at every timestep.
+    /// Returns `ᾱ` at every timestep.
     pub fn alphas_cumprod(&self) -> &[f64] {
         &self.alphas_cumprod
     }
 
-    /// A DDIM pass of evenly strided timesteps, the last being 0: 10 of 1000 are 900, 800, …, 0
-    /// (Song et al. 2020).
+    /// Returns the steps of a DDIM pass with evenly strided timesteps, of which the last is 0: 10 of 1000 are 900, 800,
+    /// …, 0 (Song et al. 2020).
     ///
     /// # Errors
     ///
-    /// If there are no steps, or more than timesteps.
+    /// If `steps` is 0 or larger than the number of timesteps.
     pub fn ddim(&self, steps: usize) -> Result<Vec<DdimStep>, GuideError> {
         let training = self.alphas_cumprod.len();
         if !(1..=training).contains(&steps) {
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn each_step_leads_to_the_next_and_the_last_to_no_noise() {
+    fn each_step_ends_where_the_next_begins_and_the_last_without_noise() {
         let pass = Schedule::linear().ddim(7).unwrap();
         for pair in pass.windows(2) {
             assert_eq!(pair[0].next_alpha_cumprod, pair[1].alpha_cumprod);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn no_steps_and_too_many_are_refused() {
+    fn zero_steps_and_too_many_steps_are_refused() {
         for steps in [0, 1001] {
             let message = Schedule::linear().ddim(steps).unwrap_err().to_string();
             assert!(

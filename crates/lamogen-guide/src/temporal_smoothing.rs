@@ -1,27 +1,28 @@
-//! Frames that agree with each other.
+//! The smoothing of predicted motions along time.
 
 use burn::tensor::Device;
 use lamogen_laban::{Gaussian, Window};
 
 use crate::error::GuideError;
 
-/// Smooths the predicted clean motion along time at every step, while there is much noise.
+/// Smooths the predicted clean motion along time at every step with a timestep of at least [`until`](Self::until).
 ///
-/// A small network sees little beyond a frame when most of it is noise: it decides for each frame alone where in a step
-/// of a walk the legs are, and what is decided early stays. Smoothing the prediction with a Gaussian makes neighbours decide together, and
-/// costs next to nothing. Below the last timestep that is smoothed the network is left alone, and brings the details back.
+/// At noisy timesteps a small network uses little information from neighbouring frames. It predicts the phase of a step
+/// of a walk for each frame alone, and the early steps of a pass fix that phase. Smoothing the prediction with a
+/// Gaussian makes neighbouring frames agree, at almost no cost. At timesteps below `until` predictions are not
+/// smoothed, and the network restores the details.
 ///
-/// This is not part of the paper.
+/// Temporal smoothing is not part of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TemporalSmoothing {
-    /// Standard deviation of the Gaussian, in frames.
+    /// The standard deviation of the Gaussian in frames.
     pub frames: f32,
-    /// The last timestep that is smoothed; smaller ones are not.
+    /// The smallest timestep that is smoothed.
     pub until: usize,
 }
 
 impl Default for TemporalSmoothing {
-    /// One frame, at all timesteps but the last ones: what is best for the embedded model.
+    /// Returns a deviation of one frame at all timesteps but the last ones: the best values for the embedded model.
     fn default() -> Self {
         TemporalSmoothing {
             frames: 1.0,
@@ -31,11 +32,11 @@ impl Default for TemporalSmoothing {
 }
 
 impl TemporalSmoothing {
-    /// Whether the numbers make sense.
+    /// Checks that the numbers are valid.
     ///
     /// # Errors
     ///
-    /// If the deviation is not from 0.01 to 100 frames.
+    /// If the standard deviation is not from 0.01 to 100 frames.
     pub fn check(&self) -> Result<(), GuideError> {
         match (0.01..=100.0).contains(&self.frames) {
             true => Ok(()),
@@ -43,11 +44,11 @@ impl TemporalSmoothing {
         }
     }
 
-    /// The window for motions of these lengths, padded to `frames`.
+    /// Returns the window for motions of the given lengths, padded to `frames` frames.
     pub(crate) fn window(&self, lengths: &[usize], frames: usize, device: &Device) -> Window {
-        // Beyond three deviations there is nothing worth a sum.
-        let reach = (3.0 * self.frames).ceil() as usize;
-        let gaussian = Gaussian::new(2 * reach + 1, self.frames * self.frames);
+        // Weights beyond three standard deviations are negligible.
+        let radius = (3.0 * self.frames).ceil() as usize;
+        let gaussian = Gaussian::new(2 * radius + 1, self.frames * self.frames);
         let gaussian = gaussian.expect("the numbers were checked");
         Window::new(&gaussian, frames, lengths.iter().copied(), device)
     }

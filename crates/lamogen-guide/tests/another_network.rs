@@ -1,4 +1,4 @@
-//! Guidance of a network that is not MotionDiffuse, small enough to foresee what it does.
+//! Guidance of a network that is not MotionDiffuse: a toy network with outputs that are known in advance.
 
 mod toy;
 
@@ -11,46 +11,46 @@ use lamogen_guide::{
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput};
 use lamogen_motion::POSE_FEATURES;
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
 const FRAMES: usize = 24;
 
-/// Says that the motion is a fixed swing, as large as the embedding.
-struct Swing {
+/// A network with a fixed swinging motion as its output, times a size that depends on the embedding.
+struct SwingNetwork {
     swing: Tensor<3>,
-    /// How the embedding becomes a size.
+    /// Computes the size from the embedding.
     size: fn(Tensor<2>) -> Tensor<2>,
 }
 
-impl Swing {
-    fn new(size: fn(Tensor<2>) -> Tensor<2>) -> Toy<Self> {
+impl SwingNetwork {
+    fn new(size: fn(Tensor<2>) -> Tensor<2>) -> ToyDenoiser<Self> {
         let device = Device::flex();
         let values: Vec<f32> = (0..FRAMES * POSE_FEATURES)
             .map(|i| {
                 let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
-                let still = (feature as f32 * 1.7).sin();
+                let mean = (feature as f32 * 1.7).sin();
                 match feature {
                     0..3 => 0.0,
-                    _ => still + (0.6 * frame as f32 + feature as f32).sin(),
+                    _ => mean + (0.6 * frame as f32 + feature as f32).sin(),
                 }
             })
             .collect();
         let swing = Tensor::<1>::from_floats(values.as_slice(), &device);
-        Toy(Swing {
+        ToyDenoiser(SwingNetwork {
             swing: swing.reshape([1, FRAMES, POSE_FEATURES]),
             size,
         })
     }
 }
 
-impl Says for Swing {
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
+impl ToyNetwork for SwingNetwork {
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
         let size = (self.size)(input.embedding).unsqueeze_dim::<3>(2);
         self.swing.clone() * size
     }
 }
 
-fn batch(network: &Toy<Swing>, sizes: &[i32]) -> Batch<()> {
+fn batch(network: &ToyDenoiser<SwingNetwork>, sizes: &[i32]) -> Batch<()> {
     let device = Device::flex();
     let tokens = Tensor::<1, Int>::from_data(sizes, &device).reshape([sizes.len(), 1]);
     let start: Vec<f32> = (0..sizes.len() as u64)
@@ -81,13 +81,13 @@ fn largest(tensor: Tensor<3>) -> f32 {
 
 #[test]
 fn guidance_lowers_the_loss_of_any_denoiser() {
-    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
+    let (network, normalization) = (SwingNetwork::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 40).unwrap();
     let batch = batch(&network, &[1, 2]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
     assert!(largest(baseline.clone().narrow(0, 1, 1) - network.swing.clone() * 2.0) < 1e-4);
-    // Four times the Weight is twice the swing, which asks for more Time, Flow and Shape too; the
-    // emphasis decides for Weight.
+    // Four times the Weight needs twice the swing, which also increases Time, Flow and Shape; the
+    // emphasis gives Weight priority.
     for update in [UpdateTiming::Immediate, UpdateTiming::Lagged] {
         let guidance = Guidance {
             emphasis: [1e4; 4],
@@ -102,15 +102,15 @@ fn guidance_lowers_the_loss_of_any_denoiser() {
         assert!(last[0] < 0.05 * first[0], "{update:?}: {first:?} {last:?}");
         let ratio = largest(guided.motion.clone().narrow(0, 0, 1)) / largest(network.swing.clone());
         assert!((1.8..2.2).contains(&ratio), "{update:?}: {ratio}");
-        // The second motion was asked to stay, and does.
-        let stayed = guided.motion.narrow(0, 1, 1) - baseline.clone().narrow(0, 1, 1);
-        assert!(largest(stayed) < 1e-3, "{update:?}");
+        // The scale of the second motion is 1, so the motion does not change.
+        let change = guided.motion.narrow(0, 1, 1) - baseline.clone().narrow(0, 1, 1);
+        assert!(largest(change) < 1e-3, "{update:?}");
     }
 }
 
 #[test]
-fn several_updates_a_step_go_further() {
-    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
+fn several_updates_a_step_lower_the_loss_further() {
+    let (network, normalization) = (SwingNetwork::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 4).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -127,8 +127,8 @@ fn several_updates_a_step_go_further() {
 }
 
 #[test]
-fn without_a_learning_rate_the_guided_motion_is_the_baseline() {
-    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
+fn with_a_learning_rate_of_zero_the_guided_motion_is_the_baseline() {
+    let (network, normalization) = (SwingNetwork::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -143,27 +143,27 @@ fn without_a_learning_rate_the_guided_motion_is_the_baseline() {
 }
 
 #[test]
-fn an_observer_sees_every_step_and_may_stop() {
-    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
+fn an_observer_receives_every_step_and_may_stop_the_run() {
+    let (network, normalization) = (SwingNetwork::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
-    let mut seen = Vec::new();
-    let mut watch = |step: &Step<'_>| {
-        seen.push((step.pass, step.index, step.timestep, step.loss.is_some()));
+    let mut steps_seen = Vec::new();
+    let mut observer = |step: &Step<'_>| {
+        steps_seen.push((step.pass, step.index, step.timestep, step.loss.is_some()));
         match (step.pass, step.index) {
             (Pass::Guided, 6) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         }
     };
-    let baseline = sampler.baseline(&batch, &mut watch).unwrap();
+    let baseline = sampler.baseline(&batch, &mut observer).unwrap();
     let guidance = Guidance::fast();
     let error = sampler
-        .guided(&batch, baseline, &[weight(1.5)], &guidance, &mut watch)
+        .guided(&batch, baseline, &[weight(1.5)], &guidance, &mut observer)
         .unwrap_err();
-    assert_eq!(seen.len(), 17);
-    assert_eq!(seen[0], (Pass::Baseline, 0, 900, false));
-    assert_eq!(seen[9], (Pass::Baseline, 9, 0, false));
-    assert_eq!(seen[16], (Pass::Guided, 6, 300, true));
+    assert_eq!(steps_seen.len(), 17);
+    assert_eq!(steps_seen[0], (Pass::Baseline, 0, 900, false));
+    assert_eq!(steps_seen[9], (Pass::Baseline, 9, 0, false));
+    assert_eq!(steps_seen[16], (Pass::Guided, 6, 300, true));
     let message = error.to_string();
     assert!(
         message.contains("step 7 of 10 of the guided pass"),
@@ -177,8 +177,8 @@ fn an_observer_sees_every_step_and_may_stop() {
 }
 
 #[test]
-fn a_loss_beyond_all_numbers_names_its_component_step_and_motion() {
-    let (network, normalization) = (Swing::new(|e| e), normalization(1.0));
+fn the_error_of_a_non_finite_loss_names_component_step_and_motion() {
+    let (network, normalization) = (SwingNetwork::new(|e| e), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1, 1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -207,9 +207,12 @@ fn a_loss_beyond_all_numbers_names_its_component_step_and_motion() {
 }
 
 #[test]
-fn a_gradient_beyond_all_numbers_names_its_component() {
-    // The root of 0 is 0, and its slope infinite.
-    let (network, normalization) = (Swing::new(|e| (e - 1.0).sqrt() + 1.0), normalization(1.0));
+fn the_error_of_a_non_finite_gradient_names_its_component() {
+    // The square root of 0 is 0, and its derivative there is infinite.
+    let (network, normalization) = (
+        SwingNetwork::new(|e| (e - 1.0).sqrt() + 1.0),
+        normalization(1.0),
+    );
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -236,7 +239,7 @@ fn a_gradient_beyond_all_numbers_names_its_component() {
 }
 
 #[test]
-fn options_that_make_no_sense_are_refused() {
+fn invalid_options_are_refused() {
     type Change = fn(&mut Guidance);
     let changes: [(Change, &str); 7] = [
         (|g| g.learning_rate = f64::NAN, "learning rate"),
@@ -256,8 +259,11 @@ fn options_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn a_network_that_ignores_the_embedding_stays_where_it_is() {
-    let (network, normalization) = (Swing::new(|e| e.inner() * 0.0 + 1.0), normalization(1.0));
+fn the_motion_of_a_network_that_ignores_the_embedding_does_not_change() {
+    let (network, normalization) = (
+        SwingNetwork::new(|e| e.inner() * 0.0 + 1.0),
+        normalization(1.0),
+    );
     let sampler = Sampler::new(&network, &normalization, 5).unwrap();
     let batch = batch(&network, &[1]);
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();

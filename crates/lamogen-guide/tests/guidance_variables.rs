@@ -1,4 +1,4 @@
-//! What guidance may move: everything lowers the same loss.
+//! The variables of guidance: the motion nears its target with each of them.
 
 mod batches;
 mod toy;
@@ -14,22 +14,22 @@ use lamogen_guide::{
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::{Normalization, POSE_FEATURES};
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
-/// Says that the motion is what it sees of it, and a swing as large as the embedding and the mean of both its modulations; counts how
-/// often it is asked.
+/// A network with two modulations. Its output is `0.8 · tanh(x_t)` plus 0.3 times a swing, which is scaled by the sum
+/// of the embedding and the mean of the modulations. It counts its evaluations.
 #[derive(Default)]
-struct Echo {
-    asked: AtomicUsize,
+struct EchoNetwork {
+    evaluations: AtomicUsize,
 }
 
-impl Says for Echo {
+impl ToyNetwork for EchoNetwork {
     fn modulations(&self) -> usize {
         2
     }
 
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
-        self.asked.fetch_add(1, Ordering::Relaxed);
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
         let [_, frames, _] = input.x_t.dims();
         let swing: Vec<f32> = (0..frames * POSE_FEATURES)
             .map(|i| {
@@ -48,21 +48,21 @@ impl Says for Echo {
     }
 }
 
-/// One motion of 40 frames, and what makes it in ten steps.
-struct Scene<S: Says> {
-    network: Toy<S>,
+/// One motion of 40 frames, with the network and the batch that it is sampled from in ten steps.
+struct Setup<N: ToyNetwork> {
+    network: ToyDenoiser<N>,
     normalization: Normalization,
     batch: Batch<()>,
     baseline: Tensor<3>,
 }
 
-impl<S: Says> Scene<S> {
-    fn new(says: S) -> Self {
-        let (network, normalization) = (Toy(says), normalization(0.3));
+impl<N: ToyNetwork> Setup<N> {
+    fn new(network: N) -> Self {
+        let (network, normalization) = (ToyDenoiser(network), normalization(0.3));
         let batch = batch(&[40], 40);
         let sampler = Sampler::new(&network, &normalization, 10).unwrap();
         let baseline = sampler.baseline(&batch, &mut ()).unwrap();
-        Scene {
+        Setup {
             network,
             normalization,
             batch,
@@ -70,8 +70,8 @@ impl<S: Says> Scene<S> {
         }
     }
 
-    /// The motion, asked to be strong.
-    fn guided(
+    /// Runs the guided pass with the goals of [`strong`].
+    fn run_guided(
         &self,
         guidance: &Guidance,
         observer: &mut dyn Observer,
@@ -92,50 +92,51 @@ const FINISH: Finish = Finish {
     epsilon: 1e-8,
 };
 
-fn ways() -> [Guidance; 5] {
-    let few = |moved| Guidance {
-        variable: moved,
+/// Returns guidance of each variable.
+fn all_variables() -> [Guidance; 5] {
+    let emphasised = |variable| Guidance {
+        variable,
         emphasis: [100.0; 4],
         ..Guidance::fast()
     };
     [
-        few(GuidanceVariable::Embedding),
-        few(GuidanceVariable::Modulation),
+        emphasised(GuidanceVariable::Embedding),
+        emphasised(GuidanceVariable::Modulation),
         Guidance {
             updates_per_step: 3,
-            // A factor on the gradient, not the length of a step.
+            // For this variable the learning rate is a factor on the gradient.
             learning_rate: 2e-4,
-            ..few(GuidanceVariable::Prediction)
+            ..emphasised(GuidanceVariable::Prediction)
         },
-        few(GuidanceVariable::Motion { iterations: 15 }),
-        few(GuidanceVariable::Noise { iterations: 30 }),
+        emphasised(GuidanceVariable::Motion { iterations: 15 }),
+        emphasised(GuidanceVariable::Noise { iterations: 30 }),
     ]
 }
 
 #[test]
-fn whatever_is_moved_the_motion_nears_the_target() {
-    let scene = Scene::new(Echo::default());
-    for guidance in ways() {
+fn the_motion_nears_the_target_with_every_variable() {
+    let setup = Setup::new(EchoNetwork::default());
+    for guidance in all_variables() {
         let mut steps = 0;
-        let mut watch = |step: &Step<'_>| {
+        let mut observer = |step: &Step<'_>| {
             assert_eq!((step.index, step.steps), (steps, guidance.steps(10)));
-            let told = matches!(
+            let has_gradient = matches!(
                 guidance.variable,
                 GuidanceVariable::Embedding | GuidanceVariable::Modulation
             );
-            assert_eq!(step.gradient.is_some(), told);
-            let is_moved = guidance.variable == GuidanceVariable::Embedding;
-            let size: f32 = step.embedding.clone().into_scalar();
-            assert_eq!(size != 1.0, is_moved, "{:?}", guidance.variable);
+            assert_eq!(step.gradient.is_some(), has_gradient);
+            let is_embedding = guidance.variable == GuidanceVariable::Embedding;
+            let embedding: f32 = step.embedding.clone().into_scalar();
+            assert_eq!(embedding != 1.0, is_embedding, "{:?}", guidance.variable);
             steps += 1;
             ControlFlow::Continue(())
         };
-        let guided = scene.guided(&guidance, &mut watch).unwrap();
+        let guided = setup.run_guided(&guidance, &mut observer).unwrap();
         assert_eq!((steps, guided.loss.len()), (guidance.steps(10), steps));
         let distance = |features: &Tensor<3>| -> f32 {
-            let [found, asked] = [features, &guided.whole.target]
+            let [mean, target_mean] = [features, &guided.whole.target]
                 .map(|features| features.clone().narrow(2, 0, 1).mean());
-            (found - asked).abs().into_scalar()
+            (mean - target_mean).abs().into_scalar()
         };
         let [before, after] = [&guided.whole.baseline, &guided.whole.guided].map(distance);
         println!("{:?}: {before} to {after}", guidance.variable);
@@ -144,34 +145,37 @@ fn whatever_is_moved_the_motion_nears_the_target() {
 }
 
 #[test]
-fn a_finish_goes_on_where_the_steps_end() {
-    let scene = Scene::new(Echo::default());
-    for guidance in ways() {
+fn a_finish_continues_after_the_steps_of_the_variable() {
+    let setup = Setup::new(EchoNetwork::default());
+    for guidance in all_variables() {
         let run = |guidance: &Guidance| {
-            let mut seen: Vec<(usize, usize, bool)> = Vec::new();
+            let mut steps_seen: Vec<(usize, usize, bool)> = Vec::new();
             let (mut embeddings, mut predictions) = (Vec::new(), Vec::new());
-            let mut watch = |step: &Step<'_>| {
-                seen.push((step.index, step.steps, step.gradient.is_some()));
+            let mut observer = |step: &Step<'_>| {
+                steps_seen.push((step.index, step.steps, step.gradient.is_some()));
                 embeddings.push(step.embedding.clone().into_scalar::<f32>());
                 predictions.push(step.prediction.clone());
                 ControlFlow::Continue(())
             };
-            let guided = scene.guided(guidance, &mut watch).unwrap();
-            (guided, seen, embeddings, predictions)
+            let guided = setup.run_guided(guidance, &mut observer).unwrap();
+            (guided, steps_seen, embeddings, predictions)
         };
         let (plain, before, ..) = run(&guidance);
-        let (finished, seen, embeddings, predictions) = run(&Guidance {
+        let (finished, steps_seen, embeddings, predictions) = run(&Guidance {
             body: Body::Network,
             finish: Some(FINISH),
             ..guidance.clone()
         });
         let steps = before.len();
-        assert_eq!((seen.len(), finished.loss.len()), (steps + 12, steps + 12));
-        for (place, (index, of, gradient)) in seen.into_iter().enumerate() {
-            assert_eq!((index, of), (place, steps + 12));
-            assert!(!gradient || place < steps);
+        assert_eq!(
+            (steps_seen.len(), finished.loss.len()),
+            (steps + 12, steps + 12)
+        );
+        for (position, (index, count, has_gradient)) in steps_seen.into_iter().enumerate() {
+            assert_eq!((index, count), (position, steps + 12));
+            assert!(!has_gradient || position < steps);
         }
-        // Up to there nothing is different, and then it is the motion itself that goes on.
+        // The steps of the variable are the same as without a finish; the steps after them move the motion itself.
         assert_eq!(finished.loss[..steps], plain.loss);
         let same = |a: &Tensor<3>, b: &Tensor<3>| {
             let difference: f32 = (a.clone() - b.clone()).abs().max().into_scalar();
@@ -191,15 +195,15 @@ fn a_finish_goes_on_where_the_steps_end() {
 }
 
 #[test]
-fn where_nothing_moves_it_is_the_baseline() {
-    let scene = Scene::new(Echo::default());
-    for guidance in ways() {
+fn with_a_learning_rate_of_zero_the_motion_is_the_baseline() {
+    let setup = Setup::new(EchoNetwork::default());
+    for guidance in all_variables() {
         let guidance = Guidance {
             learning_rate: 0.0,
             ..guidance
         };
-        let guided = scene.guided(&guidance, &mut ()).unwrap();
-        let difference = (guided.motion - scene.baseline.clone()).abs().max();
+        let guided = setup.run_guided(&guidance, &mut ()).unwrap();
+        let difference = (guided.motion - setup.baseline.clone()).abs().max();
         let difference: f32 = difference.into_scalar();
         assert!(difference < 1e-5, "{:?}: {difference}", guidance.variable);
     }
@@ -207,14 +211,14 @@ fn where_nothing_moves_it_is_the_baseline() {
 
 #[test]
 fn a_batch_gives_the_motions_of_single_calls() {
-    let (network, normalization) = (Toy(Echo::default()), normalization(0.3));
+    let (network, normalization) = (ToyDenoiser(EchoNetwork::default()), normalization(0.3));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let alone = batch(&[30], 30);
     let mut padded = batch(&[30, 50], 50);
     let rest = padded.noise.clone().narrow(0, 0, 1).narrow(1, 30, 20) * 100.0;
     let first = Tensor::cat(vec![alone.noise.clone(), rest], 1);
     padded.noise = Tensor::cat(vec![first, padded.noise.narrow(0, 1, 1)], 0);
-    for guidance in ways() {
+    for guidance in all_variables() {
         let motion = |batch: &Batch<()>| {
             let baseline = sampler.baseline(batch, &mut ()).unwrap();
             let scales = vec![strong(); batch.lengths.len()];
@@ -227,59 +231,60 @@ fn a_batch_gives_the_motions_of_single_calls() {
 }
 
 #[test]
-fn a_finished_motion_is_moved_without_the_network() {
-    let scene = Scene::new(Echo::default());
-    let asked = |guidance: &Guidance| {
-        let asked = &scene.network.0.asked;
-        asked.store(0, Ordering::Relaxed);
-        scene.guided(guidance, &mut ()).unwrap();
-        asked.load(Ordering::Relaxed)
+fn updates_of_a_finished_motion_do_not_evaluate_the_network() {
+    let setup = Setup::new(EchoNetwork::default());
+    let count_evaluations = |guidance: &Guidance| {
+        let evaluations = &setup.network.0.evaluations;
+        evaluations.store(0, Ordering::Relaxed);
+        setup.run_guided(guidance, &mut ()).unwrap();
+        evaluations.load(Ordering::Relaxed)
     };
     let [embedding, modulation, prediction, motion, noise] =
-        ways().map(|guidance| asked(&guidance));
-    // The embedding: once for the gradient, once with the new embedding. The noise: all steps each time, and once more at the end.
+        all_variables().map(|guidance| count_evaluations(&guidance));
+    // For the embedding, each step evaluates the network once for the gradient and once with the new embedding. For the
+    // noise, each iteration evaluates it at all steps, and the final pass does so once more.
     assert_eq!([embedding, modulation], [20, 20]);
     assert_eq!([prediction, motion, noise], [10, 0, 310]);
 }
 
 #[test]
-fn without_scales_and_shifts_there_is_nothing_to_move() {
-    struct Plain;
-    impl Says for Plain {
-        fn says(&self, input: DenoiserInput) -> Tensor<3> {
+fn modulation_of_a_network_without_scales_and_shifts_is_refused() {
+    struct IdentityNetwork;
+    impl ToyNetwork for IdentityNetwork {
+        fn output(&self, input: DenoiserInput) -> Tensor<3> {
             input.x_t
         }
     }
-    let refused = Scene::new(Plain).guided(&Guidance::precise(), &mut ());
-    let message = refused.unwrap_err().to_string();
+    let result = Setup::new(IdentityNetwork).run_guided(&Guidance::precise(), &mut ());
+    let message = result.unwrap_err().to_string();
     assert!(message.contains("scales and shifts"), "{message}");
 }
 
 #[test]
 fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
-    let scene = Scene::new(Echo::default());
+    let setup = Setup::new(EchoNetwork::default());
     let guidance = Guidance::raw_frame_update();
-    let mut watch = |step: &Step<'_>| match step.index {
+    let mut observer = |step: &Step<'_>| match step.index {
         4 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
-    let stopped = scene.guided(&guidance, &mut watch);
+    let stopped = setup.run_guided(&guidance, &mut observer);
     let Err(GuideError::Stopped(stopped)) = stopped else {
-        panic!("it went on");
+        panic!("the pass was not stopped");
     };
     assert_eq!(
         (stopped.index, stopped.steps, stopped.loss.len()),
         (4, 100, 5)
     );
-    for moved in [
+    for variable in [
         GuidanceVariable::Motion { iterations: 0 },
         GuidanceVariable::Noise { iterations: 0 },
     ] {
         let guidance = Guidance {
-            variable: moved,
+            variable,
             ..Guidance::fast()
         };
-        let result = scene.guided(&guidance, &mut ());
+        let result = setup.run_guided(&guidance, &mut ());
         let message = result.unwrap_err().to_string();
         assert!(message.contains("1 to 1000000 iterations"), "{message}");
     }
@@ -290,7 +295,7 @@ fn updates_of_a_motion_can_be_stopped_and_are_at_least_one() {
         }),
         ..Guidance::fast()
     };
-    let result = scene.guided(&guidance, &mut ());
+    let result = setup.run_guided(&guidance, &mut ());
     let message = result.unwrap_err().to_string();
     assert!(
         message.contains("finish: expected a finite learning rate") && message.contains("NaN"),

@@ -1,4 +1,4 @@
-//! What a network is told: how strongly to follow the sentence, and the features to reach.
+//! The conditions of a network: the sentence at a text scale, and the Laban features to reach.
 
 mod batches;
 mod toy;
@@ -9,13 +9,13 @@ use lamogen_guide::{ClassifierFree, Guidance, GuidanceVariable, GuideError, Samp
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
-/// Says its embedding at every number.
-struct Tells;
+/// A network whose output is the square of the embedding in all features of all frames.
+struct SquaredEmbeddingNetwork;
 
-impl Says for Tells {
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
+impl ToyNetwork for SquaredEmbeddingNetwork {
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
         let embedding = input.embedding.unsqueeze_dim::<3>(2);
         input.x_t * 0.0 + embedding.clone() * embedding
     }
@@ -32,21 +32,21 @@ fn input(network: &impl Denoiser, embedding: Tensor<2>) -> DenoiserInput {
     }
 }
 
-/// How far the root turns, and its height.
+/// Returns the yaw feature and the height feature of the root in the first frame.
 fn yaw_and_height(tensor: &Tensor<3>) -> [f32; 2] {
     let values = tensor.clone().try_into_vec_as::<f32>().unwrap();
     [FeatureGroup::RootYaw, FeatureGroup::RootHeight].map(|group| values[group.range().start])
 }
 
 #[test]
-fn the_output_goes_beyond_what_is_said_to_nothing_by_the_scale() {
-    let toy = Toy(Tells);
-    // The embedding of a toy is its one token: 3 is told, and 1 where nothing is.
+fn the_scale_extrapolates_from_the_unconditional_output() {
+    let toy = ToyDenoiser(SquaredEmbeddingNetwork);
+    // The embedding is the one token: 3 for the sentence, and 1 for the text without words.
     let token = |id: i32| Tensor::<2, Int>::from_data([[id]], &Device::flex());
     for (scale, expected) in [
         (1.0, [9.0, 9.0]),
         (0.0, [1.0, 1.0]),
-        // Turning is not exaggerated.
+        // The scale of the yaw is at most 1.
         (2.5, [9.0, 1.0 + 2.5 * 8.0]),
     ] {
         let network = ClassifierFree::new(&toy, scale, &[1]).unwrap();
@@ -54,7 +54,7 @@ fn the_output_goes_beyond_what_is_said_to_nothing_by_the_scale() {
         let input = input(&network, prompt.embedding.clone());
         let output = network.denoise(input.clone(), &prompt.context);
         assert_eq!(yaw_and_height(&output), expected);
-        // The way back goes through what is told: the derivative of its square, at each of the numbers.
+        // The gradient goes through the conditional output: it is the sum of the derivatives of the squared embedding.
         let linearized = network.linearize(input, &prompt.context);
         assert_eq!(yaw_and_height(&linearized.output), expected);
         let gradient = linearized.pull(output.ones_like());
@@ -66,10 +66,10 @@ fn the_output_goes_beyond_what_is_said_to_nothing_by_the_scale() {
 }
 
 #[test]
-fn a_scale_that_is_none_is_refused() {
+fn an_invalid_scale_is_refused() {
     for scale in [-1.0, f64::NAN, f64::INFINITY] {
-        let refused = ClassifierFree::new(&Toy(Tells), scale, &[1]);
-        let message = refused.err().expect("no scale").to_string();
+        let result = ClassifierFree::new(&ToyDenoiser(SquaredEmbeddingNetwork), scale, &[1]);
+        let message = result.err().expect("an error").to_string();
         assert!(
             message.contains("text scale") && message.contains("found"),
             "{message}"
@@ -78,8 +78,8 @@ fn a_scale_that_is_none_is_refused() {
 }
 
 #[test]
-fn a_network_that_cannot_be_told_features_says_so() {
-    let (toy, normalization) = (Toy(Tells), normalization(0.3));
+fn the_laban_condition_of_a_network_without_one_is_refused() {
+    let (toy, normalization) = (ToyDenoiser(SquaredEmbeddingNetwork), normalization(0.3));
     let batch = batch(&[40], 40);
     let sampler = Sampler::new(&toy, &normalization, 3).unwrap();
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -97,7 +97,7 @@ fn a_network_that_cannot_be_told_features_says_so() {
         &mut (),
     );
     assert!(matches!(error, Err(GuideError::NoLabanCondition)));
-    // Where nothing is moved and nothing told, the second pass is the first.
+    // Without a variable and without the condition, the second pass gives the motions of the first.
     let guidance = Guidance {
         laban_condition: false,
         ..guidance

@@ -1,4 +1,4 @@
-//! Terms of the loss beside the Laban features.
+//! Loss terms besides the Laban features.
 
 mod batches;
 mod toy;
@@ -14,13 +14,13 @@ use lamogen_guide::{
 use lamogen_laban::{Component, Goals, LabanFeatures, Scale, Target};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::{JOINTS, Joint, POSE_FEATURES};
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
-/// Says that all features are a swing as large as the embedding.
-struct Swing;
+/// A network whose output is a swing in all features, times the embedding.
+struct SwingNetwork;
 
-impl Says for Swing {
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
+impl ToyNetwork for SwingNetwork {
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
         let [_, frames, _] = input.x_t.dims();
         let swing = (0..frames * POSE_FEATURES)
             .map(|i| (0.5 * (i / POSE_FEATURES) as f32 + (i % POSE_FEATURES) as f32).sin());
@@ -30,17 +30,18 @@ impl Says for Swing {
     }
 }
 
-/// The distance of two joints, made `shift` larger under the root.
+/// The distance between the hands.
 #[derive(Debug)]
-struct Distance {
+struct HandDistance {
+    /// The number that is added to the squared distance.
     shift: f32,
     target: f32,
     values: usize,
 }
 
-impl Default for Distance {
+impl Default for HandDistance {
     fn default() -> Self {
-        Distance {
+        HandDistance {
             shift: 1e-6,
             target: 0.9,
             values: 1,
@@ -48,7 +49,7 @@ impl Default for Distance {
     }
 }
 
-impl LossTerm for Distance {
+impl LossTerm for HandDistance {
     fn name(&self) -> String {
         "distance of the hands".into()
     }
@@ -65,7 +66,7 @@ impl LossTerm for Distance {
     }
 }
 
-fn with(term: Distance) -> Guidance {
+fn with(term: HandDistance) -> Guidance {
     Guidance {
         loss_terms: LossTerms::default().with(Arc::new(term)),
         ..Guidance::fast()
@@ -73,7 +74,7 @@ fn with(term: Distance) -> Guidance {
 }
 
 fn guided(guidance: &Guidance) -> Result<lamogen_guide::Guided, GuideError> {
-    let (network, normalization) = (Toy(Swing), normalization(0.3));
+    let (network, normalization) = (ToyDenoiser(SwingNetwork), normalization(0.3));
     let batch = batch(&[40, 24], 40);
     let sampler = Sampler::new(&network, &normalization, 20).unwrap();
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
@@ -85,10 +86,11 @@ fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().unwrap()
 }
 
-/// Joints of two motions that move, `[2, frames, 22, 3]`.
-fn joints(frames: usize, past: f32) -> Tensor<4> {
+/// Returns the joints of two moving motions, `[2, frames, 22, 3]`. The last 4 frames of the second motion hold
+/// `padding`.
+fn joints(frames: usize, padding: f32) -> Tensor<4> {
     let value = |i: usize| match (i / (JOINTS * 3 * frames), i / (JOINTS * 3) % frames) {
-        (1, frame) if frame >= frames - 4 => past,
+        (1, frame) if frame >= frames - 4 => padding,
         (_, frame) => (0.3 * frame as f32 + (i % (JOINTS * 3)) as f32).sin(),
     };
     let values: Vec<f32> = (0..2 * frames * JOINTS * 3).map(value).collect();
@@ -96,41 +98,41 @@ fn joints(frames: usize, past: f32) -> Tensor<4> {
 }
 
 #[test]
-fn a_term_of_ones_own_is_followed_and_reported() {
-    let found = guided(&with(Distance::default())).unwrap();
-    let [term] = &found.terms[..] else {
+fn guidance_lowers_the_loss_of_a_custom_term_and_reports_it() {
+    let result = guided(&with(HandDistance::default())).unwrap();
+    let [term] = &result.terms[..] else {
         panic!("expected one term")
     };
     assert_eq!(term.name, "distance of the hands");
     assert_eq!(term.value_names, ["value 1 of distance of the hands"]);
     let [before, after] = [&term.baseline, &term.guided].map(|values| {
-        let miss = (values.clone() - term.target.clone()) * term.weight.clone();
-        let misses = host(miss.square().sum_dim(1));
-        assert_eq!(misses.len(), 2);
-        misses
+        let errors = (values.clone() - term.target.clone()) * term.weight.clone();
+        let losses = host(errors.square().sum_dim(1));
+        assert_eq!(losses.len(), 2);
+        losses
     });
     for (before, after) in before.iter().zip(&after) {
         assert!(*after < 0.7 * before, "{before} {after}");
     }
-    // The reported loss of the last step is that of the term, since nothing else is asked for.
-    let last = found.loss.last().unwrap();
+    // The term is the only one with a loss, so the reported loss of the last step is that of the term.
+    let last = result.loss.last().unwrap();
     assert!(
         last.iter()
             .zip(&after)
             .all(|(loss, after)| *loss > 0.5 * after)
     );
-    // Without the term nothing is asked for.
-    let still = guided(&Guidance::fast()).unwrap();
-    assert!(still.terms.is_empty());
-    assert!(still.loss.iter().flatten().all(|loss| *loss == 0.0));
+    // Without the term the loss is 0.
+    let without = guided(&Guidance::fast()).unwrap();
+    assert!(without.terms.is_empty());
+    assert!(without.loss.iter().flatten().all(|loss| *loss == 0.0));
 }
 
 #[test]
-fn frames_past_a_motions_length_do_not_count() {
-    let losses = [0.0, 7.0].map(|past| {
-        let term = Arc::new(Distance::default());
-        let prepared = PreparedTerm::new(term, joints(20, past), &[20, 16], 1.0).unwrap();
-        host(prepared.loss(joints(20, past)))
+fn frames_past_a_motions_length_are_ignored() {
+    let losses = [0.0, 7.0].map(|padding| {
+        let term = Arc::new(HandDistance::default());
+        let prepared = PreparedTerm::new(term, joints(20, padding), &[20, 16], 1.0).unwrap();
+        host(prepared.loss(joints(20, padding)))
     });
     assert_eq!(losses[0], losses[1]);
     assert!(losses[0].iter().all(|loss| *loss > 0.0));
@@ -165,10 +167,11 @@ fn the_laban_term_is_the_laban_loss() {
 }
 
 #[test]
-fn what_makes_no_sense_is_named() {
+fn errors_of_invalid_terms_say_what_is_wrong() {
+    /// A term that measures the first frame alone, so that its values have the wrong shape.
     #[derive(Debug)]
-    struct Flat;
-    impl LossTerm for Flat {
+    struct OneFrameTerm;
+    impl LossTerm for OneFrameTerm {
         fn name(&self) -> String {
             "flat".into()
         }
@@ -180,16 +183,16 @@ fn what_makes_no_sense_is_named() {
         }
     }
     let flat = Guidance {
-        loss_terms: LossTerms::default().with(Arc::new(Flat)),
+        loss_terms: LossTerms::default().with(Arc::new(OneFrameTerm)),
         ..Guidance::fast()
     };
-    let infinite = with(Distance {
+    let infinite = with(HandDistance {
         target: f32::INFINITY,
-        ..Distance::default()
+        ..HandDistance::default()
     });
-    let wide = Distance {
+    let wide = HandDistance {
         values: 3,
-        ..Distance::default()
+        ..HandDistance::default()
     };
     for (guidance, words) in [
         (&flat, ["`flat`", "[2, 40, 1 or more]", "[2, 1, 3]"]),
@@ -205,16 +208,16 @@ fn what_makes_no_sense_is_named() {
         let message = guided(guidance).unwrap_err().to_string();
         assert!(words.iter().all(|word| message.contains(word)), "{message}");
     }
-    // One target for three values stands for all of them; two would not.
+    // A target with one value is broadcast to three values.
     assert_eq!(guided(&with(wide)).unwrap().terms[0].value_names.len(), 3);
 }
 
 #[test]
-fn a_loss_that_is_not_finite_names_its_value() {
-    // The root of what is less than 0 is NaN.
-    let negative = with(Distance {
+fn the_error_of_a_non_finite_loss_names_its_value() {
+    // The square root of a negative number is NaN.
+    let negative = with(HandDistance {
         shift: -1e3,
-        ..Distance::default()
+        ..HandDistance::default()
     });
     let error = guided(&negative).unwrap_err();
     assert!(
@@ -237,8 +240,8 @@ fn a_loss_that_is_not_finite_names_its_value() {
 
 #[test]
 fn lists_are_equal_if_they_hold_the_same_terms() {
-    let term: Arc<dyn LossTerm> = Arc::new(Distance::default());
-    let other: Arc<dyn LossTerm> = Arc::new(Distance::default());
+    let term: Arc<dyn LossTerm> = Arc::new(HandDistance::default());
+    let other: Arc<dyn LossTerm> = Arc::new(HandDistance::default());
     let list = |term: &Arc<dyn LossTerm>| LossTerms::default().with(term.clone());
     assert_eq!(list(&term), list(&term));
     assert_ne!(list(&term), list(&other));

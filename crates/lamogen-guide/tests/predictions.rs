@@ -1,4 +1,4 @@
-//! What a network predicts makes no difference to the motion, if it knows the same.
+//! Networks that predict noise, the clean motion or v lead to the same motions, if they have the same clean motion.
 
 mod toy;
 
@@ -7,24 +7,24 @@ use lamogen_guide::{Batch, Guidance, GuidanceVariable, Sampler, noise};
 use lamogen_laban::Scale;
 use lamogen_model::{DenoiserInput, Prediction, Prompt};
 use lamogen_motion::POSE_FEATURES;
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
 const FRAMES: usize = 40;
 
-/// Knows a motion, whose size the embedding sets, and says so in the terms of its prediction.
-struct Knowing {
+/// A network with a fixed clean motion, times the embedding. Its output is that motion, the noise or v.
+struct KnownMotionNetwork {
     prediction: Prediction,
     motion: Tensor<3>,
-    /// How much of what it sees is part of its motion.
+    /// The factor on `tanh(x_t)`, which is added to the clean motion.
     echo: f32,
 }
 
-impl Knowing {
-    fn new(prediction: Prediction, echo: f32) -> Toy<Self> {
+impl KnownMotionNetwork {
+    fn new(prediction: Prediction, echo: f32) -> ToyDenoiser<Self> {
         let swing = |i: usize| 0.2 * ((i / POSE_FEATURES) as f32 * 0.4 + (i % 7) as f32).sin();
         let numbers: Vec<f32> = (0..FRAMES * POSE_FEATURES).map(swing).collect();
         let motion = Tensor::<1>::from_floats(&numbers[..], &Device::flex());
-        Toy(Knowing {
+        ToyDenoiser(KnownMotionNetwork {
             prediction,
             echo,
             motion: motion.reshape([1, FRAMES, POSE_FEATURES]),
@@ -32,7 +32,7 @@ impl Knowing {
     }
 }
 
-impl Says for Knowing {
+impl ToyNetwork for KnownMotionNetwork {
     fn prediction(&self) -> Prediction {
         self.prediction
     }
@@ -41,7 +41,7 @@ impl Says for Knowing {
         1
     }
 
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
         let alpha = input.time.unsqueeze_dim::<3>(2);
         let rest: Tensor<3> = 1.0 - alpha.clone();
         let (signal, rest) = (alpha.sqrt(), rest.sqrt());
@@ -82,14 +82,14 @@ fn largest(tensor: Tensor<3>) -> f32 {
 fn noise_clean_motion_and_v_lead_to_the_same_motions() {
     let normalization = normalization(1.0);
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
-    let mut found: Vec<[Tensor<3>; 2]> = Vec::new();
+    let mut motions: Vec<[Tensor<3>; 2]> = Vec::new();
     for prediction in [Prediction::Sample, Prediction::Epsilon, Prediction::V] {
-        let network = Knowing::new(prediction, 0.0);
+        let network = KnownMotionNetwork::new(prediction, 0.0);
         let sampler = Sampler::new(&network, &normalization, 20).unwrap();
         let batch = batch();
         let baseline = sampler.baseline(&batch, &mut ()).unwrap();
-        let known = largest(baseline.clone() - network.motion.clone());
-        assert!(known < 2e-4, "{prediction:?}: {known}");
+        let error = largest(baseline.clone() - network.motion.clone());
+        assert!(error < 2e-4, "{prediction:?}: {error}");
         let guidance = Guidance {
             emphasis: [1e4; 4],
             ..Guidance::fast()
@@ -106,9 +106,9 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
             largest(guided.clone() - baseline.clone()) > 1e-2,
             "{prediction:?}"
         );
-        found.push([baseline, guided]);
+        motions.push([baseline, guided]);
     }
-    let [sample, others @ ..] = &found[..] else {
+    let [sample, others @ ..] = &motions[..] else {
         unreachable!()
     };
     for other in others {
@@ -119,35 +119,35 @@ fn noise_clean_motion_and_v_lead_to_the_same_motions() {
 }
 
 #[test]
-fn so_do_they_whatever_is_moved() {
+fn noise_clean_motion_and_v_lead_to_the_same_motions_with_every_variable() {
     let normalization = normalization(1.0);
     let scale = Scale::new([4.0, 1.0, 1.0, 1.0]).unwrap();
-    for (moved, learning_rate) in [
+    for (variable, learning_rate) in [
         (GuidanceVariable::Embedding, 0.05),
         (GuidanceVariable::Modulation, 0.05),
         (GuidanceVariable::Prediction, 1e-5),
         (GuidanceVariable::Noise { iterations: 3 }, 0.05),
     ] {
         let motions = [Prediction::Sample, Prediction::Epsilon, Prediction::V].map(|prediction| {
-            let network = Knowing::new(prediction, 0.5);
+            let network = KnownMotionNetwork::new(prediction, 0.5);
             let sampler = Sampler::new(&network, &normalization, 10).unwrap();
             let batch = batch();
             let baseline = sampler.baseline(&batch, &mut ()).unwrap();
             let guidance = Guidance {
-                variable: moved,
+                variable,
                 learning_rate,
                 ..Guidance::fast()
             };
             let scales = [scale.into()];
             let guided = sampler.guided(&batch, baseline.clone(), &scales, &guidance, &mut ());
             let guided = guided.unwrap().motion;
-            assert!(largest(guided.clone() - baseline) > 1e-3, "{moved:?}");
+            assert!(largest(guided.clone() - baseline) > 1e-3, "{variable:?}");
             guided
         });
         let [sample, epsilon, v] = motions;
         for (name, other) in [("noise", epsilon), ("v", v)] {
             let difference = largest(other - sample.clone());
-            assert!(difference < 2e-3, "{moved:?}, {name}: {difference}");
+            assert!(difference < 2e-3, "{variable:?}, {name}: {difference}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Frames that a network decides about one by one, smoothed along time.
+//! Temporal smoothing of a network that predicts each frame for itself.
 
 mod batches;
 mod toy;
@@ -8,20 +8,21 @@ use burn::tensor::Tensor;
 use lamogen_guide::{Guidance, Sampler, TemporalSmoothing};
 use lamogen_laban::Scale;
 use lamogen_model::DenoiserInput;
-use toy::{Says, Toy, normalization};
+use toy::{ToyDenoiser, ToyNetwork, normalization};
 
-/// Sees one of two poses in each frame, the nearer one, and nothing of the others: as a small network sees the legs of a walk.
-struct Shortsighted;
+/// A network that predicts one of two poses in each frame, the one nearer to the noisy frame. It ignores the other
+/// frames, as a small network does when it predicts the legs of a walk.
+struct FrameLocalNetwork;
 
-impl Says for Shortsighted {
-    fn says(&self, input: DenoiserInput) -> Tensor<3> {
-        // The mean over the features of a frame tells on which side it is.
+impl ToyNetwork for FrameLocalNetwork {
+    fn output(&self, input: DenoiserInput) -> Tensor<3> {
+        // The mean over the features of a frame decides which pose is nearer.
         let side = (input.x_t.clone().mean_dim(2) * 20.0).tanh() * 0.3;
         side * input.embedding.unsqueeze_dim::<3>(2) + input.x_t.zeros_like()
     }
 }
 
-/// How often neighbouring frames are on different sides.
+/// Returns how often neighbouring frames have different poses.
 fn changes(motion: &Tensor<3>) -> usize {
     let sides: Vec<f32> = motion.clone().mean_dim(2).try_into_vec_as().unwrap();
     sides
@@ -31,8 +32,8 @@ fn changes(motion: &Tensor<3>) -> usize {
 }
 
 #[test]
-fn frames_agree_where_predictions_are_smoothed() {
-    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
+fn neighbouring_frames_agree_if_predictions_are_smoothed() {
+    let (network, normalization) = (ToyDenoiser(FrameLocalNetwork), normalization(1.0));
     let batch = batch(&[100], 100);
     let motion = |temporal_smoothing| {
         let sampler = Sampler::new(&network, &normalization, 50).unwrap();
@@ -42,14 +43,14 @@ fn frames_agree_where_predictions_are_smoothed() {
     let (alone, together) = (motion(None), motion(Some(TemporalSmoothing::default())));
     assert!(changes(&alone) > 35, "each for itself: {}", changes(&alone));
     assert!(changes(&together) < 20, "together: {}", changes(&together));
-    // The last steps are the network's own: every frame is on one side, and not between.
+    // The last steps are not smoothed, so every frame has one of the two poses, not one between them.
     let sides: Vec<f32> = together.mean_dim(2).try_into_vec_as().unwrap();
     assert!(sides.iter().filter(|side| side.abs() > 0.2).count() > 80);
 }
 
 #[test]
-fn padding_does_not_leak_in_and_guidance_goes_through() {
-    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
+fn padding_has_no_effect_and_guidance_works_with_smoothing() {
+    let (network, normalization) = (ToyDenoiser(FrameLocalNetwork), normalization(1.0));
     let sampler = Sampler::new(&network, &normalization, 10).unwrap();
     let sampler = sampler
         .with_temporal_smoothing(Some(TemporalSmoothing::default()))
@@ -81,13 +82,13 @@ fn padding_does_not_leak_in_and_guidance_goes_through() {
 }
 
 #[test]
-fn smoothings_that_make_no_sense_are_refused() {
-    let (network, normalization) = (Toy(Shortsighted), normalization(1.0));
+fn invalid_smoothings_are_refused() {
+    let (network, normalization) = (ToyDenoiser(FrameLocalNetwork), normalization(1.0));
     for frames in [0.0, 1e-30, -1.0, f32::NAN, 1000.0] {
         let sampler = Sampler::new(&network, &normalization, 10).unwrap();
         let temporal_smoothing = TemporalSmoothing { frames, until: 0 };
         let Err(error) = sampler.with_temporal_smoothing(Some(temporal_smoothing)) else {
-            panic!("{frames} was taken");
+            panic!("{frames} was accepted");
         };
         assert!(error.to_string().contains("0.01 to 100"), "{error}");
     }

@@ -1,4 +1,4 @@
-//! Laban features, and the loss with its gradient: `cargo bench --bench features`.
+//! Benchmarks of the Laban features, and of the loss with its gradient: `cargo bench --bench features`.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};

@@ -1,4 +1,4 @@
-//! Factors on all four components, over time.
+//! The factors on all four components over time.
 
 use std::fmt;
 use std::ops::Range;
@@ -30,37 +30,37 @@ impl ScaleCurve {
         self
     }
 
-    /// The factor on a component.
+    /// Returns the factor on a component.
     pub const fn of(&self, component: Component) -> &Factor {
         &self.0[component as usize]
     }
 
-    /// The factors at a moment, in the order of [`Component::ALL`].
+    /// Returns the factors at a time in seconds, in the order of [`Component::ALL`].
     pub fn at(&self, seconds: f32) -> [f32; COMPONENTS] {
         Component::ALL.map(|component| self.of(component).at(seconds))
     }
 
-    /// The factors at each of a motion's frames, 20 a second, the first at 0 s.
+    /// Returns the factors at each of a motion's frames. There are 20 frames a second, the first at 0 s.
     pub fn frames(&self, frames: usize) -> impl ExactSizeIterator<Item = [f32; COMPONENTS]> {
         (0..frames).map(|frame| self.at(frame as f32 / FRAMES_PER_SECOND))
     }
 
-    /// Whether a change of this component is asked for at any moment.
+    /// Returns whether the factor on a component differs from 1 at any time.
     pub fn changes(&self, component: Component) -> bool {
         self.of(component).changes()
     }
 
-    /// The factors, if none of them has keys.
+    /// Returns the factors, if none of them has keys.
     pub fn constant(&self) -> Option<Scale> {
         let is_constant = self.0.iter().all(|factor| factor.keys().is_empty());
         is_constant.then(|| Scale::unchecked(self.at(0.0)))
     }
 
-    /// The frames of a motion from key to key, whichever component a key belongs to: stretches that are not
-    /// empty and follow each other from the first frame to the last.
+    /// Splits the frames of a motion at the keys of all components. The ranges are not empty and follow each other from
+    /// the first frame to the last.
     pub fn segments(&self, frames: usize) -> Vec<Range<usize>> {
         let keys = self.0.iter().flat_map(Factor::keys);
-        // The first frame at which the key has been reached.
+        // A range starts at the first frame at which the key has been reached.
         let starts = keys.map(|key| {
             let is_before = |frame: &usize| (*frame as f32 / FRAMES_PER_SECOND) < key.seconds;
             (0..frames).take_while(is_before).count()
@@ -71,12 +71,12 @@ impl ScaleCurve {
         cuts.windows(2).map(|pair| pair[0]..pair[1]).collect()
     }
 
-    /// Whether every key can act within a motion of `frames` frames: it must be reached before the end, or
-    /// be what a slide leads to until then.
+    /// Checks that every key can act within a motion of `frames` frames. A key acts if it is reached by the last frame,
+    /// or if a slide leads to it that ends no later than the motion.
     ///
     /// # Errors
     ///
-    /// If a key cannot; the message names it and the motion's length.
+    /// If a key cannot act; the message names the key and the motion's length.
     pub fn check(&self, frames: usize) -> Result<(), ScaleError> {
         let length = frames as f32 / FRAMES_PER_SECOND;
         let last = frames.saturating_sub(1) as f32 / FRAMES_PER_SECOND;
@@ -106,18 +106,18 @@ impl From<Scale> for ScaleCurve {
     }
 }
 
-/// The components that shall change, with their factors as [`Factor::parse`] reads them.
+/// Writes the components that shall change, with their factors as [`Factor::parse`] reads them.
 impl fmt::Display for ScaleCurve {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let changes = Component::ALL
             .into_iter()
             .filter(|component| self.changes(*component));
-        let parts: Vec<String> = changes
+        let texts: Vec<String> = changes
             .map(|component| format!("{component} {}", self.of(component)))
             .collect();
-        match parts.is_empty() {
+        match texts.is_empty() {
             true => f.pad("no change"),
-            false => f.pad(&parts.join(", ")),
+            false => f.pad(&texts.join(", ")),
         }
     }
 }
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_scale_is_itself_at_every_moment() {
+    fn a_constant_scale_is_the_same_at_every_frame() {
         let scale = Scale::from_tags(&[Tag::Strong, Tag::Near]).unwrap();
         let curve = ScaleCurve::from(scale);
         assert_eq!(curve.constant(), Some(scale));
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_key_acts_from_its_frame_on() {
-        // 1.15 s is frame 23.
+        // The time 1.15 s is that of frame 23.
         let curve = weight("1.15:1.5");
         let rows: Vec<_> = curve.frames(40).collect();
         assert!(rows[..23].iter().all(|row| *row == [1.0; COMPONENTS]));
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_shown_is_what_changes() {
+    fn the_text_names_the_components_that_change() {
         assert_eq!(weight("0:1 ~ 2:1.5").to_string(), "Weight 0:1 ~ 2:1.5");
         assert_eq!(ScaleCurve::default().to_string(), "no change");
     }

@@ -1,38 +1,38 @@
-//! The joints whose movement is measured.
+//! The end-effectors: the joints of which Weight, Time and Flow are measured.
 
 use std::fmt;
 use std::str::FromStr;
 
 use lamogen_motion::Joint;
 
-use crate::goals::GoalError;
+use crate::goal_error::GoalError;
 
 /// The end-effectors of Weight, Time and Flow, each with its mass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EndEffectors(Vec<(Joint, f32)>);
 
-/// What cannot be a set of end-effectors.
+/// The reason why joints and masses are no valid set of end-effectors.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum EffectorError {
-    /// No joint at all.
+    /// The set has no joint.
     #[error("expected at least one end-effector, found none")]
     Empty,
-    /// A joint named twice.
+    /// A joint is in the set twice.
     #[error("the end-effector {name} is given twice", name = .0.name())]
     Twice(Joint),
-    /// A mass that is negative, infinite or not a number.
+    /// A mass is negative, infinite or not a number.
     #[error("the mass of {name} must be a finite number of at least 0, found {found}", name = .joint.name())]
     #[allow(missing_docs)]
     Mass { joint: Joint, found: f32 },
 }
 
 impl EndEffectors {
-    /// A set of joints with their masses. Masses enter Weight alone; Time and Flow count every
+    /// Creates a set of joints with their masses. Only Weight uses the masses; Time and Flow count every
     /// end-effector once (paper, appendix).
     ///
     /// # Errors
     ///
-    /// If the set is empty, names a joint twice, or a mass is negative or not finite.
+    /// If the set is empty, holds a joint twice, or a mass is negative or not finite.
     pub fn new(
         effectors: impl IntoIterator<Item = (Joint, f32)>,
     ) -> Result<EndEffectors, EffectorError> {
@@ -51,32 +51,32 @@ impl EndEffectors {
         Ok(EndEffectors(effectors))
     }
 
-    /// The joints.
+    /// Iterates over the joints.
     pub fn joints(&self) -> impl Iterator<Item = Joint> {
         self.0.iter().map(|&(joint, _)| joint)
     }
 
-    /// Their masses, in the same order.
+    /// Iterates over the masses, in the order of the joints.
     pub fn masses(&self) -> impl Iterator<Item = f32> {
         self.0.iter().map(|&(_, mass)| mass)
     }
 
-    /// The set without some joints; none if nothing is left.
+    /// Returns the set without some joints, or `None` if no joint is left.
     pub(crate) fn without(&self, joints: &[Joint]) -> Option<EndEffectors> {
         let rest = self.0.iter().filter(|(joint, _)| !joints.contains(joint));
         let rest: Vec<_> = rest.copied().collect();
         (!rest.is_empty()).then_some(EndEffectors(rest))
     }
 
-    /// How many there are.
+    /// Returns the number of end-effectors.
     pub fn count(&self) -> usize {
         self.0.len()
     }
 }
 
 impl Default for EndEffectors {
-    /// Hands, feet, head and torso, each of mass 1 (paper, section "Laban Effort and Shape
-    /// Quantification"): both wrists, both feet, the head and the upper spine.
+    /// Returns hands, feet, head and torso, each of mass 1 (paper, section "Laban Effort and Shape
+    /// Quantification"). The joints are both wrists, both feet, the head and the upper spine.
     fn default() -> Self {
         EndEffectors(
             [
@@ -93,7 +93,7 @@ impl Default for EndEffectors {
     }
 }
 
-/// Names of the [body parts](BodyPart) that the set is made of, and of joints that are in none.
+/// Writes the names of the [body parts](BodyPart) that the set consists of, and of the joints that are in no part.
 impl fmt::Display for EndEffectors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut rest: Vec<Joint> = self.joints().collect();
@@ -109,7 +109,7 @@ impl fmt::Display for EndEffectors {
     }
 }
 
-/// End-effectors that belong together, each of mass 1.
+/// A part of the body with its end-effectors, each of mass 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BodyPart {
     /// Both wrists.
@@ -131,7 +131,7 @@ pub enum BodyPart {
 }
 
 impl BodyPart {
-    /// All of them.
+    /// All parts.
     pub const ALL: [BodyPart; 8] = [
         BodyPart::Arms,
         BodyPart::LeftArm,
@@ -143,7 +143,7 @@ impl BodyPart {
         BodyPart::Torso,
     ];
 
-    /// Its name, as it is parsed.
+    /// Returns the part's name, as [`FromStr`] parses it.
     pub const fn name(self) -> &'static str {
         match self {
             BodyPart::Arms => "arms",
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_that_makes_no_sense_is_refused() {
+    fn an_invalid_set_is_refused() {
         assert_eq!(EndEffectors::new([]), Err(EffectorError::Empty));
         let twice = EndEffectors::new([(Joint::Head, 1.0), (Joint::Head, 2.0)]);
         assert_eq!(twice, Err(EffectorError::Twice(Joint::Head)));

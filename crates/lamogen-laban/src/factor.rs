@@ -6,13 +6,14 @@ use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::tags::{Component, Tag};
 
-/// How a component's baseline is multiplied at every moment of a motion; 1 asks for no change.
+/// A factor on a component's baseline, constant or over time. A factor of 1 asks for no change.
 ///
-/// A factor over time has keys: before the first it is 1, after the last it holds that key's factor,
-/// and between two it holds the earlier one's or slides to the later one's.
+/// A factor over time has keys. Before the first key it is 1, and after the last key it keeps that key's factor.
+/// Between two keys it keeps the factor of the earlier key, or slides: it changes linearly to the factor of the later
+/// key.
 ///
-/// As text a constant is a number or a tag of the component; keys are `seconds:factor`, in order, with a
-/// space where the factor holds until the next key and `~` where it slides there:
+/// The text form of a constant is a number or a tag of the component. The text form of keys is `seconds:factor`, in
+/// order of time, with a space between two keys where the factor holds and `~` where it slides:
 ///
 /// ```
 /// use lamogen_laban::{Component, Factor};
@@ -29,76 +30,76 @@ use crate::tags::{Component, Tag};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factor {
-    /// Until the first key.
+    /// The factor before the first key.
     start: f32,
     keys: Vec<FactorKey>,
 }
 
-/// A moment at which a factor over time is given.
+/// A time at which a factor over time has a given value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FactorKey {
     /// Seconds from the motion's start.
     pub seconds: f32,
-    /// The factor at that moment.
+    /// The factor at that time.
     pub factor: f32,
-    /// What happens from here to the next key.
+    /// The interpolation from this key to the next.
     pub interpolation: Interpolation,
 }
 
-/// The way from one key to the next.
+/// The interpolation of a factor between two keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
-    /// The factor stays what it is and jumps at the next key.
+    /// The factor stays constant and jumps at the next key.
     #[default]
     Hold,
-    /// The factor goes to the next key's in a straight line.
+    /// The factor changes linearly to that of the next key.
     Linear,
 }
 
-/// What cannot be a factor over time.
+/// The reason why a factor is invalid or a text is no factor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FactorError {
-    /// No keys.
+    /// There are no keys.
     #[error(
         "expected a factor such as 1.5, or keys such as \"0:1 1:1.5 2:0.5\" (seconds:factor), found nothing"
     )]
     Empty,
-    /// Text that is no key.
+    /// The text is no key.
     #[error("expected a key seconds:factor such as 1:1.5, found {found:?}")]
     Key { found: String },
-    /// Text that is no factor.
+    /// The text is neither a number nor a tag.
     #[error("expected a number or one of {}, found {found:?}", words(.component))]
     Word { found: String, component: Component },
-    /// A tag of another component.
+    /// The tag belongs to another component.
     #[error(
         "{tag} speaks of {}, not of {component}, whose words are {}",
         .tag.component(),
         words(.component)
     )]
     Tag { tag: Tag, component: Component },
-    /// A factor that is negative, infinite or not a number.
+    /// A factor is negative, infinite or not a number.
     #[error("a factor must be a finite number of at least 0, found {found}")]
     Value { found: f32 },
-    /// A time that is negative, infinite or not a number.
+    /// A time is negative, infinite or not a number.
     #[error("the seconds of a key must be a finite number of at least 0, found {found}")]
     Seconds { found: f32 },
-    /// A key that is not later than the one before it.
+    /// A key is not later than the one before it.
     #[error("keys must be in the order of time, found {later} s after {earlier} s")]
     Order { earlier: f32, later: f32 },
-    /// A slide that starts or ends nowhere.
+    /// A slide has no key at its start or at its end.
     #[error("a slide (~) must lead from one key to another, as in \"0:1 ~ 2:0.5\"")]
     Slide,
 }
 
-/// The tags of a component.
+/// Returns the tags of a component as a list for messages.
 pub(crate) fn words(component: &Component) -> String {
     let tags = Tag::ALL.iter().filter(|tag| tag.component() == *component);
     tags.map(Tag::to_string).collect::<Vec<_>>().join(", ")
 }
 
 impl FactorKey {
-    /// A key whose factor holds until the next.
+    /// Creates a key with a factor that stays constant until the next key.
     pub const fn hold(seconds: f32, factor: f32) -> FactorKey {
         FactorKey {
             seconds,
@@ -107,7 +108,7 @@ impl FactorKey {
         }
     }
 
-    /// A key whose factor slides to the next one's.
+    /// Creates a key with a factor that changes linearly to that of the next key.
     pub const fn linear(seconds: f32, factor: f32) -> FactorKey {
         FactorKey {
             seconds,
@@ -117,7 +118,7 @@ impl FactorKey {
     }
 }
 
-/// The tag's factor, all the time.
+/// Returns the tag's factor as a constant.
 impl From<Tag> for Factor {
     fn from(tag: Tag) -> Self {
         Factor::unchecked(tag.scale())
@@ -125,20 +126,20 @@ impl From<Tag> for Factor {
 }
 
 impl Factor {
-    /// No change.
+    /// The constant factor 1, which asks for no change.
     pub const NEUTRAL: Factor = Factor::unchecked(1.0);
 
-    /// The same factor all the time.
+    /// Creates a constant factor.
     ///
     /// # Errors
     ///
-    /// If it is negative or not finite.
+    /// If the factor is negative or not finite.
     pub fn constant(factor: f32) -> Result<Factor, FactorError> {
         check_value(factor)?;
         Ok(Factor::unchecked(factor))
     }
 
-    /// A constant that is known to be finite and not negative.
+    /// Creates a constant factor that is known to be finite and not negative.
     pub(crate) const fn unchecked(factor: f32) -> Factor {
         Factor {
             start: factor,
@@ -146,7 +147,7 @@ impl Factor {
         }
     }
 
-    /// A factor over time.
+    /// Creates a factor over time from its keys.
     ///
     /// # Errors
     ///
@@ -172,60 +173,60 @@ impl Factor {
         }
     }
 
-    /// A factor from its text; see [`Factor`]. Words are tags of `component`.
+    /// Parses a factor from its text form (see [`Factor`]). Words are tags of `component`.
     ///
     /// # Errors
     ///
-    /// If the text is of another form, and as [`keyed`](Factor::keyed).
+    /// If the text is of another form, and in the cases of [`keyed`](Factor::keyed).
     pub fn parse(component: Component, text: &str) -> Result<Factor, FactorError> {
         let spaced = text.replace('~', " ~ ");
         let parts: Vec<&str> = spaced.split_whitespace().collect();
         if let [constant] = parts[..]
             && !constant.contains([':', '~'])
         {
-            return Factor::constant(value(component, constant)?);
+            return Factor::constant(parse_value(component, constant)?);
         }
         let mut keys: Vec<FactorKey> = Vec::new();
-        let mut slides = false;
+        let mut is_after_slide = false;
         for part in parts {
             if part == "~" {
-                let last = keys.last_mut().filter(|_| !slides);
+                let last = keys.last_mut().filter(|_| !is_after_slide);
                 last.ok_or(FactorError::Slide)?.interpolation = Interpolation::Linear;
-                slides = true;
+                is_after_slide = true;
             } else {
-                keys.push(key(component, part)?);
-                slides = false;
+                keys.push(parse_key(component, part)?);
+                is_after_slide = false;
             }
         }
         Factor::keyed(keys)
     }
 
-    /// The factor at a moment.
+    /// Returns the factor at a time in seconds.
     pub fn at(&self, seconds: f32) -> f32 {
-        let passed = self.keys.partition_point(|key| key.seconds <= seconds);
-        let Some(key) = passed.checked_sub(1).map(|last| self.keys[last]) else {
+        let next = self.keys.partition_point(|key| key.seconds <= seconds);
+        let Some(key) = next.checked_sub(1).map(|last| self.keys[last]) else {
             return self.start;
         };
-        match (key.interpolation, self.keys.get(passed)) {
+        match (key.interpolation, self.keys.get(next)) {
             (Interpolation::Linear, Some(next)) => {
-                let way = (seconds - key.seconds) / (next.seconds - key.seconds);
-                key.factor + way * (next.factor - key.factor)
+                let fraction = (seconds - key.seconds) / (next.seconds - key.seconds);
+                key.factor + fraction * (next.factor - key.factor)
             }
             _ => key.factor,
         }
     }
 
-    /// The factor at each of a motion's frames, 20 a second, the first at 0 s.
+    /// Returns the factor at each of a motion's frames. There are 20 frames a second, the first at 0 s.
     pub fn frames(&self, frames: usize) -> impl ExactSizeIterator<Item = f32> + '_ {
         (0..frames).map(|frame| self.at(frame as f32 / FRAMES_PER_SECOND))
     }
 
-    /// The keys, in order of time; none if the factor is constant.
+    /// Returns the keys in order of time; there are none if the factor is constant.
     pub fn keys(&self) -> &[FactorKey] {
         &self.keys
     }
 
-    /// Whether a change is asked for at any moment.
+    /// Returns whether the factor differs from 1 at any time.
     pub fn changes(&self) -> bool {
         self.start != 1.0 || self.keys.iter().any(|key| key.factor != 1.0)
     }
@@ -237,7 +238,7 @@ impl Default for Factor {
     }
 }
 
-/// The text that [`Factor::parse`] reads, with numbers for words.
+/// Writes the text that [`Factor::parse`] reads, with numbers in the place of tags.
 impl fmt::Display for Factor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some((last, before)) = self.keys.split_last() else {
@@ -261,14 +262,14 @@ fn check_value(found: f32) -> Result<(), FactorError> {
     }
 }
 
-fn key(component: Component, text: &str) -> Result<FactorKey, FactorError> {
-    let no_key = || FactorError::Key { found: text.into() };
-    let (seconds, factor) = text.split_once(':').ok_or_else(no_key)?;
-    let seconds = seconds.parse().map_err(|_| no_key())?;
-    Ok(FactorKey::hold(seconds, value(component, factor)?))
+fn parse_key(component: Component, text: &str) -> Result<FactorKey, FactorError> {
+    let key_error = || FactorError::Key { found: text.into() };
+    let (seconds, factor) = text.split_once(':').ok_or_else(key_error)?;
+    let seconds = seconds.parse().map_err(|_| key_error())?;
+    Ok(FactorKey::hold(seconds, parse_value(component, factor)?))
 }
 
-fn value(component: Component, text: &str) -> Result<f32, FactorError> {
+fn parse_value(component: Component, text: &str) -> Result<f32, FactorError> {
     if let Ok(tag) = text.parse::<Tag>() {
         return match tag.component() == component {
             true => Ok(tag.scale()),
@@ -299,14 +300,14 @@ mod tests {
     }
 
     #[test]
-    fn before_the_first_key_nothing_is_asked() {
+    fn before_the_first_key_the_factor_is_one() {
         for text in ["1:0.5", "1:0.5 ~ 2:1.5"] {
             assert_eq!(weight(text).unwrap().at(0.95), 1.0);
         }
     }
 
     #[test]
-    fn a_slide_is_a_straight_line_and_ends_at_its_key() {
+    fn a_slide_is_linear_and_ends_at_its_key() {
         let factor = weight("0:1~1:1.5~3:0.5 4:2").unwrap();
         for (seconds, expected) in [(0.5, 1.25), (1.0, 1.5), (2.0, 1.0), (3.0, 0.5), (3.9, 0.5)] {
             assert_eq!(factor.at(seconds), expected, "{seconds} s");
@@ -347,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_factor_is_refused_with_what_was_found() {
+    fn errors_of_invalid_texts_quote_the_text() {
         for (text, parts) in [
             ("", &["0:1 1:1.5 2:0.5", "nothing"][..]),
             ("heavy", &["light, strong", "\"heavy\""]),
@@ -380,16 +381,16 @@ mod tests {
     }
 
     #[test]
-    fn keys_can_be_given_as_such() {
+    fn keys_can_be_given_without_text() {
         let keys = [FactorKey::linear(0.0, 1.0), FactorKey::hold(1.0, 1.5)];
         assert_eq!(Factor::keyed(keys), weight("0:1 ~ 1:1.5"));
         assert_eq!(Factor::keyed([]), Err(FactorError::Empty));
-        let slides_away = [FactorKey::hold(0.0, 1.0), FactorKey::linear(1.0, 1.5)];
-        assert_eq!(Factor::keyed(slides_away), Err(FactorError::Slide));
+        let open_slide = [FactorKey::hold(0.0, 1.0), FactorKey::linear(1.0, 1.5)];
+        assert_eq!(Factor::keyed(open_slide), Err(FactorError::Slide));
     }
 
     #[test]
-    fn a_change_anywhere_is_a_change() {
+    fn a_factor_with_a_change_at_any_time_changes() {
         for (text, changes) in [("1", false), ("0:1 2:1", false), ("0.9", true)] {
             assert_eq!(weight(text).unwrap().changes(), changes, "{text}");
         }

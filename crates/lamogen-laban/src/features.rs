@@ -1,4 +1,4 @@
-//! Weight, Time, Flow and Shape of joint positions.
+//! The measurement of Weight, Time, Flow and Shape from joint positions.
 
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_motion::{JOINTS, frame_mask};
@@ -7,52 +7,54 @@ use crate::effectors::EndEffectors;
 use crate::smoothing::{Gaussian, Smoothing};
 use crate::window::Window;
 
-/// Added to squared norms, so that a resting joint has a finite gradient.
-const RESTING: f32 = 1e-12;
+/// The number that is added to squared norms, so that a joint at rest has a finite gradient.
+const SQUARED_NORM_OFFSET: f32 = 1e-12;
 
-/// How Laban features are measured. The default is the paper's.
+/// Options of the measurement of Laban features. The defaults are those of the paper.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LabanOptions {
-    /// Smoothing along time before the differences.
+    /// The smoothing along time before the differences are taken.
     pub smoothing: Smoothing,
-    /// The joints whose movement counts for Weight, Time and Flow.
+    /// The end-effectors of which Weight, Time and Flow are measured.
     pub end_effectors: EndEffectors,
 }
 
-/// The Laban features of motions of given lengths.
+/// Measures the Laban features of motions of given lengths.
 ///
-/// Built once for a batch; [`measure`](Self::measure) is then a differentiable function of the
-/// joints. With `v`, `a`, `j` the first, second and third difference per frame of the smoothed
-/// positions (paper, appendix "Detailed LMA Quantification Formulas"):
+/// The value is built once for a batch; [`measure`](Self::measure) is then a differentiable function of the
+/// joints. Let `v`, `a` and `j` be the first, second and third difference per frame of the smoothed
+/// positions. The features are (paper, appendix "Detailed LMA Quantification Formulas"):
 ///
 /// - Weight: `Σ mass · ‖v‖²` over the end-effectors
-/// - Time: `Σ ‖a‖`
-/// - Flow: `Σ ‖j‖`
+/// - Time: `Σ ‖a‖` over the end-effectors
+/// - Flow: `Σ ‖j‖` over the end-effectors
 /// - Shape: volume in m³ of the box around all 22 joints, aligned with the axes
 ///
-/// The first 1, 2, 3 frames of Weight, Time, Flow have no difference and hold 0, as do all frames
-/// past a motion's length; what stands there in the joints counts nowhere.
+/// The first 1, 2 and 3 frames of Weight, Time and Flow have no difference and hold 0. All frames
+/// past a motion's length hold 0 too; the joints of those frames are ignored.
 #[derive(Clone, Debug)]
 pub struct LabanFeatures {
     frames: usize,
     lengths: Vec<usize>,
-    /// Smoothing of the series that is differenced next: positions, velocity, acceleration.
+    /// The smoothing of positions, velocity and acceleration, each before its difference is taken; `None` for no
+    /// smoothing.
     windows: [Option<Window>; ORDERS],
+    /// The index of the joint of each end-effector.
     effectors: Tensor<1, Int>,
     masses: Tensor<1>,
     /// 1 at the frames of each motion, else 0; `None` where no motion is padded.
     mask: Option<Tensor<3>>,
 }
 
-/// Velocity, acceleration and jerk.
+/// The number of differences: velocity, acceleration and jerk.
 const ORDERS: usize = 3;
 
 impl LabanFeatures {
-    /// Prepares to measure a batch of motions of the given lengths, padded to `frames` frames.
+    /// Prepares the measurement of a batch of motions of the given lengths, padded to `frames` frames.
     ///
     /// # Panics
     ///
-    /// If a length is 0 or above `frames`, or there is none.
+    /// If a length is 0 or above `frames`, or there are no lengths.
     pub fn new(options: &LabanOptions, frames: usize, lengths: &[usize], device: &Device) -> Self {
         let mask = frame_mask(lengths, frames, device);
         // The n-th difference is n frames shorter.
@@ -83,7 +85,7 @@ impl LabanFeatures {
         }
     }
 
-    /// The features of joint positions.
+    /// Measures the features of joint positions.
     ///
     /// # Shapes
     ///
@@ -92,7 +94,7 @@ impl LabanFeatures {
     ///
     /// # Panics
     ///
-    /// If the batch or the number of frames is not what was prepared for.
+    /// If the batch size or the number of frames is not the one that the measurement was prepared for.
     pub fn measure(&self, joints: Tensor<4>) -> Tensor<3> {
         let [batch, frames, count, axes] = joints.dims();
         assert_eq!(
@@ -104,7 +106,7 @@ impl LabanFeatures {
             .smooth(0, joints.reshape([batch, frames, count * axes]))
             .reshape([batch, frames, count, axes]);
         let shape = volume(joints.clone());
-        let [weight, time, flow] = self.effort(joints);
+        let [weight, time, flow] = self.efforts(joints);
         let features = Tensor::cat(vec![weight, time, flow, shape], 2);
         match &self.mask {
             Some(mask) => features * mask.clone(),
@@ -112,11 +114,12 @@ impl LabanFeatures {
         }
     }
 
-    /// Lengths of the motions, in frames.
+    /// Returns the lengths of the motions in frames.
     pub fn lengths(&self) -> &[usize] {
         &self.lengths
     }
 
+    /// Smooths the derivative of the given order: positions at 0, velocity at 1, acceleration at 2.
     fn smooth(&self, order: usize, series: Tensor<3>) -> Tensor<3> {
         match &self.windows[order] {
             Some(window) => window.smooth(series),
@@ -124,8 +127,8 @@ impl LabanFeatures {
         }
     }
 
-    /// Weight, Time and Flow of smoothed positions, `[batch, frames, 1]` each.
-    fn effort(&self, joints: Tensor<4>) -> [Tensor<3>; ORDERS] {
+    /// Computes Weight, Time and Flow of smoothed positions, `[batch, frames, 1]` each.
+    fn efforts(&self, joints: Tensor<4>) -> [Tensor<3>; ORDERS] {
         let [batch, frames, _, axes] = joints.dims();
         let count = self.masses.dims()[0];
         let mut series =
@@ -134,9 +137,9 @@ impl LabanFeatures {
                 .reshape([batch, frames, count * axes]);
         std::array::from_fn(|order| {
             let rows = frames.saturating_sub(order + 1);
-            let resting = Tensor::zeros([batch, frames - rows, 1], &series.device());
+            let zeros = Tensor::zeros([batch, frames - rows, 1], &series.device());
             if rows == 0 {
-                return resting;
+                return zeros;
             }
             if order > 0 {
                 series = self.smooth(order, series.clone());
@@ -151,14 +154,14 @@ impl LabanFeatures {
                 .reshape([batch, rows, count]);
             let effort = match order {
                 0 => squared * self.masses.clone().unsqueeze(),
-                _ => (squared + RESTING).sqrt(),
+                _ => (squared + SQUARED_NORM_OFFSET).sqrt(),
             };
-            Tensor::cat(vec![resting, effort.sum_dim(2)], 1)
+            Tensor::cat(vec![zeros, effort.sum_dim(2)], 1)
         })
     }
 }
 
-/// Volume of the box around the joints `[batch, frames, joints, 3]`: `[batch, frames, 1]`.
+/// Computes the volume of the box around the joints `[batch, frames, joints, 3]`, as `[batch, frames, 1]`.
 fn volume(joints: Tensor<4>) -> Tensor<3> {
     let [batch, frames, _, axes] = joints.dims();
     let extent = (joints.clone().max_dim(2) - joints.min_dim(2)).reshape([batch, frames, axes]);
@@ -174,7 +177,7 @@ mod tests {
 
     const FRAMES: usize = 30;
 
-    /// A body whose joints swing, each in its own way.
+    /// Returns the joints of a motion in which every joint swings with a phase of its own.
     fn swinging(speed: f32) -> Tensor<4> {
         let mut values = Vec::new();
         for frame in 0..FRAMES {
@@ -234,7 +237,7 @@ mod tests {
             for part in Component::ALL {
                 let (before, after) = (component(&before, part), component(&after, part));
                 let change = largest(after - before.clone()) / largest(before);
-                // Positions of some metres are rounded to a quarter of a micrometre.
+                // The rounding of positions of some metres is a quarter of a micrometre.
                 assert!(change < 5e-4, "{part}: {change}");
             }
         }
@@ -310,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn motions_of_a_few_frames_have_what_features_they_can() {
+    fn short_motions_have_the_features_that_their_frames_allow() {
         for frames in 1..5 {
             for size in [1, 11, 41] {
                 let gaussian = Gaussian::new(size, 10.0).unwrap();
@@ -335,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn masses_enter_weight_alone() {
+    fn only_weight_uses_the_masses() {
         let heavy = LabanOptions {
             end_effectors: EndEffectors::new(EndEffectors::default().joints().map(|j| (j, 3.0)))
                 .unwrap(),

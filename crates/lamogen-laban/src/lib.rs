@@ -1,5 +1,5 @@
-//! Laban movement analysis as numbers: Weight, Time, Flow and Shape of a motion at every frame,
-//! the words that ask for more or less of them, and the loss that compares the two.
+//! Laban movement analysis in numbers: the Weight, Time, Flow and Shape of a motion at every frame,
+//! the words that ask for more or less of them, and the loss between measured and requested values.
 //!
 //! ```text
 //! joints ──LabanFeatures──▶ features ──Target──▶ loss per component
@@ -8,14 +8,16 @@
 //!                  [frames, 4]   of the body and its parts
 //! ```
 //!
-//! Everything on tensors is differentiable and works on whole batches of motions of different
-//! lengths. Definitions follow LaMoGen (arXiv 2509.24469), section "Laban Effort and Shape
+//! All functions on tensors are differentiable and work on batches of motions of different
+//! lengths. The definitions follow LaMoGen (arXiv 2509.24469), section "Laban Effort and Shape
 //! Quantification" and appendix, after Samadani et al. 2020.
 
 mod curve;
 mod effectors;
 mod factor;
 mod features;
+mod goal;
+mod goal_error;
 mod goals;
 mod loss;
 mod parts;
@@ -29,7 +31,9 @@ pub use curve::ScaleCurve;
 pub use effectors::{BodyPart, EffectorError, EndEffectors};
 pub use factor::{Factor, FactorError, FactorKey, Interpolation};
 pub use features::{LabanFeatures, LabanOptions};
-pub use goals::{EndEffectorGoals, Goal, GoalError, Goals};
+pub use goal::Goal;
+pub use goal_error::GoalError;
+pub use goals::{EndEffectorGoals, Goals};
 pub use loss::{LossDivisor, Target};
 pub use parts::PartScale;
 pub use series::{LabanSeries, TimeSummary};

@@ -1,26 +1,27 @@
-//! How far a motion's features are from what is asked for.
+//! The relative loss between a motion's Laban features and their targets.
 
 use burn::tensor::{Tensor, TensorData};
 
-use crate::goals::Goal;
+use crate::goal::Goal;
 use crate::series::mean;
 use crate::tags::{COMPONENTS, Component};
 
-/// Keeps the relative loss finite where the baseline rests (paper, appendix "Hyperparameters").
+/// The number δ that is added to divisors, so that the relative loss is finite where the baseline is at rest
+/// (paper, appendix "Hyperparameters").
 const DELTA: f32 = 1e-6;
 
-/// What differences are divided by in the relative loss.
+/// The divisor of differences in the relative loss.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LossDivisor {
-    /// The baseline's value at the same frame (paper, equation "Laban loss"). Frames where the
-    /// baseline rests weigh most.
+    /// The baseline's value at the same frame (paper, equation "Laban loss"). Frames at which the
+    /// baseline is at rest have the largest weights.
     #[default]
     Frame,
-    /// The baseline's mean over the motion's frames, per component. All frames weigh alike.
+    /// The baseline's mean over the motion's frames, per component. All frames have the same weight.
     Mean,
 }
 
-/// The features to reach: the baseline's, scaled; and the relative loss towards them.
+/// The features to reach, usually the baseline's times a scale, with the weights of the relative loss.
 #[derive(Clone, Debug)]
 pub struct Target {
     features: Tensor<3>,
@@ -28,22 +29,23 @@ pub struct Target {
 }
 
 impl Target {
-    /// The target of each motion of a batch: `scale(t) ⊙ baseline(t)` at every frame t (paper, section
-    /// "Step 1", where the scale is the same at all frames), or what else its goals say.
+    /// Computes the target of each motion of a batch. For a factor it is `scale(t) ⊙ baseline(t)` at every frame t
+    /// (paper, section "Step 1", where the scale is the same at all frames); for other goals see [`Goal`].
     ///
-    /// `emphasis` weighs components in the loss that shall change at any moment, at all frames, each its own; the
-    /// others weigh 1, and those that may be anything 0. Differences from a target that is no multiple of the baseline are divided by
-    /// the larger of both.
+    /// `emphasis` is the weight of each component in the loss. It holds at all frames of a motion whose goal asks for a
+    /// change of the component at any time. Components that keep the baseline have the weight 1, and those with
+    /// [`Goal::Any`] the weight 0. For a target that is no multiple of the baseline, the divisor is the larger of
+    /// target and baseline.
     ///
     /// # Shapes
     ///
     /// - `baseline`: `[batch, frames, 4]`, with 0 past each motion's length
-    /// - `lengths`: frames of each motion
-    /// - `goals`: those of each motion's components
+    /// - `lengths`: the number of frames of each motion
+    /// - `goals`: the goals of each motion's components
     ///
     /// # Panics
     ///
-    /// If the numbers of motions differ, or a series has fewer than 4 values.
+    /// If `baseline`, `lengths` and `goals` differ in the number of motions, or a series has fewer than 4 values.
     pub fn new(
         baseline: Tensor<3>,
         lengths: &[usize],
@@ -58,14 +60,14 @@ impl Target {
         let (mut features, mut weights) = (measured.clone(), vec![0.0; measured.len()]);
         for (motion, (&length, goals)) in lengths.iter().zip(goals).enumerate() {
             for (component, goal) in Component::ALL.into_iter().zip(goals) {
-                let place = |frame| (motion * frames + frame) * COMPONENTS + component.index();
-                let before: Vec<f32> = (0..length).map(|frame| measured[place(frame)]).collect();
-                let asked = goal.target(component, &before);
+                let index = |frame| (motion * frames + frame) * COMPONENTS + component.index();
+                let before: Vec<f32> = (0..length).map(|frame| measured[index(frame)]).collect();
+                let target = goal.target(component, &before);
                 let emphasis = emphasis[component.index()];
-                let rows = goal.weights(&before, &asked, divisor, emphasis);
-                for (frame, (asked, weight)) in asked.into_iter().zip(rows).enumerate() {
-                    features[place(frame)] = asked;
-                    weights[place(frame)] = weight;
+                let rows = goal.weights(&before, &target, divisor, emphasis);
+                for (frame, (value, weight)) in target.into_iter().zip(rows).enumerate() {
+                    features[index(frame)] = value;
+                    weights[index(frame)] = weight;
                 }
             }
         }
@@ -79,18 +81,19 @@ impl Target {
         }
     }
 
-    /// The features to reach `[batch, frames, 4]`.
+    /// Returns the features to reach, `[batch, frames, 4]`.
     pub fn features(&self) -> Tensor<3> {
         self.features.clone()
     }
 
-    /// What differences from the target are multiplied by before they are squared, `[batch, frames, 4]`.
+    /// Returns the weights of differences from the target, `[batch, frames, 4]`. A difference is multiplied by its
+    /// weight before it is squared.
     pub fn weight(&self) -> Tensor<3> {
         self.weight.clone()
     }
 
-    /// The Laban loss `Σ ((f - target) / (divisor + δ))²` over frames, per motion and component
-    /// (paper, equation "Laban loss"); the sum over components is what guidance lowers.
+    /// Computes the Laban loss `Σ ((f - target) / (divisor + δ))²` over frames, per motion and component
+    /// (paper, equation "Laban loss"). Guidance lowers the sum over components.
     ///
     /// # Shapes
     ///
@@ -106,7 +109,8 @@ impl Target {
 }
 
 impl Goal {
-    /// What the difference from the target is multiplied by at each frame, before it is squared.
+    /// Computes the weight of the difference from the target at each frame. The difference is multiplied by its weight
+    /// before it is squared.
     fn weights(
         &self,
         baseline: &[f32],
@@ -114,23 +118,23 @@ impl Goal {
         divisor: LossDivisor,
         emphasis: f32,
     ) -> Vec<f32> {
-        // The loss is squared, so the weight enters as its root.
+        // The weight is squared in the loss, so that the root of the emphasis enters it.
         let root = match self {
             Goal::Any => return vec![0.0; baseline.len()],
             goal if goal.changes() => emphasis.sqrt(),
             _ => 1.0,
         };
         let is_multiple = !matches!(self, Goal::Series(_));
-        let larger = |before: f32, asked: f32| match is_multiple {
-            true => before,
-            false => before.max(asked),
+        let choose = |baseline: f32, target: f32| match is_multiple {
+            true => baseline,
+            false => baseline.max(target),
         };
-        let divisors = baseline.iter().zip(target);
+        let pairs = baseline.iter().zip(target);
         let divisors: Vec<f32> = match divisor {
-            LossDivisor::Frame => divisors.map(|(b, t)| larger(*b, *t)).collect(),
+            LossDivisor::Frame => pairs.map(|(b, t)| choose(*b, *t)).collect(),
             LossDivisor::Mean => {
-                let [before, asked] = [baseline, target].map(|values| mean(values.iter().copied()));
-                vec![larger(before, asked); baseline.len()]
+                let means = [baseline, target].map(|values| mean(values.iter().copied()));
+                vec![choose(means[0], means[1]); baseline.len()]
             }
         };
         let weights = divisors.into_iter().map(|divisor| root / (divisor + DELTA));
@@ -148,38 +152,42 @@ mod tests {
     use burn::tensor::Device;
     use lamogen_motion::JOINTS;
 
-    type Goals = [Goal; COMPONENTS];
+    type ComponentGoals = [Goal; COMPONENTS];
 
-    fn goals(scale: ScaleCurve) -> Goals {
+    fn goals(scale: ScaleCurve) -> ComponentGoals {
         Component::ALL.map(|component| scale.of(component).clone().into())
     }
 
-    fn scale(factors: [f32; COMPONENTS]) -> Goals {
+    fn scale(factors: [f32; COMPONENTS]) -> ComponentGoals {
         goals(Scale::new(factors).unwrap().into())
     }
 
-    fn over_time(component: Component, text: &str) -> Goals {
+    fn factor_over_time(component: Component, text: &str) -> ComponentGoals {
         let factor = Factor::parse(component, text).unwrap();
         goals(ScaleCurve::default().with(component, factor))
     }
 
     #[test]
-    fn a_relative_loss_is_known_by_hand() {
+    fn the_relative_loss_agrees_with_a_calculation_by_hand() {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0], [2.0, 1.0, 1.0, 8.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 0.5])];
         for (divisor, shape) in [(LossDivisor::Frame, 0.5), (LossDivisor::Mean, 20.0 / 36.0)] {
             let target = Target::new(baseline.clone(), &[2], &scales, divisor, [1.0; COMPONENTS]);
             let loss = target.loss(baseline.clone()).into_data();
             let loss = loss.as_slice::<f32>().unwrap();
-            // Weight is 1 from 3 of 2 at both frames: 2 · (1/2)².
+            // Weight is 2 where 3 is asked for, at both frames: 2 · (1/2)².
             for (loss, expected) in loss.iter().zip([0.5, 0.0, 0.0, shape]) {
                 assert!((loss - expected).abs() < 1e-5, "{divisor:?}: {loss}");
             }
         }
     }
 
-    /// The loss of twice the baseline, with an emphasis of 1 and of 10.
-    fn emphasised(baseline: &Tensor<3>, goals: &[Goals], divisor: LossDivisor) -> [Vec<f32>; 2] {
+    /// Computes the loss of twice the baseline, with an emphasis of 1 and of 10.
+    fn losses_by_emphasis(
+        baseline: &Tensor<3>,
+        goals: &[ComponentGoals],
+        divisor: LossDivisor,
+    ) -> [Vec<f32>; 2] {
         [1.0, 10.0].map(|emphasis| {
             let lengths = [baseline.dims()[1]];
             let emphasis = [emphasis; COMPONENTS];
@@ -190,10 +198,10 @@ mod tests {
     }
 
     #[test]
-    fn emphasis_weighs_what_the_scale_changes() {
+    fn emphasis_is_the_weight_of_components_that_change() {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 1.0])];
-        let [plain, heavy] = emphasised(&baseline, &scales, LossDivisor::Frame);
+        let [plain, heavy] = losses_by_emphasis(&baseline, &scales, LossDivisor::Frame);
         assert!((heavy[0] / plain[0] - 10.0).abs() < 1e-3);
         assert_eq!(heavy[1..], plain[1..]);
     }
@@ -209,8 +217,8 @@ mod tests {
         let data = TensorData::new(values.collect(), [2, frames, COMPONENTS]);
         let baseline = Tensor::<3>::from_data(data, &Device::flex());
         let scales = [
-            over_time(Component::Weight, "0.5:1.5 1:0.5"),
-            over_time(Component::Shape, "0:1 ~ 1:2"),
+            factor_over_time(Component::Weight, "0.5:1.5 1:0.5"),
+            factor_over_time(Component::Shape, "0:1 ~ 1:2"),
         ];
         let target = Target::new(
             baseline.clone(),
@@ -219,9 +227,9 @@ mod tests {
             LossDivisor::Frame,
             [1.0; COMPONENTS],
         );
-        let [asked, baseline] =
+        let [target, baseline] =
             [target.features(), baseline].map(|t| t.into_data().try_to_vec::<f32>().unwrap());
-        for (i, (asked, before)) in asked.iter().zip(&baseline).enumerate() {
+        for (i, (target, before)) in target.iter().zip(&baseline).enumerate() {
             let (motion, frame, component) = (
                 i / frames / COMPONENTS,
                 i / COMPONENTS % frames,
@@ -232,19 +240,19 @@ mod tests {
                 (1, 3) => 1.0 + (frame as f32 / 20.0).min(1.0),
                 _ => 1.0,
             };
-            let error = (asked - before * factor).abs();
+            let error = (target - before * factor).abs();
             assert!(
                 error <= 1e-5 * before,
-                "{motion} {frame} {component}: {asked}"
+                "{motion} {frame} {component}: {target}"
             );
         }
     }
 
     #[test]
-    fn a_change_at_any_moment_is_emphasised_at_all() {
+    fn a_change_at_any_time_is_emphasised_at_all_frames() {
         let baseline = Tensor::<3>::ones([1, 40, COMPONENTS], &Device::flex());
-        let scales = [over_time(Component::Time, "1:1.2")];
-        let [plain, heavy] = emphasised(&baseline, &scales, LossDivisor::Mean);
+        let scales = [factor_over_time(Component::Time, "1:1.2")];
+        let [plain, heavy] = losses_by_emphasis(&baseline, &scales, LossDivisor::Mean);
         // Half the frames ask for 1, the other half for 1.2, and all are at 2.
         assert!(
             (plain[1] - 20.0 * (1.0 + 0.8 * 0.8)).abs() < 1e-3,
@@ -258,22 +266,23 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_is_no_multiple_is_held_against_the_larger_of_both() {
+    fn a_target_that_is_no_multiple_is_compared_relative_to_the_larger_value() {
         let baseline = Tensor::<3>::ones([1, 4, COMPONENTS], &Device::flex());
-        let mut asked = goals(ScaleCurve::default());
-        asked[Component::Shape.index()] = Goal::Series(vec![3.0; 4]);
-        asked[Component::Time.index()] = Goal::Any;
+        let mut goals = goals(ScaleCurve::default());
+        goals[Component::Shape.index()] = Goal::Series(vec![3.0; 4]);
+        goals[Component::Time.index()] = Goal::Any;
         for divisor in [LossDivisor::Frame, LossDivisor::Mean] {
             let target = Target::new(
                 baseline.clone(),
                 &[4],
-                &[asked.clone()],
+                &[goals.clone()],
                 divisor,
                 [2.0; COMPONENTS],
             );
             let loss = target.loss(baseline.clone() * 2.0).into_data();
             let loss = loss.as_slice::<f32>().unwrap();
-            // Shape is 2 of 3, of 3, with twice the weight; Time may be anything.
+            // Shape is 2 where 3 is asked for, the divisor is 3 and the emphasis 2: 4 · 2 · (1/3)². Time may take any
+            // value.
             for (found, expected) in loss.iter().zip([4.0, 0.0, 4.0, 8.0 / 9.0]) {
                 assert!((found - expected).abs() < 1e-5, "{loss:?}");
             }
@@ -319,7 +328,7 @@ mod tests {
             let gradient = leaf.grad(&loss(leaf.clone()).backward()).unwrap();
             let gradient = gradient.into_data().try_to_vec::<f32>().unwrap();
             let largest = gradient.iter().fold(0.0f32, |m, g| m.max(g.abs()));
-            // Wrists, head and a foot; knees count for Shape alone.
+            // These are wrists, head and a foot, and a knee, which only Shape depends on.
             for joint in [20, 21, 15, 10, 4] {
                 for (frame, axis) in [(0, 0), (5, 1), (11, 2)] {
                     let index = (frame * JOINTS + joint) * 3 + axis;

@@ -6,12 +6,13 @@ use std::str::FromStr;
 use crate::curve::ScaleCurve;
 use crate::effectors::{BodyPart, EndEffectors};
 use crate::factor::Factor;
-use crate::goals::GoalError;
+use crate::goal_error::GoalError;
 use crate::tags::{Component, Tag};
 
-/// Factors on Weight, Time and Flow of some end-effectors alone. Components that are left open do as the whole body.
+/// Factors on Weight, Time and Flow of a part of the body: a set of end-effectors. For a component without a factor,
+/// the goal of the whole body holds.
 ///
-/// As text it is the name of a [`BodyPart`], a colon, and tags or `component=factor`, with commas between them:
+/// The text form is the name of a [`BodyPart`], a colon, and tags or `component=factor`, with commas between them:
 ///
 /// ```
 /// use lamogen_laban::{BodyPart, PartScale, Tag};
@@ -28,7 +29,7 @@ pub struct PartScale {
 }
 
 impl PartScale {
-    /// A part, whose factors are all open.
+    /// Creates a part without factors.
     pub fn new(end_effectors: impl Into<EndEffectors>) -> Self {
         PartScale {
             end_effectors: end_effectors.into(),
@@ -40,10 +41,10 @@ impl PartScale {
     ///
     /// # Errors
     ///
-    /// If the component is Shape, which is of the whole body.
+    /// If the component is Shape, which only the whole body has.
     pub fn with(mut self, component: Component, factor: Factor) -> Result<Self, GoalError> {
         match self.factors.get_mut(component.index()) {
-            Some(place) => *place = Some(factor),
+            Some(own) => *own = Some(factor),
             None => {
                 let part = self.end_effectors.to_string();
                 return Err(GoalError::PartShape { part });
@@ -52,30 +53,31 @@ impl PartScale {
         Ok(self)
     }
 
-    /// Sets a tag's factor.
+    /// Sets the factor of a tag on the tag's component.
     ///
     /// # Errors
     ///
-    /// As [`with`](Self::with).
+    /// If the tag is one of Shape, which only the whole body has.
     pub fn tag(self, tag: Tag) -> Result<Self, GoalError> {
         self.with(tag.component(), tag.into())
     }
 
-    /// The joints.
+    /// Returns the part's end-effectors.
     pub fn end_effectors(&self) -> &EndEffectors {
         &self.end_effectors
     }
 
-    /// The factor on a component, if it has one of its own.
+    /// Returns the part's factor on a component, if it has one.
     pub fn of(&self, component: Component) -> Option<&Factor> {
         self.factors.get(component.index())?.as_ref()
     }
 
-    /// Whether a change is asked for at any moment.
+    /// Returns whether a factor differs from 1 at any time.
     pub fn changes(&self) -> bool {
         self.factors.iter().flatten().any(Factor::changes)
     }
 
+    /// Checks that every key of the factors can act within a motion of `frames` frames.
     pub(crate) fn check(&self, frames: usize) -> Result<(), GoalError> {
         let mut curve = ScaleCurve::default();
         for component in Component::EFFORTS {
@@ -91,14 +93,14 @@ impl FromStr for PartScale {
     type Err = GoalError;
 
     fn from_str(text: &str) -> Result<Self, GoalError> {
-        let no_part = || GoalError::Part { found: text.into() };
-        let (name, words) = text.split_once(':').ok_or_else(no_part)?;
+        let part_error = || GoalError::Part { found: text.into() };
+        let (name, words) = text.split_once(':').ok_or_else(part_error)?;
         let part: BodyPart = name.trim().parse()?;
         let mut scale = PartScale::new(part);
         for word in words.split(',').map(str::trim) {
             let (component, factor) = match word.split_once('=') {
                 None => {
-                    let tag: Tag = word.parse().map_err(|_| no_part())?;
+                    let tag: Tag = word.parse().map_err(|_| part_error())?;
                     (tag.component(), tag.into())
                 }
                 Some((component, factor)) => {
@@ -106,7 +108,7 @@ impl FromStr for PartScale {
                     let mut all = Component::ALL.into_iter();
                     let component =
                         all.find(|component| component.to_string().eq_ignore_ascii_case(name));
-                    let component = component.ok_or_else(no_part)?;
+                    let component = component.ok_or_else(part_error)?;
                     (component, Factor::parse(component, factor)?)
                 }
             };
@@ -120,21 +122,21 @@ impl FromStr for PartScale {
     }
 }
 
-/// The factors, each with the part's name.
+/// Writes the factors, each with the part's name.
 impl fmt::Display for PartScale {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let own = Component::EFFORTS.into_iter().zip(&self.factors);
-        let own = own.filter_map(|(component, factor)| {
+        let factors = Component::EFFORTS.into_iter().zip(&self.factors);
+        let texts = factors.filter_map(|(component, factor)| {
             Some(format!(
                 "{} {component} {}",
                 self.end_effectors,
                 factor.as_ref()?
             ))
         });
-        let own: Vec<String> = own.collect();
-        match own.is_empty() {
+        let texts: Vec<String> = texts.collect();
+        match texts.is_empty() {
             true => write!(f, "{} as the whole", self.end_effectors),
-            false => f.write_str(&own.join(", ")),
+            false => f.write_str(&texts.join(", ")),
         }
     }
 }
@@ -144,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_part_is_refused_with_what_was_found() {
+    fn errors_of_invalid_texts_say_what_was_found() {
         for (text, part) in [
             ("arms", "\"arms:strong,sudden\""),
             ("wings:strong", "left-arm"),
@@ -167,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_over_time_have_keys_within_the_motion() {
+    fn keys_past_the_end_of_the_motion_are_refused() {
         let part: PartScale = "left-leg:weight=0:1 1:strong".parse().unwrap();
         assert_eq!(part.to_string(), "left-leg Weight 0:1 1:1.5");
         assert_eq!(part.check(40), Ok(()));

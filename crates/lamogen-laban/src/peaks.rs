@@ -1,26 +1,26 @@
-//! Where a series is largest.
+//! The peaks of a Laban series.
 
 use crate::series::LabanSeries;
 use crate::tags::Component;
 
-/// Two peaks are at least this many frames apart: a quarter of a second.
-const APART: usize = 5;
-/// A peak has at least this share of the largest value.
-const LEAST: f32 = 0.5;
+/// The number of frames before and after a peak that have no larger value: a quarter of a second.
+const PEAK_DISTANCE: usize = 5;
+/// The smallest ratio of a peak to the largest value of the motion.
+const PEAK_RATIO: f32 = 0.5;
 
 impl LabanSeries {
-    /// The frames at which a component peaks, the highest first: frames with the largest value of a quarter of
-    /// a second around them, and at least half of the largest in the motion. A component that is 0 all the time
-    /// has none; of a plateau it is the first frame.
+    /// Returns the frames at which a component has a peak, the highest peak first. The value of a peak is the largest
+    /// within a quarter of a second before and after it, and at least half of the largest value in the motion. The peak
+    /// of a plateau is its first frame. A component that is 0 at all frames has no peak.
     pub fn peaks(&self, component: Component) -> Vec<usize> {
         let values: Vec<f32> = self.component(component).collect();
         let largest = values.iter().copied().fold(0.0, f32::max);
         let is_peak = |&frame: &usize| {
             let value = values[frame];
-            let before = &values[frame.saturating_sub(APART)..frame];
-            let after = &values[frame + 1..values.len().min(frame + 1 + APART)];
+            let before = &values[frame.saturating_sub(PEAK_DISTANCE)..frame];
+            let after = &values[frame + 1..values.len().min(frame + 1 + PEAK_DISTANCE)];
             value > 0.0
-                && value >= LEAST * largest
+                && value >= PEAK_RATIO * largest
                 && before.iter().all(|&other| other < value)
                 && after.iter().all(|&other| other <= value)
         };

@@ -1,4 +1,4 @@
-//! Laban features of one motion on the host.
+//! The Laban features of one motion, in main memory.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use lamogen_motion::{JOINTS, Motion};
 use crate::features::{LabanFeatures, LabanOptions};
 use crate::tags::{COMPONENTS, Component};
 
-/// How a series becomes one number.
+/// The summary of a series over time as one number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TimeSummary {
     /// The largest value over time: the original definition of the Laban components (paper,
@@ -19,14 +19,14 @@ pub enum TimeSummary {
     Mean,
 }
 
-/// Weight, Time, Flow and Shape of one motion, a row a frame.
+/// Weight, Time, Flow and Shape of one motion at every frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabanSeries {
     frames: Vec<[f32; COMPONENTS]>,
 }
 
 impl LabanSeries {
-    /// Measures a motion, computing on a device.
+    /// Measures a motion. The computation runs on `device`.
     pub fn of(motion: &Motion, options: &LabanOptions, device: &Device) -> LabanSeries {
         let frames = motion.frames();
         let positions = motion.joints().as_flattened().as_flattened().to_vec();
@@ -36,11 +36,11 @@ impl LabanSeries {
         LabanSeries::from_tensor(measured.reshape([frames, COMPONENTS]))
     }
 
-    /// The series of features `[frames, 4]`.
+    /// Reads the series of features `[frames, 4]` from a tensor.
     ///
     /// # Panics
     ///
-    /// If there are not four features a frame.
+    /// If the tensor has not four features per frame.
     pub fn from_tensor(features: Tensor<2>) -> LabanSeries {
         assert_eq!(features.dims()[1], COMPONENTS, "four features a frame");
         let values: Vec<f32> = features.try_into_vec_as().expect("floats convert to f32");
@@ -49,12 +49,12 @@ impl LabanSeries {
         }
     }
 
-    /// `[Weight, Time, Flow, Shape]` at every frame.
+    /// Returns `[Weight, Time, Flow, Shape]` at every frame.
     pub fn frames(&self) -> &[[f32; COMPONENTS]] {
         &self.frames
     }
 
-    /// One component over time.
+    /// Iterates over the values of one component.
     pub fn component(
         &self,
         component: Component,
@@ -62,7 +62,7 @@ impl LabanSeries {
         self.frames.iter().map(move |row| row[component.index()])
     }
 
-    /// A part of the series; frames past its end are left out.
+    /// Returns the series of some of the frames. Frames past the end of the series are left out.
     pub fn section(&self, frames: Range<usize>) -> LabanSeries {
         let end = frames.end.min(self.frames.len());
         LabanSeries {
@@ -70,8 +70,9 @@ impl LabanSeries {
         }
     }
 
-    /// The mean of each component over those of the frames at which it is known: Weight, Time and Flow need one, two and three frames before
-    /// theirs. 0 where there is none; the frames must be within the series.
+    /// Returns the mean of each component over those of the given frames at which its value is known: Weight, Time and
+    /// Flow need one, two and three earlier frames. The mean is 0 where there is no such frame. The frames must be
+    /// within the series.
     pub fn known_means(&self, frames: Range<usize>) -> [f32; COMPONENTS] {
         const FIRST_KNOWN: [usize; COMPONENTS] = [1, 2, 3, 0];
         Component::ALL.map(|component| {
@@ -82,7 +83,7 @@ impl LabanSeries {
         })
     }
 
-    /// One number a component.
+    /// Returns the summary of each component over time.
     pub fn summary(&self, summary: TimeSummary) -> [f32; COMPONENTS] {
         Component::ALL.map(|component| {
             let values = self.component(component);
@@ -94,7 +95,7 @@ impl LabanSeries {
     }
 }
 
-/// The mean of some numbers; 0 of none.
+/// Returns the mean of some numbers, or 0 if there are none.
 pub(crate) fn mean(values: impl ExactSizeIterator<Item = f32>) -> f32 {
     let count = values.len().max(1) as f64;
     (values.map(f64::from).sum::<f64>() / count) as f32
@@ -118,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn means_leave_out_the_frames_at_which_a_component_is_not_known() {
+    fn means_leave_out_frames_without_a_known_value() {
         let rows = [
             [0.0, 0.0, 0.0, 1.0],
             [2.0, 0.0, 0.0, 1.0],
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_is_measured_on_the_host() {
+    fn the_series_of_a_motion_at_rest_has_shape_alone() {
         let mut pose = [[0.0; 3]; JOINTS];
         pose[15] = [1.0, 2.0, 0.5];
         let motion = Motion::from_joints(vec![pose; 10]).unwrap();

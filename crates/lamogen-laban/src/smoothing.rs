@@ -1,6 +1,6 @@
-//! Gaussian smoothing along time, which keeps differences from being noise.
+//! Options of Gaussian smoothing along time. Without smoothing, differences between frames are mostly noise.
 
-/// Frames of the largest window, over eight minutes.
+/// The number of frames of the largest window: more than eight minutes.
 const LARGEST: usize = 9_999;
 
 /// A Gaussian window over frames.
@@ -10,29 +10,29 @@ pub struct Gaussian {
     variance: f32,
 }
 
-/// What cannot be a Gaussian window.
+/// The reason why a Gaussian window is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaussianError {
-    /// A window without a middle frame, or one that is too large.
+    /// The window has no middle frame or is too large.
     #[error("the smoothing window must have an odd number of frames up to {LARGEST}, found {0}")]
     Size(usize),
-    /// A variance that is not a positive number.
+    /// The variance is not a finite positive number.
     #[error("the variance of the smoothing must be finite and above 0, found {0}")]
     Variance(f32),
 }
 
 impl Gaussian {
-    /// 11 frames with a variance of 10 (paper, section "Implementation Details").
+    /// The window of the paper: 11 frames with a variance of 10 frames² (paper, section "Implementation Details").
     pub const PAPER: Gaussian = Gaussian {
         size: 11,
         variance: 10.0,
     };
 
-    /// A window of `size` frames, with a variance in frames².
+    /// Creates a window of `size` frames, with a variance in frames².
     ///
     /// # Errors
     ///
-    /// If the size is even (0 included) or above 9,999, or the variance not finite and positive.
+    /// If the size is even (0 included) or above 9,999, or the variance is not finite and positive.
     pub fn new(size: usize, variance: f32) -> Result<Gaussian, GaussianError> {
         if size.is_multiple_of(2) || size > LARGEST {
             return Err(GaussianError::Size(size));
@@ -43,7 +43,7 @@ impl Gaussian {
         Ok(Gaussian { size, variance })
     }
 
-    /// The weights of the window, which sum to 1.
+    /// Returns the weights of the window. Their sum is 1.
     pub fn kernel(&self) -> Vec<f32> {
         let middle = (self.size / 2) as f32;
         let weights: Vec<f32> = (0..self.size)
@@ -57,15 +57,15 @@ impl Gaussian {
     }
 }
 
-/// Where positions are smoothed before they are differenced. Frames beyond the ends repeat the
-/// first and the last one.
+/// The place of smoothing in the computation of differences. Beyond the ends of a motion, the first
+/// and the last frame repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Smoothing {
-    /// Not at all.
+    /// Nothing is smoothed.
     None,
-    /// Once, on the positions (paper, appendix "Detailed LMA Quantification Formulas").
+    /// The positions are smoothed once (paper, appendix "Detailed LMA Quantification Formulas").
     Positions(Gaussian),
-    /// Before each difference: positions, velocity and acceleration (paper, section
+    /// Positions, velocity and acceleration are smoothed, each before its difference is taken (paper, section
     /// "Implementation Details").
     EachDifference(Gaussian),
 }
@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(kernel.len(), 11);
         assert!((kernel.iter().sum::<f32>() - 1.0).abs() < 1e-6);
         assert_eq!(kernel[0], kernel[10]);
-        // exp(-25 / 20) against exp(0).
+        // The weights are exp(-25 / 20) and exp(0), divided by the same sum.
         assert!((kernel[0] / kernel[5] - (-1.25f32).exp()).abs() < 1e-6);
     }
 

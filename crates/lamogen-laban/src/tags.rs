@@ -1,28 +1,28 @@
-//! The words of Laban movement analysis and the numbers they stand for.
+//! The components and tags of Laban movement analysis, and the factors that the tags stand for.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Number of Laban components.
+/// The number of Laban components.
 pub const COMPONENTS: usize = 4;
 
-/// One of the four quantities that are measured and steered.
+/// A Laban component: one of the four quantities that are measured and guided.
 ///
 /// `component as usize` is its index on the last axis of feature tensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Component {
-    /// Kinetic energy of the end-effectors.
+    /// The kinetic energy of the end-effectors.
     Weight,
-    /// Their acceleration.
+    /// The acceleration of the end-effectors.
     Time,
-    /// Their jerk.
+    /// The jerk of the end-effectors.
     Flow,
-    /// Volume of the body's bounding box.
+    /// The volume of the body's bounding box.
     Shape,
 }
 
 impl Component {
-    /// Every component, in index order.
+    /// All components, in the order of their indices.
     pub const ALL: [Component; COMPONENTS] = [
         Component::Weight,
         Component::Time,
@@ -30,10 +30,10 @@ impl Component {
         Component::Shape,
     ];
 
-    /// Those of the end-effectors, which come first: all but Shape.
+    /// The components that are measured on end-effectors: all but Shape. They are the first of [`ALL`](Self::ALL).
     pub const EFFORTS: [Component; 3] = [Component::Weight, Component::Time, Component::Flow];
 
-    /// The first frame that has a value; those before have no difference, and hold 0.
+    /// Returns the first frame that has a value. The frames before it have no difference and hold 0.
     pub(crate) const fn first_frame(self) -> usize {
         match self {
             Component::Weight => 1,
@@ -43,12 +43,12 @@ impl Component {
         }
     }
 
-    /// Index on the last axis of feature tensors.
+    /// Returns the component's index on the last axis of feature tensors.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// What it is measured in; a frame is 1/20 s.
+    /// Returns the component's unit as text; a frame is 1/20 s.
     pub const fn unit(self) -> &'static str {
         match self {
             Component::Weight => "m² per frame²",
@@ -70,7 +70,7 @@ impl fmt::Display for Component {
     }
 }
 
-/// A word that asks for less or more of one component.
+/// A Laban tag: a word that asks for less or more of one component.
 ///
 /// ```
 /// use lamogen_laban::{Component, Tag};
@@ -82,39 +82,40 @@ impl fmt::Display for Component {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Tag {
-    /// Little Weight.
+    /// Less Weight.
     Light,
-    /// Much Weight.
+    /// More Weight.
     Strong,
-    /// Little Time.
+    /// Less Time.
     Sustained,
-    /// Much Time.
+    /// More Time.
     Sudden,
-    /// Little Flow.
+    /// Less Flow.
     Bound,
-    /// Much Flow.
+    /// More Flow.
     Free,
-    /// Little Shape.
+    /// Less Shape.
     Near,
-    /// Much Shape.
+    /// More Shape.
     Far,
 }
 
-/// A word that is no tag.
+/// The error of a word that is no tag.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("unknown Laban tag {found:?}; known tags are {known}", known = known())]
+#[error("unknown Laban tag {found:?}; known tags are {known}", known = all_tags())]
 pub struct TagError {
     /// The word.
     pub found: String,
 }
 
-fn known() -> String {
+/// Returns all tags as a list for messages.
+fn all_tags() -> String {
     let words: Vec<_> = Tag::ALL.iter().map(Tag::to_string).collect();
     words.join(", ")
 }
 
 impl Tag {
-    /// Every tag, the small value of each component before the large one.
+    /// All tags, the tag for less of each component before the tag for more.
     pub const ALL: [Tag; 2 * COMPONENTS] = [
         Tag::Light,
         Tag::Strong,
@@ -126,7 +127,7 @@ impl Tag {
         Tag::Far,
     ];
 
-    /// The component that the tag speaks of.
+    /// Returns the component that the tag belongs to.
     pub const fn component(self) -> Component {
         match self {
             Tag::Light | Tag::Strong => Component::Weight,
@@ -136,7 +137,7 @@ impl Tag {
         }
     }
 
-    /// The factor on the component's baseline (paper, appendix, table "Laban Tag to Scale
+    /// Returns the factor on the component's baseline (paper, appendix, table "Laban Tag to Scale
     /// Mappings").
     pub const fn scale(self) -> f32 {
         match self {
@@ -147,8 +148,8 @@ impl Tag {
         }
     }
 
-    /// What is appended to a prompt to ask a model for it in words, without guidance (paper, appendix, table "Descriptive
-    /// phrases used for the Prompt Editing baseline").
+    /// Returns the phrase that prompt editing appends to a prompt in the place of guidance (paper, appendix, table
+    /// "Descriptive phrases used for the Prompt Editing baseline").
     pub const fn phrase(self) -> &'static str {
         match self {
             Tag::Light => "with small energy",
@@ -190,19 +191,19 @@ impl FromStr for Tag {
     }
 }
 
-/// Factors on the baseline of `[Weight, Time, Flow, Shape]` that stay the same over time; 1 asks for no
-/// change. [`ScaleCurve`](crate::ScaleCurve) is the scale whose factors may have keys.
+/// Factors on the baseline of `[Weight, Time, Flow, Shape]` that are constant over time. A factor of 1 asks for no
+/// change. In a [`ScaleCurve`](crate::ScaleCurve) factors may change over time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale([f32; COMPONENTS]);
 
-/// What cannot be a scale.
+/// The reason why a scale is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ScaleError {
-    /// A factor that is negative, infinite or not a number.
+    /// A factor is negative, infinite or not a number.
     #[error("the scale of {component} must be a finite number of at least 0, found {found}")]
     #[allow(missing_docs)]
     Value { component: Component, found: f32 },
-    /// Two tags for one component.
+    /// Two tags belong to the same component.
     #[error("the tags {first} and {second} both speak of {component}; give one of them")]
     #[allow(missing_docs)]
     Conflict {
@@ -210,7 +211,7 @@ pub enum ScaleError {
         first: Tag,
         second: Tag,
     },
-    /// A key that the motion ends before.
+    /// A key is past the motion's end.
     #[error("{component}: the key at {seconds} s can never act, the motion ends at {length} s")]
     #[allow(missing_docs)]
     Late {
@@ -221,10 +222,10 @@ pub enum ScaleError {
 }
 
 impl Scale {
-    /// No change of any component.
+    /// The scale of factors 1, which asks for no change.
     pub const NEUTRAL: Scale = Scale([1.0; COMPONENTS]);
 
-    /// Factors for Weight, Time, Flow and Shape.
+    /// Creates a scale from the factors on Weight, Time, Flow and Shape.
     ///
     /// # Errors
     ///
@@ -239,16 +240,16 @@ impl Scale {
         Ok(Scale(factors))
     }
 
-    /// Factors that are known to be finite and not negative.
+    /// Creates a scale from factors that are known to be finite and not negative.
     pub(crate) const fn unchecked(factors: [f32; COMPONENTS]) -> Scale {
         Scale(factors)
     }
 
-    /// The factors of some tags; components without a tag keep 1.
+    /// Creates the scale of some tags. Components without a tag have the factor 1.
     ///
     /// # Errors
     ///
-    /// If two tags speak of one component (even the same tag twice).
+    /// If two tags belong to the same component, even if they are the same tag.
     pub fn from_tags(tags: &[Tag]) -> Result<Scale, ScaleError> {
         let mut chosen: [Option<Tag>; COMPONENTS] = [None; COMPONENTS];
         let mut scale = Scale::NEUTRAL;
@@ -266,17 +267,17 @@ impl Scale {
         Ok(scale)
     }
 
-    /// The factors, in the order of [`Component::ALL`].
+    /// Returns the factors in the order of [`Component::ALL`].
     pub const fn factors(&self) -> [f32; COMPONENTS] {
         self.0
     }
 
-    /// The factor on a component.
+    /// Returns the factor on a component.
     pub const fn of(&self, component: Component) -> f32 {
         self.0[component.index()]
     }
 
-    /// Whether a change of this component is asked for.
+    /// Returns whether the factor on a component differs from 1.
     pub fn changes(&self, component: Component) -> bool {
         self.of(component) != 1.0
     }

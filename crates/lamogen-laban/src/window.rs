@@ -1,33 +1,33 @@
-//! A Gaussian window drawn along the frames of a batch.
+//! Gaussian smoothing along the frames of a batch.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use crate::smoothing::Gaussian;
 
-/// Longest run of frames that is smoothed by one matrix.
+/// The largest number of frames that is smoothed by one matrix product.
 const BLOCK: usize = 256;
 
-/// Smooths series of given lengths, differentiably. Before a motion's first frame the first repeats, after its
-/// last the last, so that padding cannot leak in.
+/// A Gaussian window that smooths a batch of series of given lengths, differentiably. Before a motion's first frame the
+/// first frame repeats, and after its last frame the last, so that padding has no effect.
 ///
-/// A series is cut into blocks, so that memory grows with the frames and not with their square.
+/// A series is cut into blocks, so that memory grows with the number of frames and not with its square.
 #[derive(Clone, Debug)]
 pub struct Window {
-    /// Row of `[batch * frames, …]` that stands at each place of the blocks, each extended by the
-    /// window's reach on both sides.
+    /// The row of `[batch * frames, …]` at each place of all blocks. Each block is extended by the radius of the window
+    /// on both sides.
     rows: Tensor<1, Int>,
-    /// The kernel along the diagonal, `[1, block, block + 2 * reach]`: each sum runs over the taps
-    /// in their order, as a convolution's does. Differences of smoothed positions magnify the last
-    /// bit, so the order is worth keeping.
+    /// The matrix `[1, block, block + 2 * radius]` with the kernel along its diagonal. Each sum of the product runs
+    /// over the weights of the kernel in their order, as in a convolution. The order matters, because differences of
+    /// smoothed positions magnify rounding errors.
     band: Tensor<3>,
 }
 
 impl Window {
-    /// A window over `frames` frames of motions of the given lengths; a length of 0 counts as 1.
+    /// Creates the window for motions of the given lengths, padded to `frames` frames. A length of 0 counts as 1.
     ///
     /// # Panics
     ///
-    /// If there is no frame.
+    /// If `frames` is 0.
     pub fn new(
         gaussian: &Gaussian,
         frames: usize,
@@ -36,14 +36,14 @@ impl Window {
     ) -> Self {
         assert!(frames > 0, "a window needs a frame");
         let kernel = gaussian.kernel();
-        let reach = kernel.len() / 2;
+        let radius = kernel.len() / 2;
         let block = frames.min(BLOCK);
-        let extended = block + 2 * reach;
+        let extended = block + 2 * radius;
         let rows: Vec<i32> = lengths
             .enumerate()
             .flat_map(|(motion, length)| {
                 let last = length.max(1) - 1;
-                let row = move |t: usize| motion * frames + t.saturating_sub(reach).min(last);
+                let row = move |t: usize| motion * frames + t.saturating_sub(radius).min(last);
                 (0..frames)
                     .step_by(block)
                     .flat_map(move |start| (start..start + extended).map(row))
@@ -64,7 +64,7 @@ impl Window {
     ///
     /// # Panics
     ///
-    /// If batch or frames are not those that the window was made for.
+    /// If the batch size or the number of frames is not the one that the window was created for.
     pub fn smooth(&self, x: Tensor<3>) -> Tensor<3> {
         let [batch, frames, channels] = x.dims();
         let [_, block, extended] = self.band.dims();

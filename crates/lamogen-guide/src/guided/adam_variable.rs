@@ -1,11 +1,11 @@
-//! A tensor that Adam moves down a loss.
+//! A tensor that Adam updates to lower a loss.
 
 use burn::optim::{Adam, AdamConfig, AdamState, Optimizer};
 use burn::tensor::Tensor;
 
 use crate::guidance::Guidance;
 
-/// A tensor that Adam moves, with its moments.
+/// A tensor that Adam updates, with Adam's moments.
 pub(super) struct AdamVariable<const D: usize> {
     pub(super) value: Tensor<D>,
     adam: Adam,
@@ -18,7 +18,7 @@ impl<const D: usize> AdamVariable<D> {
         let adam = AdamConfig::new()
             .with_beta_1(first)
             .with_beta_2(second)
-            // burn's own default is 1e-5.
+            // The default of burn is 1e-5.
             .with_epsilon(guidance.epsilon)
             .build();
         AdamVariable {
@@ -28,7 +28,7 @@ impl<const D: usize> AdamVariable<D> {
         }
     }
 
-    /// A step down a gradient.
+    /// Makes one step of Adam.
     pub(super) fn update(&mut self, gradient: Tensor<D>, learning_rate: f64) {
         let (value, state) = self.adam.step(
             learning_rate,

@@ -1,7 +1,7 @@
 //! The guided pass.
 //!
 //! ```text
-//! baseline, goals ──Objective──▶ loss ──▶ one step of a Variable ──▶ … ──▶ motions ──▶ one step of the finish ──▶ … ──▶ motions
+//! baseline, goals ──Objective──▶ loss ──▶ steps of a Variable ──▶ motions ──▶ steps of the finish ──▶ motions
 //! ```
 
 mod adam_variable;
@@ -20,7 +20,7 @@ use crate::sampler::{Batch, Sampler};
 pub use objective::LabanComparison;
 pub(crate) use objective::{Comparisons, Targets};
 use objective::{NonFinite, Objective};
-use variables::{Condition, ConditionPart, Variable};
+use variables::{ConditionPart, ConditionVariable, Variable};
 
 /// The result of a guided pass.
 #[derive(Clone, Debug)]
@@ -29,7 +29,8 @@ pub struct Guided {
     pub motion: Tensor<3>,
     /// The Laban features of the whole body.
     pub whole: LabanComparison,
-    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the body beside it.
+    /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the
+    /// body beside it.
     pub parts: Vec<LabanComparison>,
     /// The values of the terms of [`Guidance::loss_terms`].
     pub terms: Vec<TermComparison>,
@@ -38,22 +39,23 @@ pub struct Guided {
 }
 
 impl<D: Denoiser> Sampler<'_, D> {
-    /// Pass 2: from the same noise towards the scaled Laban features of the baseline (paper,
+    /// Runs pass 2: from the same noise towards the goals, such as the baseline's Laban features times a scale (paper,
     /// section "Step 2: Laban-Guided Generation").
     ///
-    /// `baseline` is what [`baseline`](Sampler::baseline) gave for the same batch; there are
-    /// goals for each motion, such as a scale. Motions are the network's, with bones that may stretch, and measured as such; what
-    /// [`Body::Rig`](crate::Body::Rig) asks for is done by [`Rig`](crate::Rig) afterwards, instead of [`Guidance::finish`].
+    /// `baseline` is the result of [`baseline`](Sampler::baseline) for the same batch; `goals` holds the goals of
+    /// each motion. Motions are those of the network: their bones may stretch, and they are measured without a rigid
+    /// body. With [`Body::Rig`](crate::Body::Rig), [`Rig`](crate::Rig) turns them into motions of a rigid body
+    /// afterwards, and there is no [`Guidance::finish`].
     ///
     /// # Errors
     ///
-    /// If an option makes no sense, the network has no scales and shifts to move, the observer stops the run, or a loss or gradient is not
-    /// finite.
+    /// If an option or a loss term is invalid, the network lacks the scales and shifts to move or the Laban condition
+    /// to set, the observer stops the run, or a loss or gradient is not finite.
     ///
     /// # Panics
     ///
-    /// If noise, lengths, prompts, baseline and goals are not of as many motions, or a length is 0 or
-    /// beyond the noise's frames.
+    /// If noise, lengths, prompts, baseline and goals differ in the number of motions, or a length is 0 or
+    /// larger than the number of frames of the noise.
     pub fn guided(
         &self,
         batch: &Batch<D::Context>,
@@ -82,8 +84,8 @@ impl<D: Denoiser> Sampler<'_, D> {
         let variable = self.variable(&objective, batch, (baseline, embedding), guidance)?;
         let (mut motion, embedding) = pass.run(variable)?;
         if let Some(finish) = guidance.network_finish() {
-            let own = finish.alone(guidance);
-            let variable = self.variable(&objective, batch, (motion, &embedding), &own)?;
+            let guidance = finish.alone(guidance);
+            let variable = self.variable(&objective, batch, (motion, &embedding), &guidance)?;
             (motion, _) = pass.run(variable)?;
         }
         let loss = pass.loss;
@@ -115,7 +117,8 @@ impl<D: Denoiser> Sampler<'_, D> {
         Ok(batch)
     }
 
-    /// Returns the variable that guidance moves. Where that is a finished motion, it begins with `motion`, which was made with `embedding`.
+    /// Returns the variable that guidance moves. A variable that is a finished motion starts at `motion`, which was
+    /// generated with `embedding`.
     fn variable<'s>(
         &'s self,
         objective: &'s Objective<'_>,
@@ -124,7 +127,9 @@ impl<D: Denoiser> Sampler<'_, D> {
         guidance: &'s Guidance,
     ) -> Result<Box<dyn Variable + 's>, GuideError> {
         let condition = |part| -> Box<dyn Variable + 's> {
-            Box::new(Condition::new(self, objective, batch, part, guidance))
+            Box::new(ConditionVariable::new(
+                self, objective, batch, part, guidance,
+            ))
         };
         Ok(match guidance.variable {
             GuidanceVariable::Embedding => condition(ConditionPart::Embedding),
@@ -132,13 +137,13 @@ impl<D: Denoiser> Sampler<'_, D> {
                 0 => return Err(GuideError::NoModulation),
                 _ => condition(ConditionPart::Modulation),
             },
-            GuidanceVariable::Prediction | GuidanceVariable::Nothing => {
-                Box::new(variables::Prediction::new(self, objective, batch, guidance))
-            }
-            GuidanceVariable::Motion { iterations } => Box::new(variables::Motion::new(
+            GuidanceVariable::Prediction | GuidanceVariable::Nothing => Box::new(
+                variables::PredictionVariable::new(self, objective, batch, guidance),
+            ),
+            GuidanceVariable::Motion { iterations } => Box::new(variables::MotionVariable::new(
                 objective, motion, embedding, iterations, guidance,
             )),
-            GuidanceVariable::Noise { iterations } => Box::new(variables::Noise::new(
+            GuidanceVariable::Noise { iterations } => Box::new(variables::NoiseVariable::new(
                 self, objective, batch, iterations, guidance,
             )),
         })
@@ -162,15 +167,16 @@ impl<'o> GuidedPass<'o> {
         }
     }
 
-    /// Makes all steps of a variable; returns the motions and the embeddings at the end.
+    /// Makes all steps of a variable. Returns the final motions and embeddings.
     fn run(
         &mut self,
         mut variable: Box<dyn Variable + '_>,
     ) -> Result<(Tensor<3>, Tensor<2>), GuideError> {
         let (before, steps) = (self.loss.len(), self.steps);
-        for own in 0..variable.steps() {
-            let (index, timestep) = (before + own, variable.timestep(own));
-            let output = variable.step(own).map_err(|non_finite| {
+        for variable_step in 0..variable.steps() {
+            let index = before + variable_step;
+            let timestep = variable.timestep(variable_step);
+            let output = variable.step(variable_step).map_err(|non_finite| {
                 let NonFinite {
                     quantity,
                     value,

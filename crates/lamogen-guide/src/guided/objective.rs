@@ -19,7 +19,8 @@ pub(super) struct Objective<'a> {
 
 /// All terms of the loss with their targets, as functions of joints.
 pub(crate) struct Targets {
-    /// The Laban features of the whole body, then those of each set of end-effectors that any motion of the batch has goals for.
+    /// The Laban features of the whole body, then those of each set of end-effectors that any motion of the batch has
+    /// goals for.
     laban: Vec<(EndEffectors, PreparedTerm)>,
     /// The terms of [`Guidance::loss_terms`].
     others: Vec<PreparedTerm>,
@@ -35,14 +36,15 @@ pub(crate) struct Comparisons {
     pub(crate) terms: Vec<TermComparison>,
 }
 
-/// The Laban features of one set of end-effectors before and after guidance, and those that were asked for: `[batch, frames, 4]` each.
+/// The Laban features of one set of end-effectors before and after guidance, and the features to reach. Each tensor is
+/// `[batch, frames, 4]`.
 #[derive(Clone, Debug)]
 pub struct LabanComparison {
-    /// The joints whose Weight, Time and Flow are meant; Shape is that of the whole body.
+    /// The end-effectors of which Weight, Time and Flow are measured; Shape is that of the whole body.
     pub end_effectors: EndEffectors,
     /// The features of the baseline.
     pub baseline: Tensor<3>,
-    /// The features to reach; the baseline's where nothing is asked for.
+    /// The features to reach; those of the baseline where a component may take any values.
     pub target: Tensor<3>,
     /// The features of the guided motions.
     pub guided: Tensor<3>,
@@ -72,7 +74,7 @@ pub(super) struct LossGradient<const D: usize> {
 #[derive(Debug)]
 pub(super) struct NonFinite {
     pub(super) quantity: Quantity,
-    /// The name of the value whose loss or gradient it is.
+    /// The name of the value with this loss or gradient.
     pub(super) value: String,
     /// The place of the motion in the batch.
     pub(super) motion: usize,
@@ -83,7 +85,7 @@ impl Targets {
     ///
     /// # Shapes
     ///
-    /// - `joints`: those of the baseline, `[batch, frames, 22, 3]`
+    /// - `joints`: the joints of the baseline, `[batch, frames, 22, 3]`
     /// - `lengths`, `goals`: one for each motion
     pub(crate) fn new(
         joints: &Tensor<4>,
@@ -93,7 +95,7 @@ impl Targets {
         importance: f32,
     ) -> Result<Self, GuideError> {
         let [_, frames, ..] = joints.dims();
-        let laban = by_end_effectors(goals, &guidance.laban.end_effectors);
+        let laban = goals_by_end_effectors(goals, &guidance.laban.end_effectors);
         let laban = laban.into_iter().map(|(end_effectors, goals)| {
             let batch = (frames, lengths);
             let term = LabanTerm::new(
@@ -148,7 +150,7 @@ impl Targets {
         }
     }
 
-    /// Returns the means over time of the whole body's Laban target, over the frames whose features are known.
+    /// Returns the means over time of the whole body's Laban target, over the frames with known features.
     fn laban_means(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
         let target = self.laban[0].1.target();
         let [_, frames, _] = target.dims();
@@ -203,7 +205,7 @@ impl<'a> Objective<'a> {
         self.targets.compare(&joints)
     }
 
-    /// Returns the means over time of the whole body's Laban target, over the frames whose features are known.
+    /// Returns the means over time of the whole body's Laban target, over the frames with known features.
     pub(super) fn laban_means(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
         self.targets.laban_means(lengths)
     }
@@ -211,23 +213,24 @@ impl<'a> Objective<'a> {
     /// Returns the loss of each motion, summed over all values.
     pub(super) fn loss_of_motions(&self, motions: Tensor<3>) -> Vec<f32> {
         let joints = joints(self.normalization.denormalize(motions));
-        self.sums(&host(self.targets.loss(joints)))
+        self.sum_values(&to_host(self.targets.loss(joints)))
     }
 
     /// Returns the sums over values of each motion's losses.
-    fn sums(&self, losses: &[f32]) -> Vec<f32> {
+    fn sum_values(&self, losses: &[f32]) -> Vec<f32> {
         let motions = losses.chunks_exact(self.targets.values());
         motions.map(|losses| losses.iter().sum()).collect()
     }
 
-    /// Computes the loss and its gradient along a path. The path is built again only to find the value whose gradient is not finite.
+    /// Computes the loss and its gradient along a path. The path is built again only to find the value whose gradient
+    /// is not finite.
     pub(super) fn gradient<'w, const D: usize>(
         &self,
         path: impl Fn() -> MotionPath<'w, D>,
     ) -> Result<LossGradient<D>, NonFinite> {
         let MotionPath { leaf, clean, pull } = path();
         let (tracked, loss) = self.loss(&leaf, &clean);
-        let losses = host(loss.clone().inner());
+        let losses = to_host(loss.clone().inner());
         let values = self.targets.values();
         if let Some(place) = losses.iter().position(|loss| !loss.is_finite()) {
             return Err(NonFinite {
@@ -236,8 +239,8 @@ impl<'a> Objective<'a> {
                 motion: place / values,
             });
         }
-        let gradient = pull(slope(&tracked, loss.sum()));
-        if let Some(motion) = first_not_finite(&gradient) {
+        let gradient = pull(leaf_gradient(&tracked, loss.sum()));
+        if let Some(motion) = first_non_finite(&gradient) {
             let value = self.non_finite_value(path, motion);
             return Err(NonFinite {
                 quantity: Quantity::Gradient,
@@ -247,7 +250,7 @@ impl<'a> Objective<'a> {
         }
         Ok(LossGradient {
             leaf,
-            loss: self.sums(&losses),
+            loss: self.sum_values(&losses),
             gradient,
         })
     }
@@ -264,7 +267,8 @@ impl<'a> Objective<'a> {
         (leaf, loss)
     }
 
-    /// Returns the value whose gradient is not finite for a motion; the first where each is finite alone and only their sum is not.
+    /// Returns the index of the first value with a non-finite gradient for a motion. If the gradient of each single
+    /// value is finite and only their sum is not, it returns 0.
     fn non_finite_value<'w, const D: usize>(
         &self,
         path: impl Fn() -> MotionPath<'w, D>,
@@ -276,37 +280,38 @@ impl<'a> Objective<'a> {
                 let MotionPath { leaf, clean, pull } = path();
                 let (leaf, loss) = self.loss(&leaf, &clean);
                 let loss = loss.narrow(0, motion, 1).narrow(1, value, 1);
-                first_not_finite(&pull(slope(&leaf, loss.sum()))).is_some()
+                first_non_finite(&pull(leaf_gradient(&leaf, loss.sum()))).is_some()
             })
             .unwrap_or(0)
     }
 }
 
-/// What each motion asks of every set of end-effectors that any of them names; the whole body's first.
-fn by_end_effectors(
+/// Groups the goals of all motions by sets of end-effectors: those of the whole body, then each set that any motion has
+/// goals for. Each set has the goals of every motion.
+fn goals_by_end_effectors(
     goals: &[Goals],
     all: &EndEffectors,
 ) -> Vec<(EndEffectors, Vec<[Goal; COMPONENTS]>)> {
-    let nothing = || vec![[const { Goal::Any }; COMPONENTS]; goals.len()];
-    let mut sets = vec![(all.clone(), nothing())];
+    let no_goals = || vec![[const { Goal::Any }; COMPONENTS]; goals.len()];
+    let mut sets = vec![(all.clone(), no_goals())];
     for (motion, goals) in goals.iter().enumerate() {
         for term in goals.terms(all) {
             let place = sets.iter().position(|(set, _)| *set == term.end_effectors);
             let place = place.unwrap_or_else(|| {
-                sets.push((term.end_effectors, nothing()));
+                sets.push((term.end_effectors, no_goals()));
                 sets.len() - 1
             });
-            let asked = sets[place].1[motion].iter_mut().zip(term.goals);
-            for (all, goal) in asked.filter(|(_, goal)| *goal != Goal::Any) {
-                *all = goal;
+            let pairs = sets[place].1[motion].iter_mut().zip(term.goals);
+            for (own, goal) in pairs.filter(|(_, goal)| *goal != Goal::Any) {
+                *own = goal;
             }
         }
     }
     sets
 }
 
-/// The gradient of a loss with respect to a leaf: zeros where it does not depend on it.
-fn slope(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
+/// Computes the gradient of a loss with respect to a leaf: zeros if the loss does not depend on the leaf.
+fn leaf_gradient(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
     let gradient = match loss.is_tracked() {
         true => leaf.grad_remove(&mut loss.backward()),
         false => None,
@@ -314,15 +319,16 @@ fn slope(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
     gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
 }
 
-/// The first motion whose numbers hold infinities or NaN.
-fn first_not_finite<const D: usize>(rows: &Tensor<D>) -> Option<usize> {
+/// Returns the index of the first motion with a number that is infinite or NaN.
+fn first_non_finite<const D: usize>(rows: &Tensor<D>) -> Option<usize> {
     let motions = rows.dims()[0];
     let rows = rows.clone().reshape([motions as i64, -1]);
-    // Zero times anything finite is zero.
-    let marks = host((rows * 0.0).sum_dim(1));
+    // A product with 0 is 0 for finite numbers and NaN for all others.
+    let marks = to_host((rows * 0.0).sum_dim(1));
     marks.iter().position(|mark| !mark.is_finite())
 }
 
-fn host(tensor: Tensor<2>) -> Vec<f32> {
+/// Copies a tensor to main memory.
+fn to_host(tensor: Tensor<2>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("floats convert to f32")
 }

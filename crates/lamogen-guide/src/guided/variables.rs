@@ -1,10 +1,10 @@
-//! The variables that guidance may move towards the target, and what one step does to each.
+//! The variables that guidance can move towards the target, and one step of each.
 //!
 //! ```text
-//! Condition    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss      at every DDIM step
-//! Prediction              clean motion ──▶ loss                    at every DDIM step
-//! Motion                  finished motion ──▶ loss                 again and again
-//! Noise        z ──all steps of a pass──▶ finished motion ──▶ loss again and again
+//! ConditionVariable    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss    at every DDIM step
+//! PredictionVariable                                                      clean motion ──▶ loss    at every DDIM step
+//! MotionVariable                                                       finished motion ──▶ loss    at every iteration
+//! NoiseVariable        z ──all steps of a pass───────────────────────▶ finished motion ──▶ loss    at every iteration
 //! ```
 
 use burn::tensor::Tensor;
@@ -13,7 +13,7 @@ use lamogen_model::Denoiser;
 use super::adam_variable::AdamVariable;
 use super::objective::{LossGradient, MotionPath, NonFinite, Objective};
 use crate::guidance::{Guidance, GuidanceVariable, UpdateTiming};
-use crate::sampler::{Batch, Latent, Sampler, mix};
+use crate::sampler::{Batch, Sampler, SamplerState, add_noise};
 
 /// The result of one step.
 pub(super) struct StepOutput {
@@ -30,10 +30,11 @@ pub(super) trait Variable {
     /// Returns the number of steps.
     fn steps(&self) -> usize;
 
-    /// Returns the timestep at which the network is evaluated in a step; 0 where it is evaluated at none, or at all.
+    /// Returns the timestep at which the network is evaluated in a step; 0 if it is evaluated at no timestep or at all
+    /// of them.
     fn timestep(&self, index: usize) -> usize;
 
-    /// Makes a step.
+    /// Makes one step.
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite>;
 
     /// Returns the current sentence embedding.
@@ -43,11 +44,12 @@ pub(super) trait Variable {
     fn finish(self: Box<Self>) -> Tensor<3>;
 }
 
-/// The network's condition: the sentence embedding (the paper's method), or the scales and shifts that the stylization layers compute from it.
-pub(super) struct Condition<'s, 'a, D: Denoiser> {
+/// The network's condition: the sentence embedding (the paper's method), or offsets of the scales and shifts that the
+/// stylization layers compute from the embedding.
+pub(super) struct ConditionVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
-    latent: Latent<'s, D::Context>,
+    state: SamplerState<'s, D::Context>,
     variable: AdamVariable<2>,
     part: ConditionPart,
     guidance: &'s Guidance,
@@ -60,7 +62,7 @@ pub(super) enum ConditionPart {
     Modulation,
 }
 
-impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
+impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
     pub(super) fn new(
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
@@ -68,58 +70,58 @@ impl<'s, 'a, D: Denoiser> Condition<'s, 'a, D> {
         part: ConditionPart,
         guidance: &'s Guidance,
     ) -> Self {
-        let latent = sampler.start(batch);
+        let state = sampler.initial_state(batch);
         let start = match part {
-            ConditionPart::Embedding => latent.embedding.clone(),
+            ConditionPart::Embedding => state.embedding.clone(),
             ConditionPart::Modulation => {
                 let shape = [batch.lengths.len(), sampler.model.modulations()];
-                Tensor::zeros(shape, &latent.embedding.device())
+                Tensor::zeros(shape, &state.embedding.device())
             }
         };
-        let mut condition = Condition {
+        let mut condition = ConditionVariable {
             sampler,
             objective,
-            latent,
+            state,
             variable: AdamVariable::new(start, guidance),
             part,
             guidance,
         };
-        condition.write_to_latent();
+        condition.write_to_state();
         condition
     }
 
-    fn move_down(&mut self, gradient: Tensor<2>, index: usize) {
-        let rate = self.guidance.rate(index, self.steps());
+    /// Updates the variable by a gradient.
+    fn update(&mut self, gradient: Tensor<2>, index: usize) {
+        let rate = self.guidance.learning_rate_at(index, self.steps());
         self.variable.update(gradient, rate);
-        self.write_to_latent();
+        self.write_to_state();
     }
 
-    /// Writes the moved tensor to the latent, from which the network reads it.
-    fn write_to_latent(&mut self) {
+    /// Writes the variable to the sampler's state, from which the network reads it.
+    fn write_to_state(&mut self) {
         let value = self.variable.value.clone();
         match self.part {
-            ConditionPart::Embedding => self.latent.embedding = value,
-            ConditionPart::Modulation => self.latent.modulation = Some(value),
+            ConditionPart::Embedding => self.state.embedding = value,
+            ConditionPart::Modulation => self.state.modulation = Some(value),
         }
     }
 
-    fn gradient(&self, index: usize) -> Result<LossGradient<2>, NonFinite> {
-        let Condition {
-            sampler, latent, ..
-        } = self;
+    /// Computes the loss at a step and its gradient with respect to the variable.
+    fn loss_gradient(&self, index: usize) -> Result<LossGradient<2>, NonFinite> {
+        let ConditionVariable { sampler, state, .. } = self;
         let step = &sampler.steps()[index];
         self.objective.gradient(|| {
-            let linearized = sampler.linearize(latent, index);
+            let linearized = sampler.linearize(state, index);
             MotionPath {
                 leaf: linearized.output.clone(),
-                clean: Box::new(|output| sampler.clean(latent, output, step)),
+                clean: Box::new(|output| sampler.clean_motion(state, output, step)),
                 pull: Box::new(|gradient| linearized.pull(gradient)),
             }
         })
     }
 }
 
-impl<D: Denoiser> Variable for Condition<'_, '_, D> {
+impl<D: Denoiser> Variable for ConditionVariable<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }
@@ -129,55 +131,57 @@ impl<D: Denoiser> Variable for Condition<'_, '_, D> {
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
-        let mut found = self.gradient(index)?;
+        let mut evaluation = self.loss_gradient(index)?;
         for _ in 1..self.guidance.updates_per_step {
-            self.move_down(found.gradient, index);
-            found = self.gradient(index)?;
+            self.update(evaluation.gradient, index);
+            evaluation = self.loss_gradient(index)?;
         }
-        self.move_down(found.gradient.clone(), index);
+        self.update(evaluation.gradient.clone(), index);
         let output = match self.guidance.update {
-            UpdateTiming::Lagged => found.leaf,
-            UpdateTiming::Immediate => self.sampler.evaluate(&self.latent, index),
+            UpdateTiming::Lagged => evaluation.leaf,
+            UpdateTiming::Immediate => self.sampler.evaluate(&self.state, index),
         };
         let step = &self.sampler.steps()[index];
-        let prediction = self.sampler.clean(&self.latent, output.clone(), step);
-        self.latent.x = { self.sampler }.advance(&self.latent, &prediction, output, step);
+        let prediction = self.sampler.clean_motion(&self.state, output.clone(), step);
+        self.state.x = { self.sampler }.advance(&self.state, &prediction, output, step);
         Ok(StepOutput {
-            loss: found.loss,
-            gradient: Some(found.gradient),
+            loss: evaluation.loss,
+            gradient: Some(evaluation.gradient),
             prediction,
         })
     }
 
     fn embedding(&self) -> &Tensor<2> {
-        &self.latent.embedding
+        &self.state.embedding
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
-        self.latent.x
+        self.state.x
     }
 }
 
-/// The clean motion that is predicted at each step (the paper's rival "classifier guidance"). Where it is not updated, the pass is sampled as it is.
-pub(super) struct Prediction<'s, 'a, D: Denoiser> {
+/// The clean motion that is predicted at each step (the paper's comparison method "classifier guidance"). With 0
+/// updates, the pass is sampled without guidance.
+pub(super) struct PredictionVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
-    latent: Latent<'s, D::Context>,
+    state: SamplerState<'s, D::Context>,
     guidance: &'s Guidance,
+    /// The number of updates at each step.
     updates: usize,
 }
 
-impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
+impl<'s, 'a, D: Denoiser> PredictionVariable<'s, 'a, D> {
     pub(super) fn new(
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
         guidance: &'s Guidance,
     ) -> Self {
-        Prediction {
+        PredictionVariable {
             sampler,
             objective,
-            latent: sampler.start(batch),
+            state: sampler.initial_state(batch),
             guidance,
             updates: match guidance.variable {
                 GuidanceVariable::Nothing => 0,
@@ -187,7 +191,7 @@ impl<'s, 'a, D: Denoiser> Prediction<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Variable for Prediction<'_, '_, D> {
+impl<D: Denoiser> Variable for PredictionVariable<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }
@@ -197,23 +201,23 @@ impl<D: Denoiser> Variable for Prediction<'_, '_, D> {
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
-        let (sampler, latent) = (self.sampler, &mut self.latent);
+        let (sampler, state) = (self.sampler, &mut self.state);
         let step = &sampler.steps()[index];
-        let output = sampler.evaluate(latent, index);
-        let mut prediction = sampler.clean(latent, output.clone(), step);
-        // The noise stays what the network saw.
-        let noise = sampler.noise(latent, latent.x.clone(), &prediction, output, step);
+        let output = sampler.evaluate(state, index);
+        let mut prediction = sampler.clean_motion(state, output.clone(), step);
+        // The step keeps the noise that belongs to the network's own prediction.
+        let noise = sampler.predicted_noise(state, state.x.clone(), &prediction, output, step);
         let mut loss = match self.updates {
             0 => self.objective.loss_of_motions(prediction.clone()),
             _ => Vec::new(),
         };
-        let rate = self.guidance.rate(index, sampler.steps().len());
+        let rate = self.guidance.learning_rate_at(index, sampler.steps().len());
         for _ in 0..self.updates {
-            let found = { self.objective }.gradient(|| identity_path(&prediction))?;
-            prediction = prediction - found.gradient * rate;
-            loss = found.loss;
+            let evaluation = { self.objective }.gradient(|| identity_path(&prediction))?;
+            prediction = prediction - evaluation.gradient * rate;
+            loss = evaluation.loss;
         }
-        latent.x = mix(&prediction, noise, step);
+        state.x = add_noise(&prediction, noise, step);
         Ok(StepOutput {
             loss,
             gradient: None,
@@ -222,16 +226,16 @@ impl<D: Denoiser> Variable for Prediction<'_, '_, D> {
     }
 
     fn embedding(&self) -> &Tensor<2> {
-        &self.latent.embedding
+        &self.state.embedding
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
-        self.latent.x
+        self.state.x
     }
 }
 
-/// The finished motion (the paper's rival "raw frame update").
-pub(super) struct Motion<'s, 'a> {
+/// The finished motion (the paper's comparison method "raw frame update").
+pub(super) struct MotionVariable<'s, 'a> {
     objective: &'s Objective<'a>,
     variable: AdamVariable<3>,
     embedding: &'s Tensor<2>,
@@ -239,7 +243,7 @@ pub(super) struct Motion<'s, 'a> {
     guidance: &'s Guidance,
 }
 
-impl<'s, 'a> Motion<'s, 'a> {
+impl<'s, 'a> MotionVariable<'s, 'a> {
     pub(super) fn new(
         objective: &'s Objective<'a>,
         baseline: Tensor<3>,
@@ -247,7 +251,7 @@ impl<'s, 'a> Motion<'s, 'a> {
         iterations: usize,
         guidance: &'s Guidance,
     ) -> Self {
-        Motion {
+        MotionVariable {
             objective,
             variable: AdamVariable::new(baseline, guidance),
             embedding,
@@ -257,7 +261,7 @@ impl<'s, 'a> Motion<'s, 'a> {
     }
 }
 
-impl Variable for Motion<'_, '_> {
+impl Variable for MotionVariable<'_, '_> {
     fn steps(&self) -> usize {
         self.iterations
     }
@@ -267,11 +271,11 @@ impl Variable for Motion<'_, '_> {
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
-        let found = { self.objective }.gradient(|| identity_path(&self.variable.value))?;
-        let rate = self.guidance.rate(index, self.iterations);
-        self.variable.update(found.gradient, rate);
+        let evaluation = { self.objective }.gradient(|| identity_path(&self.variable.value))?;
+        let rate = self.guidance.learning_rate_at(index, self.iterations);
+        self.variable.update(evaluation.gradient, rate);
         Ok(StepOutput {
-            loss: found.loss,
+            loss: evaluation.loss,
             gradient: None,
             prediction: self.variable.value.clone(),
         })
@@ -287,20 +291,20 @@ impl Variable for Motion<'_, '_> {
 }
 
 /// The start noise, through all steps of a pass (Karunratanakul et al. 2024).
-pub(super) struct Noise<'s, 'a, D: Denoiser> {
+pub(super) struct NoiseVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     batch: &'s Batch<D::Context>,
     variable: AdamVariable<3>,
-    /// 1 where a frame is part of its motion, else 0; none where no motion is padded.
-    keep: Option<Tensor<3>>,
-    /// The Euclidean length of each motion's noise, `[batch, 1, 1]`, which guidance keeps.
-    length: Tensor<3>,
+    /// 1 where a frame is part of its motion, else 0; `None` where no motion is padded.
+    mask: Option<Tensor<3>>,
+    /// The Euclidean norm of each motion's noise, `[batch, 1, 1]`, which guidance keeps.
+    norm: Tensor<3>,
     iterations: usize,
     guidance: &'s Guidance,
 }
 
-impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
+impl<'s, 'a, D: Denoiser> NoiseVariable<'s, 'a, D> {
     pub(super) fn new(
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
@@ -308,10 +312,10 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
         iterations: usize,
         guidance: &'s Guidance,
     ) -> Self {
-        let keep = sampler.start(batch).mask.keep();
-        Noise {
-            length: length(&batch.noise, &keep),
-            keep,
+        let mask = sampler.initial_state(batch).mask.keep();
+        NoiseVariable {
+            norm: norm(&batch.noise, &mask),
+            mask,
             variable: AdamVariable::new(batch.noise.clone(), guidance),
             sampler,
             objective,
@@ -321,44 +325,46 @@ impl<'s, 'a, D: Denoiser> Noise<'s, 'a, D> {
         }
     }
 
-    /// Runs a whole pass from the noise and returns the path back to it.
+    /// Runs a whole pass from the noise. Returns the path from the noise to the finished motions.
     fn pass(&self) -> MotionPath<'_, 3> {
         let sampler = self.sampler;
-        let mut latent = sampler.start(self.batch);
-        latent.x = self.variable.value.clone();
-        let mut back: Vec<Box<dyn FnOnce(Tensor<3>) -> Tensor<3> + '_>> = Vec::new();
+        let mut state = sampler.initial_state(self.batch);
+        state.x = self.variable.value.clone();
+        // Each function turns the gradient with respect to a step's result into that with respect to its noisy motion.
+        let mut pullbacks: Vec<Box<dyn FnOnce(Tensor<3>) -> Tensor<3> + '_>> = Vec::new();
         for (index, step) in sampler.steps().iter().enumerate() {
-            let seen = sampler.linearize_motion(&latent, &self.batch.prompt.context, index);
-            let (x, output) = (latent.x.clone(), seen.output.clone());
-            let prediction = sampler.clean(&latent, output.clone(), step);
-            let next = sampler.advance(&latent, &prediction, output.clone(), step);
-            let here = latent.clone();
-            back.push(Box::new(move |gradient: Tensor<3>| {
+            let linearized = sampler.linearize_motion(&state, &self.batch.prompt.context, index);
+            let (x, output) = (state.x.clone(), linearized.output.clone());
+            let prediction = sampler.clean_motion(&state, output.clone(), step);
+            let next = sampler.advance(&state, &prediction, output.clone(), step);
+            let before = state.clone();
+            pullbacks.push(Box::new(move |gradient: Tensor<3>| {
                 let [x, output] = [x, output].map(|leaf| leaf.autodiff().require_grad());
-                let clean = sampler.clean_at(&here, x.clone(), output.clone(), step);
-                let noise = sampler.noise(&here, x.clone(), &clean, output.clone(), step);
-                let next = mix(&clean, noise, step);
+                let clean = sampler.clean_motion_at(&before, x.clone(), output.clone(), step);
+                let noise =
+                    sampler.predicted_noise(&before, x.clone(), &clean, output.clone(), step);
+                let next = add_noise(&clean, noise, step);
                 let mut gradients = (next * gradient.autodiff()).sum().backward();
-                let [of_x, of_output] = [x, output].map(|leaf| {
+                let [x_gradient, output_gradient] = [x, output].map(|leaf| {
                     let gradient = leaf.grad_remove(&mut gradients);
                     gradient.unwrap_or_else(|| leaf.inner().zeros_like())
                 });
-                of_x + seen.pull(of_output)
+                x_gradient + linearized.pull(output_gradient)
             }));
-            latent.x = next;
+            state.x = next;
         }
         MotionPath {
-            leaf: latent.x,
+            leaf: state.x,
             clean: Box::new(|motion| motion),
             pull: Box::new(move |gradient| {
-                let steps = back.into_iter().rev();
-                steps.fold(gradient, |gradient, step| step(gradient))
+                let pullbacks = pullbacks.into_iter().rev();
+                pullbacks.fold(gradient, |gradient, pull| pull(gradient))
             }),
         }
     }
 }
 
-impl<D: Denoiser> Variable for Noise<'_, '_, D> {
+impl<D: Denoiser> Variable for NoiseVariable<'_, '_, D> {
     fn steps(&self) -> usize {
         self.iterations
     }
@@ -368,16 +374,16 @@ impl<D: Denoiser> Variable for Noise<'_, '_, D> {
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
-        let found = { self.objective }.gradient(|| self.pass())?;
-        let rate = self.guidance.rate(index, self.iterations);
-        self.variable.update(found.gradient, rate);
-        // Adam would let it grow, and noise of another size is none that the network knows.
+        let evaluation = { self.objective }.gradient(|| self.pass())?;
+        let rate = self.guidance.learning_rate_at(index, self.iterations);
+        self.variable.update(evaluation.gradient, rate);
+        // Adam alone would let the noise grow, and the network was not trained with noise of another norm.
         let noise = self.variable.value.clone();
-        self.variable.value = noise.clone() * (self.length.clone() / length(&noise, &self.keep));
+        self.variable.value = noise.clone() * (self.norm.clone() / norm(&noise, &self.mask));
         Ok(StepOutput {
-            loss: found.loss,
+            loss: evaluation.loss,
             gradient: None,
-            prediction: found.leaf,
+            prediction: evaluation.leaf,
         })
     }
 
@@ -390,12 +396,12 @@ impl<D: Denoiser> Variable for Noise<'_, '_, D> {
             noise: self.variable.value,
             ..self.batch.clone()
         };
-        let passed = self.sampler.baseline(&batch, &mut ());
-        passed.expect("nobody watches who could stop it")
+        let motions = self.sampler.baseline(&batch, &mut ());
+        motions.expect("no observer can stop the pass")
     }
 }
 
-/// Returns the path of motions to themselves.
+/// Returns the path of a variable that is the motions themselves.
 fn identity_path<'w>(motion: &Tensor<3>) -> MotionPath<'w, 3> {
     MotionPath {
         leaf: motion.clone(),
@@ -404,11 +410,11 @@ fn identity_path<'w>(motion: &Tensor<3>) -> MotionPath<'w, 3> {
     }
 }
 
-/// Returns the Euclidean length of each motion's numbers, `[batch, 1, 1]`.
-fn length(noise: &Tensor<3>, keep: &Option<Tensor<3>>) -> Tensor<3> {
+/// Computes the Euclidean norm of each motion's noise, `[batch, 1, 1]`, without padding frames.
+fn norm(noise: &Tensor<3>, mask: &Option<Tensor<3>>) -> Tensor<3> {
     let squares = noise.clone().square().sum_dim(2);
-    let squares = match keep {
-        Some(keep) => squares * keep.clone(),
+    let squares = match mask {
+        Some(mask) => squares * mask.clone(),
         None => squares,
     };
     squares.sum_dim(1).sqrt()

@@ -1,11 +1,12 @@
-//! Motions to begin with.
+//! Batches for tests.
 
 use burn::tensor::{Device, Tensor};
 use lamogen_guide::{Batch, noise};
 use lamogen_model::Prompt;
 use lamogen_motion::POSE_FEATURES;
 
-/// Motions of these lengths, padded, under an embedding of 1, each from the noise of its place.
+/// Returns a batch of motions of these lengths, padded to `frames` frames, with embeddings of 1. The noise seed of each
+/// motion is its index.
 pub fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
     let device = Device::flex();
     let start: Vec<f32> = (0..lengths.len() as u64)

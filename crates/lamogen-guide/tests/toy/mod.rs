@@ -1,4 +1,4 @@
-//! Networks small enough to foresee what they do.
+//! Toy networks: small enough that their outputs are known in advance.
 
 use std::ops::Deref;
 
@@ -7,33 +7,34 @@ use lamogen_guide::Schedule;
 use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
-/// What a toy says of a noisy motion. The embedding is the one token of a prompt, the time `ᾱ` of its timestep.
-pub trait Says {
-    /// What that is.
+/// A toy network. The embedding of a prompt is its one token; the embedded timestep is its `ᾱ`.
+pub trait ToyNetwork {
+    /// Returns the kind of the output: noise, clean motion or v.
     fn prediction(&self) -> Prediction {
         Prediction::Sample
     }
 
-    /// How many scales and shifts it has.
+    /// Returns the number of scales and shifts.
     fn modulations(&self) -> usize {
         0
     }
 
-    fn says(&self, input: DenoiserInput) -> Tensor<3>;
+    /// Returns the output for a noisy motion.
+    fn output(&self, input: DenoiserInput) -> Tensor<3>;
 }
 
-/// A network that says so.
-pub struct Toy<S>(pub S);
+/// A toy network as a denoiser.
+pub struct ToyDenoiser<N>(pub N);
 
-impl<S> Deref for Toy<S> {
-    type Target = S;
+impl<N> Deref for ToyDenoiser<N> {
+    type Target = N;
 
-    fn deref(&self) -> &S {
+    fn deref(&self) -> &N {
         &self.0
     }
 }
 
-impl<S: Says> Denoiser for Toy<S> {
+impl<N: ToyNetwork> Denoiser for ToyDenoiser<N> {
     type Context = ();
 
     fn prediction(&self) -> Prediction {
@@ -73,11 +74,11 @@ impl<S: Says> Denoiser for Toy<S> {
     }
 
     fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
-        self.0.says(input)
+        self.0.output(input)
     }
 }
 
-/// The same mean, 0, and deviation for all features.
+/// Returns a normalisation with the mean 0 and the same standard deviation for all features.
 pub fn normalization(std: f32) -> Normalization {
     let (mean, std) = ([0.0; POSE_FEATURES], [std; POSE_FEATURES]);
     Normalization::from_slices(&mean, &std, &Device::flex()).unwrap()

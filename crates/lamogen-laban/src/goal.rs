@@ -1,0 +1,229 @@
+//! The goal of one Laban component, and its text form.
+
+use std::fmt;
+
+use crate::factor::{Factor, FactorError};
+use crate::goal_error::GoalError;
+use crate::series::mean;
+use crate::tags::Component;
+
+/// The goal of one Laban component: the values that it shall reach.
+///
+/// The text form is a [`Factor`], `peak=` or `mean=` with a number in the component's own unit, or `any`:
+///
+/// ```
+/// use lamogen_laban::{Component, Factor, Goal};
+///
+/// assert_eq!(Goal::parse(Component::Weight, "strong")?, Goal::Factor(Factor::constant(1.5)?));
+/// assert_eq!(Goal::parse(Component::Shape, "peak=0.9")?, Goal::Peak(0.9));
+/// assert_eq!(Goal::parse(Component::Flow, "any")?, Goal::Any);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum Goal {
+    /// The component is the baseline times this factor. A factor of 1 keeps the baseline as it is.
+    Factor(Factor),
+    /// The baseline is scaled so that its largest value over time is this number. A baseline at rest stays at rest.
+    Peak(f32),
+    /// The baseline is scaled so that its mean over time is this number. A baseline at rest stays at rest.
+    Mean(f32),
+    /// The component takes these values, stretched in time to the motion's length. They may be those of another motion.
+    Series(Vec<f32>),
+    /// The component may take any values; the loss ignores it.
+    Any,
+}
+
+impl Goal {
+    /// The goal that keeps the baseline: a factor of 1.
+    pub const KEEP: Goal = Goal::Factor(Factor::NEUTRAL);
+
+    /// Parses a goal from its text form (see [`Goal`]). Words are tags of `component`.
+    ///
+    /// # Errors
+    ///
+    /// If the text is of another form, or a number is negative or not finite.
+    pub fn parse(component: Component, text: &str) -> Result<Goal, GoalError> {
+        let number = |what, text: &str| {
+            let found = text.trim();
+            let found = if found.is_empty() { "nothing" } else { found };
+            found.parse().map_err(|_| GoalError::Value {
+                what,
+                found: found.into(),
+            })
+        };
+        let lower = text.trim().to_lowercase();
+        let goal = match lower.split_once('=') {
+            Some(("peak", value)) => Goal::Peak(number("peak", value)?),
+            Some(("mean", value)) => Goal::Mean(number("mean", value)?),
+            None if lower == "any" => Goal::Any,
+            _ => Goal::Factor(Factor::parse(component, text).map_err(|error| match error {
+                FactorError::Word { found, component } if found == text.trim() => {
+                    GoalError::Text { component, found }
+                }
+                error => error.into(),
+            })?),
+        };
+        goal.check()?;
+        Ok(goal)
+    }
+
+    /// Returns whether the goal asks for values other than those of the baseline.
+    pub fn changes(&self) -> bool {
+        match self {
+            Goal::Factor(factor) => factor.changes(),
+            Goal::Peak(_) | Goal::Mean(_) | Goal::Series(_) => true,
+            Goal::Any => false,
+        }
+    }
+
+    /// Checks that the numbers of the goal are valid.
+    ///
+    /// # Errors
+    ///
+    /// If a number is negative or not finite, or a series has fewer than 4 values.
+    pub(crate) fn check(&self) -> Result<(), GoalError> {
+        let check_number = |what, number: f32| match number.is_finite() && number >= 0.0 {
+            true => Ok(()),
+            false => Err(GoalError::Value {
+                what,
+                found: number.to_string(),
+            }),
+        };
+        match self {
+            Goal::Factor(_) | Goal::Any => Ok(()),
+            Goal::Peak(peak) => check_number("peak", *peak),
+            Goal::Mean(mean) => check_number("mean", *mean),
+            Goal::Series(values) if values.len() < 4 => Err(GoalError::Series {
+                found: values.len(),
+            }),
+            Goal::Series(values) => {
+                let mut values = values.iter();
+                values.try_for_each(|&value| check_number("value of a series", value))
+            }
+        }
+    }
+
+    /// Returns the value to reach at each frame, for a baseline.
+    pub(crate) fn target(&self, component: Component, baseline: &[f32]) -> Vec<f32> {
+        let scaled = |requested: f32, measured: f32| {
+            let factor = if measured > 0.0 {
+                requested / measured
+            } else {
+                1.0
+            };
+            baseline.iter().map(|value| value * factor).collect()
+        };
+        match self {
+            Goal::Any => baseline.to_vec(),
+            Goal::Factor(factor) => {
+                let factors = factor.frames(baseline.len());
+                baseline.iter().zip(factors).map(|(b, f)| b * f).collect()
+            }
+            Goal::Peak(peak) => scaled(*peak, baseline.iter().copied().fold(0.0, f32::max)),
+            Goal::Mean(requested) => scaled(*requested, mean(baseline.iter().copied())),
+            Goal::Series(values) => {
+                // The first frames have no differences, however long the motion is, so they are not stretched.
+                let first = component.first_frame().min(baseline.len());
+                let rest = baseline.len() - first;
+                let mut target = vec![0.0; first];
+                target.extend(resample(&values[component.first_frame()..], rest));
+                target
+            }
+        }
+    }
+}
+
+/// Resamples values to `count` values over the same time, by linear interpolation.
+fn resample(values: &[f32], count: usize) -> impl Iterator<Item = f32> + '_ {
+    let last = values.len() - 1;
+    (0..count).map(move |place| {
+        let at = place as f64 * last as f64 / count.saturating_sub(1).max(1) as f64;
+        let before = (at as usize).min(last);
+        let (fraction, after) = (at - before as f64, (before + 1).min(last));
+        let [before, after] = [before, after].map(|place| f64::from(values[place]));
+        (before + fraction * (after - before)) as f32
+    })
+}
+
+impl From<Factor> for Goal {
+    fn from(factor: Factor) -> Self {
+        Goal::Factor(factor)
+    }
+}
+
+/// Writes the text that [`Goal::parse`] reads. A series has no such text; its number of frames is written instead.
+impl fmt::Display for Goal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Goal::Factor(factor) => factor.fmt(f),
+            Goal::Peak(peak) => write!(f, "peak={peak}"),
+            Goal::Mean(mean) => write!(f, "mean={mean}"),
+            Goal::Series(values) => write!(f, "as a series of {} frames", values.len()),
+            Goal::Any => f.write_str("any"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BASELINE: [f32; 6] = [0.0, 1.0, 2.0, 4.0, 2.0, 3.0];
+
+    fn target(goal: Goal) -> Vec<f32> {
+        goal.target(Component::Weight, &BASELINE)
+    }
+
+    #[test]
+    fn peaks_and_means_scale_the_baseline() {
+        assert_eq!(target(Goal::Peak(2.0)), [0.0, 0.5, 1.0, 2.0, 1.0, 1.5]);
+        assert_eq!(target(Goal::Mean(4.0)), BASELINE.map(|value| 2.0 * value));
+        assert_eq!(target(Goal::Any), BASELINE);
+        assert_eq!(
+            Goal::Peak(2.0).target(Component::Shape, &[0.0; 4]),
+            [0.0; 4]
+        );
+    }
+
+    #[test]
+    fn a_series_is_stretched_after_the_frames_without_differences() {
+        let series = Goal::Series(vec![9.0, 1.0, 3.0, 5.0]);
+        let found = series.target(Component::Weight, &[7.0; 6]);
+        assert_eq!(found, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        // Flow begins with the fourth frame, Shape with the first.
+        let flow = series.target(Component::Flow, &[7.0; 5]);
+        assert_eq!(flow, [0.0, 0.0, 0.0, 5.0, 5.0]);
+        let shape = series.target(Component::Shape, &[7.0; 4]);
+        assert_eq!(shape, [9.0, 1.0, 3.0, 5.0]);
+        assert_eq!(series.target(Component::Flow, &[7.0; 2]), [0.0, 0.0]);
+        assert_eq!(series.target(Component::Shape, &[7.0]), [9.0]);
+    }
+
+    #[test]
+    fn text_round_trips() {
+        for text in ["1.5", "0:1 ~ 1:0.5", "peak=0.25", "mean=1", "any"] {
+            let goal = Goal::parse(Component::Weight, text).unwrap();
+            assert_eq!(goal.to_string(), text);
+        }
+        for (text, part) in [
+            (
+                "peak=-1",
+                "peak must be a finite number of at least 0, found -1",
+            ),
+            ("mean=inf", "found inf"),
+            ("peak=", "found nothing"),
+            (
+                "max=1",
+                "peak= or mean= with a number, or any; found \"max=1\"",
+            ),
+            ("heavy", "a word (light, strong)"),
+            ("0:heavy", "expected a number or one of light, strong"),
+            ("sudden", "Time"),
+        ] {
+            let message = Goal::parse(Component::Weight, text)
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains(part), "{text}: {message}");
+        }
+    }
+}
