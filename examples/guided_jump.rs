@@ -12,7 +12,7 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use lamogen::files::{WriteOptions, write};
 use lamogen::{Component, Device, Generation, LaMoGen, Preset, Request, Tag, TimeSummary};
-use lamogen_view::{Curve, Figure, Page, Row, curves, page, save, strip};
+use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure, curves, page, save, strip};
 
 /// Generates a motion from a sentence, once as the text alone gives it and once as the tags ask.
 #[derive(Parser)]
@@ -131,11 +131,11 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
     let tags: Vec<String> = arguments.tags.iter().map(Tag::to_string).collect();
     let tags = tags.join(", ");
     let rows = [
-        Row {
+        LabelledMotion {
             label: "text alone",
             motion: &result.baseline,
         },
-        Row {
+        LabelledMotion {
             label: &tags,
             motion: &result.guided,
         },
@@ -143,14 +143,14 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
     save(out("strip.svg"), &strip(&rows, 10))?;
     let title = format!("{}: {tags}", arguments.prompt);
     let lines = [
-        Curve::baseline(&result.baseline_laban),
-        Curve::target(&result.target),
-        Curve::guided(&result.guided_laban),
+        LabanCurve::baseline(&result.baseline_laban),
+        LabanCurve::target(&result.target),
+        LabanCurve::guided(&result.guided_laban),
     ];
     save(out("curves.svg"), &curves(&title, &lines)?)?;
     let figures = [
-        Figure::baseline(&result.baseline),
-        Figure::guided(&result.guided),
+        PageFigure::baseline(&result.baseline),
+        PageFigure::guided(&result.guided),
     ];
     let player = Page {
         title: &arguments.prompt,

@@ -12,7 +12,7 @@ use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Factor, Generation, LaMoGen, Preset, Request,
     ScaleCurve, TimeSummary,
 };
-use lamogen_view::{Curve, Row, curves, save, strip};
+use lamogen_view::{LabanCurve, LabelledMotion, curves, save, strip};
 
 /// Generates a motion whose Weight, Time, Flow or Shape is asked to change over time.
 ///
@@ -102,12 +102,12 @@ fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     result.baseline.save_joints(out("baseline.npy"))?;
     result.guided.save_joints(out("guided.npy"))?;
     let rows = [("text alone", &result.baseline), (&label, &result.guided)];
-    let rows = rows.map(|(label, motion)| Row { label, motion });
+    let rows = rows.map(|(label, motion)| LabelledMotion { label, motion });
     save(out("strip.svg"), &strip(&rows, 10))?;
     let lines = [
-        Curve::baseline(&result.baseline_laban),
-        Curve::target(&result.target),
-        Curve::guided(&result.guided_laban),
+        LabanCurve::baseline(&result.baseline_laban),
+        LabanCurve::target(&result.target),
+        LabanCurve::guided(&result.guided_laban),
     ];
     let title = format!("{}: {label}", arguments.prompt);
     save(out("curves.svg"), &curves(&title, &lines)?)?;

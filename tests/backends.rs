@@ -9,7 +9,7 @@ use lamogen::{DeviceName, LaMoGen, Request};
 use lamogen_model::ModelConfig;
 use lamogen_train::{LogLine, RunLength, RunObserver, RunPlan, RunProgress, StepReport, run};
 use xtask::parity::{Distance, Short, short};
-use xtask::training::Practice;
+use xtask::training::RandomMotionTask;
 
 /// Every backend of this build, the software driver before a graphics processor.
 fn devices() -> Vec<DeviceName> {
@@ -100,7 +100,7 @@ fn joints_agree_to_a_hundredth_of_a_millimetre_after_fifty_steps() {
 /// Stops after three steps of a sitting.
 struct Three;
 
-impl RunObserver<Practice> for Three {
+impl RunObserver<RandomMotionTask> for Three {
     fn step(&mut self, _: &StepReport, progress: &RunProgress) -> ControlFlow<()> {
         match progress.step - progress.resumed_at {
             3 => ControlFlow::Break(()),
@@ -120,7 +120,7 @@ fn training_stops_and_goes_on_with_the_same_losses_everywhere() {
     let config = ModelConfig::from_json(config.to_string().as_bytes(), "test").unwrap();
     let losses = |name: &DeviceName| -> Vec<[f64; 2]> {
         let device = name.open().unwrap();
-        let task = Practice::new(config.clone(), 4, 24, &device);
+        let task = RandomMotionTask::new(config.clone(), 4, 24, &device);
         let folder = tempfile::tempdir().unwrap();
         let plan = RunPlan {
             length: RunLength::Steps(6),

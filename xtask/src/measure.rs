@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use burn::tensor::Device;
 use lamogen::{FRAMES_PER_SECOND, Motion, Request};
 use lamogen_data::{Dataset, Entry, LoadOptions, Split};
-use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, fid, real_motions};
+use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, evaluate_real_motions, fid};
 use lamogen_model::Denoiser;
 use lamogen_motion::{BoneDrift, FootSliding, Jitter};
 use lamogen_train::{CaptionTokens, Validation};
@@ -144,7 +144,7 @@ fn evaluate(
         (captions, rows.as_flattened().to_vec())
     });
     let embedded = CaptionedMotions::embed(evaluator, pairs)?;
-    let precision = real_motions(&embedded, DRAWS, 0)?;
+    let precision = evaluate_real_motions(&embedded, DRAWS, 0)?;
     let mut metrics = Metrics::from([
         ("r_precision_1", precision.r_precision[0].mean),
         ("r_precision_2", precision.r_precision[1].mean),

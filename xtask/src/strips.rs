@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen::Request;
-use lamogen_view::{Row, png, save, strip};
+use lamogen_view::{LabelledMotion, png, save, strip};
 
 use crate::subject::Subject;
 
@@ -98,7 +98,7 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
     let rows = sentences
         .iter()
         .zip(&motions)
-        .map(|(label, generation)| Row {
+        .map(|(label, generation)| LabelledMotion {
             label,
             motion: &generation.guided,
         });

@@ -41,7 +41,7 @@ pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
         Size::Compact => TrainingConfig::compact().model,
         Size::Full => ModelConfig::motion_diffuse(),
     };
-    let task = Practice::new(
+    let task = RandomMotionTask::new(
         config,
         options.batch as usize,
         options.frames as usize,
@@ -61,7 +61,7 @@ pub fn run(options: &Options, device: &Device) -> Result<f64, Box<dyn Error>> {
 }
 
 /// The training of a denoiser on random motions, which are noise themselves.
-pub struct Practice {
+pub struct RandomMotionTask {
     batch: usize,
     frames: usize,
     device: Device,
@@ -69,10 +69,10 @@ pub struct Practice {
     config: ModelConfig,
 }
 
-impl Practice {
+impl RandomMotionTask {
     /// Creates a task with batches of `batch` motions of `frames` frames.
     pub fn new(config: ModelConfig, batch: usize, frames: usize, device: &Device) -> Self {
-        Practice {
+        RandomMotionTask {
             batch,
             frames,
             device: device.clone(),
@@ -82,14 +82,14 @@ impl Practice {
     }
 }
 
-impl TrainingTask for Practice {
+impl TrainingTask for RandomMotionTask {
     type Network = MotionDiffuse;
 
     fn optimization(&self) -> &OptimizerConfig {
         &self.optimization
     }
 
-    fn start(&self, device: &Device) -> MotionDiffuse {
+    fn initial_network(&self, device: &Device) -> MotionDiffuse {
         MotionDiffuse::initial(&self.config, 0, device)
     }
 

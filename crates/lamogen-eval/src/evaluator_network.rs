@@ -6,7 +6,7 @@ use std::path::Path;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use lamogen_model::{Checkpoint, Keyed, Keys, Precision};
+use lamogen_model::{Checkpoint, NamedParameters, ParameterList, Precision};
 use lamogen_motion::{frame_mask, write_atomically};
 
 use crate::network::{Dropout, MotionEncoder, MovementEncoder, TextEncoder};
@@ -192,8 +192,8 @@ impl EvaluatorNetwork {
     }
 }
 
-impl Keyed for EvaluatorNetwork {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for EvaluatorNetwork {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.nested(PARTS[0], &mut self.movement);
         keys.nested(PARTS[1], &mut self.motion);
         keys.nested(PARTS[2], &mut self.text);

@@ -31,13 +31,13 @@ pub use config::{EvaluatorConfig, TextForm};
 pub use error::{EvaluatorError, EvaluatorNetworkError};
 pub use evaluator::Evaluator;
 pub use evaluator_network::EvaluatorNetwork;
-pub use loss::{contrastive_loss, contrastive_loss_of_all, random_shift};
+pub use loss::{contrastive_loss, contrastive_loss_all_shifts, random_shift};
 pub use metrics::{
     ChangeMatrix, ControlExtremes, Embeddings, Gaussian, MatchingScore, MetricError,
     RetrievalBatches, diversity, fid, mean_distance, multimodality,
 };
 pub use network::Dropout;
-pub use real::{Estimate, RealMotions, real_motions};
+pub use real::{Estimate, RealMotions, evaluate_real_motions};
 pub use text::TextBatch;
 pub use vocabulary::{PartOfSpeech, Sentence, Vocabulary, VocabularyError};
 

@@ -56,7 +56,7 @@ pub fn contrastive_loss(
 /// # Panics
 ///
 /// If the shapes differ, or there are fewer than two pairs.
-pub fn contrastive_loss_of_all(text: Tensor<2>, motion: Tensor<2>, margin: f64) -> Tensor<1> {
+pub fn contrastive_loss_all_shifts(text: Tensor<2>, motion: Tensor<2>, margin: f64) -> Tensor<1> {
     let [batch, width] = text.dims();
     assert_eq!(text.dims(), motion.dims(), "one motion for each text");
     assert!(batch > 1, "expected a batch of at least 2, found {batch}");
@@ -143,7 +143,7 @@ mod tests {
         let losses = |all: bool| {
             let [text, motion] = [points(1.3), points(2.1)].map(|x| x.autodiff().require_grad());
             let loss = match all {
-                true => contrastive_loss_of_all(text.clone(), motion.clone(), 10.0),
+                true => contrastive_loss_all_shifts(text.clone(), motion.clone(), 10.0),
                 false => (1..5)
                     .map(|shift| contrastive_loss(text.clone(), motion.clone(), shift, 10.0))
                     .reduce(|a, b| a + b)

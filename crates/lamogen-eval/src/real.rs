@@ -39,7 +39,7 @@ pub struct Estimate {
 /// # Panics
 ///
 /// If there is no repetition.
-pub fn real_motions(
+pub fn evaluate_real_motions(
     motions: &CaptionedMotions,
     repetitions: usize,
     seed: u64,

@@ -6,7 +6,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_eval::{
     CaptionedMotions, Embeddings, Evaluator, EvaluatorConfig, EvaluatorError, EvaluatorNetwork,
-    MetricError, TextBatch, TextForm, real_motions,
+    MetricError, TextBatch, TextForm, evaluate_real_motions,
 };
 use lamogen_model::{Precision, train_tokenizer};
 
@@ -210,7 +210,7 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
     };
     let captioned = CaptionedMotions::embed(&evaluator(), motions(600)).unwrap();
     assert_eq!(captioned.len(), 600);
-    let real = real_motions(&captioned, 20, 5).unwrap();
+    let real = evaluate_real_motions(&captioned, 20, 5).unwrap();
     // 600 motions make 18 batches of 32.
     assert_eq!(
         (real.motions, real.batches, real.repetitions),
@@ -222,11 +222,11 @@ fn a_network_that_has_learned_nothing_is_at_chance() {
         assert!(found.interval > 0.0 && found.interval < 0.01, "{found:?}");
     }
     assert!(real.distance.mean > 0.0);
-    assert_eq!(real, real_motions(&captioned, 20, 5).unwrap());
-    assert_ne!(real, real_motions(&captioned, 20, 6).unwrap());
+    assert_eq!(real, evaluate_real_motions(&captioned, 20, 5).unwrap());
+    assert_ne!(real, evaluate_real_motions(&captioned, 20, 6).unwrap());
 
     let few = CaptionedMotions::embed(&evaluator(), motions(31)).unwrap();
-    let error = real_motions(&few, 1, 0).unwrap_err().to_string();
+    let error = evaluate_real_motions(&few, 1, 0).unwrap_err().to_string();
     assert!(
         error.contains("at least 32") && error.contains("found 31"),
         "{error}"

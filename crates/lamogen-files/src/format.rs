@@ -3,14 +3,14 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, placeholder_at};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, describe_placeholder_at};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
 use crate::glb::{self, GlbOptions};
 use crate::import::{ImportedMotion, ReadOptions, import};
 use crate::npy;
-use crate::units::{Unit, Up};
+use crate::units::{Unit, UpAxis};
 
 /// Reads a motion of any known skeleton, at any frame rate.
 ///
@@ -36,7 +36,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
             found: rate,
         });
     }
-    if let Some(problem) = placeholder_at(path) {
+    if let Some(problem) = describe_placeholder_at(path) {
         return Err(ReadError::Placeholder {
             path: path.to_owned(),
             problem,
@@ -47,7 +47,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
         Some("glb" | "gltf") => {
             let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
-                up: options.up.or(Some(Up::Y)),
+                up: options.up.or(Some(UpAxis::Y)),
                 frames_per_second: None,
                 ..options.clone()
             };

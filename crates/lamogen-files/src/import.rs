@@ -11,7 +11,7 @@ use crate::error::ReadError;
 use crate::mapping::JointMapping;
 use crate::names::recognise;
 use crate::plausibility::{ImportNotice, notices};
-use crate::units::{Unit, Up};
+use crate::units::{Unit, UpAxis};
 
 /// Known properties of a file. Properties that are `None` are guessed from the body, and [`ImportedMotion`] reports
 /// the guesses.
@@ -20,7 +20,7 @@ pub struct ReadOptions {
     /// The unit of lengths in the file.
     pub unit: Option<Unit>,
     /// The axis of the file that points up.
-    pub up: Option<Up>,
+    pub up: Option<UpAxis>,
     /// The name of each joint in the file, if the skeleton is not a known one.
     pub mapping: Option<JointMapping>,
     /// The animation to read: of a glTF by its name, of an array of several motions by its number from 0. By default
@@ -48,7 +48,7 @@ pub struct ImportedMotion {
     /// The unit of lengths in the file.
     pub unit: Unit,
     /// The axis of the file that points up.
-    pub up: Up,
+    pub up: UpAxis,
     /// The file's frame rate.
     pub source_frames_per_second: f64,
     /// The file's number of frames.
@@ -170,19 +170,19 @@ fn frame_rate(clip: &Clip) -> f64 {
 /// Guesses the axis that points up: the axis along which the body stands in the rest pose, unless the body stands along
 /// the other axis throughout the motion. If the body does not stand in the rest pose, as in files that have all bones
 /// along one axis, the motion alone decides.
-fn guess_up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> Up {
+fn guess_up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> UpAxis {
     let moving = poses.iter().map(body_axis).sum::<DVec3>() / poses.len() as f64;
     let rest_up = match body_axis(rest) {
-        rest if rest.y > 0.9 => Some(Up::Y),
-        rest if rest.z > 0.9 => Some(Up::Z),
+        rest if rest.y > 0.9 => Some(UpAxis::Y),
+        rest if rest.z > 0.9 => Some(UpAxis::Z),
         _ => None,
     };
     match rest_up {
-        Some(Up::Y) if moving.z > 0.85 => Up::Z,
-        Some(Up::Z) if moving.y > 0.85 => Up::Y,
+        Some(UpAxis::Y) if moving.z > 0.85 => UpAxis::Z,
+        Some(UpAxis::Z) if moving.y > 0.85 => UpAxis::Y,
         Some(up) => up,
-        None if moving.z > moving.y => Up::Z,
-        None => Up::Y,
+        None if moving.z > moving.y => UpAxis::Z,
+        None => UpAxis::Y,
     }
 }
 

@@ -34,7 +34,7 @@ pub use import::{ImportedMotion, ReadOptions};
 pub use mapping::{JointMapping, MappingError};
 pub use names::UnknownSkeleton;
 pub use plausibility::ImportNotice;
-pub use units::{Unit, UnitError, Up, UpError};
+pub use units::{Unit, UnitError, UpAxis, UpAxisError};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

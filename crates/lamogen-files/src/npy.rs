@@ -8,7 +8,7 @@ use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATUR
 use crate::error::ReadError;
 use crate::import::{ImportedMotion, ReadOptions, frame_count};
 use crate::plausibility::notices;
-use crate::units::{Unit, Up};
+use crate::units::{Unit, UpAxis};
 
 /// Reads a motion from an array of joints or pose features.
 ///
@@ -23,7 +23,7 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion,
     }
     let (unit, up) = (
         options.unit.unwrap_or(Unit::Metre),
-        options.up.unwrap_or(Up::Y),
+        options.up.unwrap_or(UpAxis::Y),
     );
     let layout = ArrayLayout::from_shape(&array.shape).ok_or_else(|| ReadError::Shape {
         path: path.to_owned(),
@@ -162,7 +162,7 @@ fn motion_from_joints(
     rows: &[f32],
     joints: usize,
     unit: Unit,
-    up: Up,
+    up: UpAxis,
 ) -> Result<Motion, MotionError> {
     let pose = |row: &[f32]| {
         std::array::from_fn(|joint| {

@@ -105,7 +105,7 @@ impl FromStr for Unit {
 
 /// The axis of a file that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Up {
+pub enum UpAxis {
     /// Y, as in lamogen.
     Y,
     /// Z, as in Blender and most laboratories.
@@ -116,25 +116,25 @@ pub enum Up {
     MinusZ,
 }
 
-impl Up {
+impl UpAxis {
     /// Converts a point of the file to coordinates with Y up.
     pub(crate) fn to_y_up(self, point: DVec3) -> DVec3 {
         match self {
-            Up::Y => point,
-            Up::Z => DVec3::new(point.x, point.z, -point.y),
-            Up::MinusY => DVec3::new(point.x, -point.y, -point.z),
-            Up::MinusZ => DVec3::new(point.x, -point.z, point.y),
+            UpAxis::Y => point,
+            UpAxis::Z => DVec3::new(point.x, point.z, -point.y),
+            UpAxis::MinusY => DVec3::new(point.x, -point.y, -point.z),
+            UpAxis::MinusZ => DVec3::new(point.x, -point.z, point.y),
         }
     }
 }
 
-impl fmt::Display for Up {
+impl fmt::Display for UpAxis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Up::Y => "y",
-            Up::Z => "z",
-            Up::MinusY => "-y",
-            Up::MinusZ => "-z",
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+            UpAxis::MinusY => "-y",
+            UpAxis::MinusZ => "-z",
         })
     }
 }
@@ -142,18 +142,18 @@ impl fmt::Display for Up {
 /// The error of a text that is not an axis.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected the axis that points up (y, z, -y or -z), found {0:?}")]
-pub struct UpError(pub String);
+pub struct UpAxisError(pub String);
 
-impl FromStr for Up {
-    type Err = UpError;
+impl FromStr for UpAxis {
+    type Err = UpAxisError;
 
-    fn from_str(text: &str) -> Result<Self, UpError> {
+    fn from_str(text: &str) -> Result<Self, UpAxisError> {
         match text {
-            "y" | "Y" => Ok(Up::Y),
-            "z" | "Z" => Ok(Up::Z),
-            "-y" | "-Y" => Ok(Up::MinusY),
-            "-z" | "-Z" => Ok(Up::MinusZ),
-            _ => Err(UpError(text.into())),
+            "y" | "Y" => Ok(UpAxis::Y),
+            "z" | "Z" => Ok(UpAxis::Z),
+            "-y" | "-Y" => Ok(UpAxis::MinusY),
+            "-z" | "-Z" => Ok(UpAxis::MinusZ),
+            _ => Err(UpAxisError(text.into())),
         }
     }
 }
@@ -186,15 +186,15 @@ mod tests {
         for text in ["", "foot", "0", "-1", "nan", "inf"] {
             assert!(text.parse::<Unit>().is_err(), "{text}");
         }
-        for up in [Up::Y, Up::Z] {
+        for up in [UpAxis::Y, UpAxis::Z] {
             assert_eq!(up.to_string().parse(), Ok(up));
         }
-        assert!("x".parse::<Up>().is_err());
+        assert!("x".parse::<UpAxis>().is_err());
     }
 
     #[test]
     fn z_up_becomes_y_up_without_a_mirror() {
-        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| Up::Z.to_y_up(axis));
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| UpAxis::Z.to_y_up(axis));
         assert_eq!(z, DVec3::Y);
         assert_eq!(x.cross(y), z);
     }

@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_PI_2, TAU};
 
 use glam::{Quat, Vec3};
-use lamogen_files::{ReadOptions, Unit, Up, WriteOptions, read, write};
+use lamogen_files::{ReadOptions, Unit, UpAxis, WriteOptions, read, write};
 use lamogen_motion::{JOINTS, Joint, Motion, Rotations};
 
 /// Returns a motion of a person who turns around, bends over and swings all limbs.
@@ -74,7 +74,7 @@ fn a_motion_is_read_back_to_a_tenth_of_a_millimetre() {
     let back = read(&path, &ReadOptions::default()).unwrap();
     let gap = largest_gap(&back.motion, &Rotations::of(&motion).joints());
     assert!(gap < 1e-4, "{gap}");
-    assert_eq!((back.unit, back.up), (Unit::Metre, Up::Y));
+    assert_eq!((back.unit, back.up), (Unit::Metre, UpAxis::Y));
     assert!((back.source_frames_per_second - 20.0).abs() < 1e-3);
 }
 

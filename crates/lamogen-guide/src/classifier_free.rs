@@ -182,8 +182,8 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         }
     }
 
-    fn modulations(&self) -> usize {
-        self.network.modulations()
+    fn modulation_width(&self) -> usize {
+        self.network.modulation_width()
     }
 
     fn linearize_motion<'a>(

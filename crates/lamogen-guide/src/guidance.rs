@@ -56,7 +56,7 @@ pub enum GuidanceVariable {
     },
     /// No variable. The second pass runs without a gradient, with the condition of [`Guidance::laban_condition`] if
     /// that is on.
-    Nothing,
+    None,
     /// The start noise. Adam moves it through all DDIM steps of a pass, as in DNO (Karunratanakul et al. 2024). Each
     /// iteration is a whole pass with its gradient, so this variable is practical for few DDIM steps. The Euclidean
     /// length of the noise is kept.
@@ -308,7 +308,7 @@ impl Guidance {
             GuidanceVariable::Embedding
             | GuidanceVariable::Modulation
             | GuidanceVariable::Prediction
-            | GuidanceVariable::Nothing => ddim,
+            | GuidanceVariable::None => ddim,
             GuidanceVariable::Motion { iterations } | GuidanceVariable::Noise { iterations } => {
                 iterations
             }

@@ -32,7 +32,7 @@ pub struct Rig<'a> {
 
 /// The result of guidance on a rigid body.
 #[derive(Clone, Debug)]
-pub struct RigGuided {
+pub struct RigMotions {
     /// The rotations of every motion.
     pub rotations: Vec<Rotations>,
     /// Whether the observer stopped the fit. The result is then the best one that was reached before.
@@ -85,7 +85,7 @@ impl<'a> Rig<'a> {
         baselines: &[Motion],
         goals: &[Goals],
         on_progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
-    ) -> Result<RigGuided, GuideError> {
+    ) -> Result<RigMotions, GuideError> {
         let lengths: Vec<usize> = motions.iter().map(Motion::frames).collect();
         let baseline_lengths: Vec<usize> = baselines.iter().map(Motion::frames).collect();
         assert_eq!(
@@ -133,7 +133,7 @@ impl<'a> Rig<'a> {
             parts,
             terms,
         } = targets.compare(&self.joint_tensor(&joints));
-        Ok(RigGuided {
+        Ok(RigMotions {
             rotations: fit.rotations,
             is_stopped: fit.is_stopped,
             whole,

@@ -1,7 +1,7 @@
 //! DDIM sampling: the first pass, and the steps of both passes.
 
 use burn::tensor::Tensor;
-use lamogen_laban::Window;
+use lamogen_laban::SmoothingWindow;
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prediction, Prompt};
 use lamogen_motion::Normalization;
 
@@ -44,7 +44,7 @@ pub(crate) struct SamplerState<'a, C> {
     pub(crate) context: &'a C,
     pub(crate) mask: FrameMask,
     /// The window that smooths predictions along time, if they are smoothed.
-    window: Option<Window>,
+    window: Option<SmoothingWindow>,
 }
 
 impl<'a, D: Denoiser> Sampler<'a, D> {
@@ -158,7 +158,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         &self,
         state: &'b SamplerState<'_, D::Context>,
         step: &DdimStep,
-    ) -> Option<&'b Window> {
+    ) -> Option<&'b SmoothingWindow> {
         let temporal_smoothing = self.temporal_smoothing?;
         (step.timestep >= temporal_smoothing.until).then_some(state.window.as_ref())?
     }

@@ -1,7 +1,7 @@
 //! The smoothing of predicted motions along time.
 
 use burn::tensor::Device;
-use lamogen_laban::{Gaussian, Window};
+use lamogen_laban::{Gaussian, SmoothingWindow};
 
 use crate::error::GuideError;
 
@@ -45,11 +45,16 @@ impl TemporalSmoothing {
     }
 
     /// Returns the window for motions of the given lengths, padded to `frames` frames.
-    pub(crate) fn window(&self, lengths: &[usize], frames: usize, device: &Device) -> Window {
+    pub(crate) fn window(
+        &self,
+        lengths: &[usize],
+        frames: usize,
+        device: &Device,
+    ) -> SmoothingWindow {
         // Weights beyond three standard deviations are negligible.
         let radius = (3.0 * self.frames).ceil() as usize;
         let gaussian = Gaussian::new(2 * radius + 1, self.frames * self.frames);
         let gaussian = gaussian.expect("the numbers were checked");
-        Window::new(&gaussian, frames, lengths.iter().copied(), device)
+        SmoothingWindow::new(&gaussian, frames, lengths.iter().copied(), device)
     }
 }

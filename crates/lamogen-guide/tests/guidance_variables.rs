@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use batches::batch;
 use burn::tensor::{Device, Tensor};
 use lamogen_guide::{
-    Batch, Body, Finish, Guidance, GuidanceVariable, GuideError, Guided, Observer, Sampler, Step,
+    Batch, Body, Finish, Guidance, GuidanceVariable, GuideError, GuidedMotions, Observer, Sampler,
+    Step,
 };
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::DenoiserInput;
@@ -24,7 +25,7 @@ struct EchoNetwork {
 }
 
 impl ToyNetwork for EchoNetwork {
-    fn modulations(&self) -> usize {
+    fn modulation_width(&self) -> usize {
         2
     }
 
@@ -75,7 +76,7 @@ impl<N: ToyNetwork> Setup<N> {
         &self,
         guidance: &Guidance,
         observer: &mut dyn Observer,
-    ) -> Result<Guided, GuideError> {
+    ) -> Result<GuidedMotions, GuideError> {
         let sampler = Sampler::new(&self.network, &self.normalization, 10).unwrap();
         let baseline = self.baseline.clone();
         sampler.guided(&self.batch, baseline, &[strong()], guidance, observer)

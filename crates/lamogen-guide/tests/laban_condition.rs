@@ -85,7 +85,7 @@ fn the_laban_condition_of_a_network_without_one_is_refused() {
     let baseline = sampler.baseline(&batch, &mut ()).unwrap();
     let goals: Goals = Scale::new([2.0, 1.0, 1.0, 1.0]).unwrap().into();
     let guidance = Guidance {
-        variable: GuidanceVariable::Nothing,
+        variable: GuidanceVariable::None,
         laban_condition: true,
         ..Guidance::fast()
     };

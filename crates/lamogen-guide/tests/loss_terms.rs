@@ -73,7 +73,7 @@ fn with(term: HandDistance) -> Guidance {
     }
 }
 
-fn guided(guidance: &Guidance) -> Result<lamogen_guide::Guided, GuideError> {
+fn guided(guidance: &Guidance) -> Result<lamogen_guide::GuidedMotions, GuideError> {
     let (network, normalization) = (ToyDenoiser(SwingNetwork), normalization(0.3));
     let batch = batch(&[40, 24], 40);
     let sampler = Sampler::new(&network, &normalization, 20).unwrap();

@@ -37,7 +37,7 @@ impl ToyNetwork for KnownMotionNetwork {
         self.prediction
     }
 
-    fn modulations(&self) -> usize {
+    fn modulation_width(&self) -> usize {
         1
     }
 

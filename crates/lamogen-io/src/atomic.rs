@@ -30,13 +30,13 @@ fn in_progress() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 ///
 /// [`remove_temporaries`] removes the file or folder as long as this value lives.
 #[derive(Debug)]
-pub struct TemporaryFile {
+pub struct TemporaryPath {
     path: PathBuf,
     /// The lock that shows other processes that the file or folder is in use.
     _lock: Option<File>,
 }
 
-impl TemporaryFile {
+impl TemporaryPath {
     /// Registers a temporary folder and locks it for as long as the returned value lives.
     ///
     /// The lock protects the folder from [`remove_stale_temporaries`].
@@ -44,10 +44,10 @@ impl TemporaryFile {
     /// # Errors
     ///
     /// If the lock file cannot be created in the folder.
-    pub fn folder(path: &Path) -> io::Result<TemporaryFile> {
+    pub fn lock_folder(path: &Path) -> io::Result<TemporaryPath> {
         let lock = File::create(path.join(LOCK_NAME))?;
         try_lock(&lock);
-        Ok(TemporaryFile::register(path, Some(lock)))
+        Ok(TemporaryPath::register(path, Some(lock)))
     }
 
     /// Removes the lock file of a folder that is no longer temporary, so that the folder is kept.
@@ -55,20 +55,20 @@ impl TemporaryFile {
     /// # Errors
     ///
     /// If the lock file cannot be removed.
-    pub fn keep_folder(self) -> io::Result<()> {
+    pub fn unlock_folder(self) -> io::Result<()> {
         std::fs::remove_file(self.path.join(LOCK_NAME))
     }
 
-    fn register(path: &Path, lock: Option<File>) -> TemporaryFile {
+    fn register(path: &Path, lock: Option<File>) -> TemporaryPath {
         in_progress().insert(path.to_owned());
-        TemporaryFile {
+        TemporaryPath {
             path: path.to_owned(),
             _lock: lock,
         }
     }
 }
 
-impl Drop for TemporaryFile {
+impl Drop for TemporaryPath {
     fn drop(&mut self) {
         in_progress().remove(&self.path);
     }
@@ -187,7 +187,7 @@ pub fn replace_atomically(
     let temporary = builder.tempfile_in(folder)?;
     let lock = temporary.as_file().try_clone()?;
     try_lock(&lock);
-    let _registration = TemporaryFile::register(temporary.path(), Some(lock));
+    let _registration = TemporaryPath::register(temporary.path(), Some(lock));
     let permissions = match replaced {
         Some(replaced) => replaced.permissions(),
         None => temporary.as_file().metadata()?.permissions(),
@@ -291,7 +291,7 @@ mod tests {
         let temporary = |name: &str| {
             let path = folder.path().join(name);
             std::fs::create_dir(&path).unwrap();
-            let held = TemporaryFile::folder(&path).unwrap();
+            let held = TemporaryPath::lock_folder(&path).unwrap();
             { File::options().write(true).open(path.join(LOCK_NAME)) }
                 .unwrap()
                 .set_modified(old)

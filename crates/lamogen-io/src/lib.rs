@@ -8,10 +8,10 @@ mod atomic;
 mod placeholder;
 
 pub use atomic::{
-    TEMPORARY_PREFIX, TemporaryFile, remove_stale_temporaries, remove_temporaries,
+    TEMPORARY_PREFIX, TemporaryPath, remove_stale_temporaries, remove_temporaries,
     replace_atomically, write_atomically,
 };
-pub use placeholder::{placeholder, placeholder_at};
+pub use placeholder::{describe_placeholder_at, placeholder};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -32,7 +32,7 @@ pub fn placeholder(bytes: &[u8]) -> Option<&'static str> {
 /// Applies [`placeholder`] to the first bytes of the file at a path.
 ///
 /// Returns `None` if the file cannot be read: the code that reads the whole file then reports the error.
-pub fn placeholder_at(path: &Path) -> Option<&'static str> {
+pub fn describe_placeholder_at(path: &Path) -> Option<&'static str> {
     let mut start = Vec::with_capacity(PLACEHOLDER_BYTES);
     let file = File::open(path).ok()?;
     if !file.metadata().ok()?.is_file() {

@@ -5,7 +5,7 @@ use lamogen_motion::{JOINTS, frame_mask};
 
 use crate::effectors::EndEffectors;
 use crate::smoothing::{Gaussian, Smoothing};
-use crate::window::Window;
+use crate::window::SmoothingWindow;
 
 /// The number that is added to squared norms, so that a joint at rest has a finite gradient.
 const SQUARED_NORM_OFFSET: f32 = 1e-12;
@@ -38,7 +38,7 @@ pub struct LabanFeatures {
     lengths: Vec<usize>,
     /// The smoothing of positions, velocity and acceleration, each before its difference is taken; `None` for no
     /// smoothing.
-    windows: [Option<Window>; ORDERS],
+    windows: [Option<SmoothingWindow>; ORDERS],
     /// The index of the joint of each end-effector.
     effectors: Tensor<1, Int>,
     masses: Tensor<1>,
@@ -60,7 +60,8 @@ impl LabanFeatures {
         // The n-th difference is n frames shorter.
         let window = |gaussian: &Gaussian, order: usize| {
             let lengths = lengths.iter().map(|length| length.saturating_sub(order));
-            (frames > order).then(|| Window::new(gaussian, frames - order, lengths, device))
+            (frames > order)
+                .then(|| SmoothingWindow::new(gaussian, frames - order, lengths, device))
         };
         let windows = match &options.smoothing {
             Smoothing::None => [None, None, None],

@@ -39,7 +39,7 @@ pub use parts::PartScale;
 pub use series::{LabanSeries, TimeSummary};
 pub use smoothing::{Gaussian, GaussianError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};
-pub use window::Window;
+pub use window::SmoothingWindow;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

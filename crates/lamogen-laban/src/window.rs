@@ -12,7 +12,7 @@ const BLOCK: usize = 256;
 ///
 /// A series is cut into blocks, so that memory grows with the number of frames and not with its square.
 #[derive(Clone, Debug)]
-pub struct Window {
+pub struct SmoothingWindow {
     /// The row of `[batch * frames, …]` at each place of all blocks. Each block is extended by the radius of the window
     /// on both sides.
     rows: Tensor<1, Int>,
@@ -22,7 +22,7 @@ pub struct Window {
     band: Tensor<3>,
 }
 
-impl Window {
+impl SmoothingWindow {
     /// Creates the window for motions of the given lengths, padded to `frames` frames. A length of 0 counts as 1.
     ///
     /// # Panics
@@ -54,7 +54,7 @@ impl Window {
         for (t, row) in band.chunks_exact_mut(extended).enumerate() {
             row[t..t + kernel.len()].copy_from_slice(&kernel);
         }
-        Window {
+        SmoothingWindow {
             rows: Tensor::from_data(rows.as_slice(), device),
             band: Tensor::from_data(TensorData::new(band, [1, block, extended]), device),
         }
@@ -88,7 +88,7 @@ mod tests {
     fn smooth(series: &[f32], length: usize) -> Vec<f32> {
         let device = Device::flex();
         let frames = series.len();
-        let window = Window::new(&Gaussian::PAPER, frames, [length].into_iter(), &device);
+        let window = SmoothingWindow::new(&Gaussian::PAPER, frames, [length].into_iter(), &device);
         let data = TensorData::new(series.to_vec(), [1, frames, 1]);
         let smoothed = window.smooth(Tensor::from_data(data, &device));
         smoothed.into_data().try_to_vec().unwrap()

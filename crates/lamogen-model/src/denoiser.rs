@@ -89,7 +89,7 @@ pub trait Denoiser {
     ///
     /// The network computes the scales and shifts from the sentence and the timestep, and adds
     /// [`DenoiserInput::modulation`] to them. The number is 0, the default, if the network has no stylization layers.
-    fn modulations(&self) -> usize {
+    fn modulation_width(&self) -> usize {
         0
     }
 
@@ -218,7 +218,7 @@ pub struct DenoiserInput {
     /// The sentence embedding, `[batch, d_condition]`.
     pub embedding: Tensor<2>,
     /// An optional offset that is added to the scales and shifts of all stylization layers, `[batch, modulations]` (see
-    /// [`Denoiser::modulations`]). Networks without such layers ignore it.
+    /// [`Denoiser::modulation_width`]). Networks without such layers ignore it.
     pub modulation: Option<Tensor<2>>,
     /// The mask of the frames that are part of each motion.
     pub mask: FrameMask,

@@ -15,18 +15,18 @@ mod config;
 mod denoiser;
 mod network;
 
-pub use checkpoint::{Checkpoint, CheckpointError, Converted, Keyed, Keys, Precision};
+pub use checkpoint::{
+    Checkpoint, CheckpointError, ConversionProgress, NamedParameters, ParameterList, Precision,
+};
 pub use config::{
     ClipTextConfig, ConfigError, LABAN_FEATURES, LabanCondition, ModelConfig, Prediction,
     SamplingDefaults,
 };
 pub use denoiser::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prompt};
-pub use lamogen_tokenizer::{
-    KnownWords, Tokenizer, TokenizerError, Tokens, train_tokenizer, words,
-};
+pub use lamogen_tokenizer::{Tokenizer, TokenizerError, Tokens, WordList, train_tokenizer, words};
 pub use network::{
-    CrossAttentionContext, Draw, MotionDiffuse, SentenceSimilarity, TrainingBatch,
-    TrainingGradients, initialize,
+    CrossAttentionContext, MotionDiffuse, SentenceSimilarity, TrainingBatch, TrainingGradients,
+    WeightSampler, initialize,
 };
 
 #[cfg(doctest)]

@@ -170,11 +170,14 @@ fn kernels_know_the_gradient_of_scales_and_shifts() {
         modulation: Some(modulation),
         ..plain.clone()
     };
-    let unmoved = with(Tensor::zeros([4, model.modulations()], &Device::flex()));
+    let unmoved = with(Tensor::zeros(
+        [4, model.modulation_width()],
+        &Device::flex(),
+    ));
     let [unmoved, nothing] = [unmoved, plain.clone()].map(|input| model.denoise(input, context));
     assert_eq!(to_vec(unmoved), to_vec(nothing.clone()));
 
-    let moved = with(numbers([4, model.modulations()], 0.217) * 0.5);
+    let moved = with(numbers([4, model.modulation_width()], 0.217) * 0.5);
     let kernels = output_and_gradient(model.linearize(moved.clone(), context), &moved.mask);
     let evaluate = |input| model.denoise(input, context);
     let tensors = LinearizedEvaluation::by_autodiff(moved.clone(), evaluate);

@@ -29,8 +29,8 @@ pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;
 pub use joints::joints;
 pub use lamogen_io::{
-    TEMPORARY_PREFIX, TemporaryFile, placeholder, placeholder_at, remove_stale_temporaries,
-    remove_temporaries, replace_atomically, write_atomically,
+    TEMPORARY_PREFIX, TemporaryPath, describe_placeholder_at, placeholder,
+    remove_stale_temporaries, remove_temporaries, replace_atomically, write_atomically,
 };
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};

@@ -94,14 +94,14 @@ impl JointTurning {
     }
 
     /// Returns how far all joints but the pelvis turn on average, in degrees a frame.
-    pub fn mean_but_pelvis(&self) -> f32 {
+    pub fn mean_without_pelvis(&self) -> f32 {
         let sum: f32 = ALL_BUT_PELVIS.iter().map(|&joint| self.mean(joint)).sum();
         sum / ALL_BUT_PELVIS.len() as f32
     }
 
     /// Returns the largest turn of any joint but the pelvis. If several joints turn as far, the first of
     /// [`Joint::ALL`] is returned.
-    pub fn largest_but_pelvis(&self) -> JointTurn {
+    pub fn largest_without_pelvis(&self) -> JointTurn {
         let turns = ALL_BUT_PELVIS.iter().map(|&joint| self.largest(joint));
         let farthest = turns.reduce(|farthest, turn| match turn.degrees > farthest.degrees {
             true => turn,
@@ -185,12 +185,12 @@ mod tests {
         }
         let turning = JointTurning::of_local(&poses);
         assert_eq!(turning.steps().len(), 10);
-        let worst = turning.largest_but_pelvis();
+        let worst = turning.largest_without_pelvis();
         assert!(close(worst.degrees, 92.0));
         assert_eq!((worst.joint, worst.frame), (Joint::Spine3, 4));
         // The joint turns by 92 degrees and back.
         assert!(close(turning.mean(Joint::Spine3), 2.0 * 92.0 / 10.0));
-        assert!(close(turning.mean_but_pelvis(), 18.4 / 21.0));
+        assert!(close(turning.mean_without_pelvis(), 18.4 / 21.0));
         assert_eq!(turning.snaps(Joint::Spine3, 60.0), 2);
         assert_eq!(turning.snaps(Joint::Spine3, 93.0), 0);
         let pelvis = turning.largest(Joint::Pelvis);
@@ -223,10 +223,10 @@ mod tests {
             JointTurning::of_local(&[STILL]),
             JointTurning::of(&Rotations::of(&spinning(1))),
         ] {
-            assert_eq!(turning.largest_but_pelvis().degrees, 0.0);
+            assert_eq!(turning.largest_without_pelvis().degrees, 0.0);
             assert_eq!(turning.largest(Joint::Pelvis).frame, 0);
             assert_eq!(turning.mean(Joint::Pelvis), 0.0);
-            assert_eq!(turning.mean_but_pelvis(), 0.0);
+            assert_eq!(turning.mean_without_pelvis(), 0.0);
         }
     }
 
@@ -253,7 +253,7 @@ mod tests {
             let turning = JointTurning::of(&rotations.resampled(rate));
             assert_eq!(turning.steps().len(), 40);
             assert!((turning.mean(Joint::Pelvis) - 3.0).abs() < 1e-3, "{rate}");
-            assert!(turning.largest_but_pelvis().degrees < 1e-2, "{rate}");
+            assert!(turning.largest_without_pelvis().degrees < 1e-2, "{rate}");
         }
     }
 }

@@ -42,7 +42,7 @@ mod words;
 pub use error::TokenizerError;
 pub use tokenizer::{Tokenizer, Tokens};
 pub use train::train_tokenizer;
-pub use words::{KnownWords, words};
+pub use words::{WordList, words};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

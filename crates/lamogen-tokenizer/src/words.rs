@@ -29,18 +29,18 @@ pub fn words(text: &str) -> Vec<String> {
 /// The set of words in the captions that a model was trained on.
 ///
 /// ```
-/// use lamogen_tokenizer::KnownWords;
+/// use lamogen_tokenizer::WordList;
 ///
-/// let known = KnownWords::of(["a person walks", "someone jumps"]);
-/// assert_eq!(known.unseen("A person moonwalks, moonwalks!"), ["moonwalks"]);
+/// let known = WordList::of(["a person walks", "someone jumps"]);
+/// assert_eq!(known.unknown_words("A person moonwalks, moonwalks!"), ["moonwalks"]);
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct KnownWords(BTreeSet<String>);
+pub struct WordList(BTreeSet<String>);
 
-impl KnownWords {
+impl WordList {
     /// Collects the words of some texts.
     pub fn of<'t>(texts: impl IntoIterator<Item = &'t str>) -> Self {
-        let mut known = KnownWords::default();
+        let mut known = WordList::default();
         texts.into_iter().for_each(|text| known.add(text));
         known
     }
@@ -54,7 +54,7 @@ impl KnownWords {
     /// Reads a list with one word per line.
     pub fn from_lines(lines: &str) -> Self {
         let lines = lines.lines().map(str::trim);
-        KnownWords(
+        WordList(
             lines
                 .filter(|line| !line.is_empty())
                 .map(str::to_owned)
@@ -78,12 +78,12 @@ impl KnownWords {
     }
 
     /// Returns whether at least one word of a text is in the set.
-    pub fn knows_some(&self, text: &str) -> bool {
+    pub fn contains_any(&self, text: &str) -> bool {
         words(text).iter().any(|word| self.0.contains(word))
     }
 
     /// Returns the words of a text that are not in the set, each once, in the order of the text. Punctuation is left out.
-    pub fn unseen(&self, text: &str) -> Vec<String> {
+    pub fn unknown_words(&self, text: &str) -> Vec<String> {
         let mut unseen = Vec::new();
         for word in words(text) {
             if is_word(&word) && !self.0.contains(&word) && !unseen.contains(&word) {
@@ -114,11 +114,11 @@ mod tests {
 
     #[test]
     fn a_list_is_read_as_it_was_written() {
-        let known = KnownWords::of(["walks to the left", "U-turn 2"]);
-        assert_eq!(KnownWords::from_lines(&known.to_lines()), known);
-        assert!(known.unseen("walks 2 u-turn").is_empty());
-        assert_eq!(known.unseen("höpft 左 walks höpft"), ["höpft", "左"]);
-        assert!(known.knows_some("höpft 左 WALKS"));
-        assert!(!known.knows_some("höpft 左 12345 !!!"));
+        let known = WordList::of(["walks to the left", "U-turn 2"]);
+        assert_eq!(WordList::from_lines(&known.to_lines()), known);
+        assert!(known.unknown_words("walks 2 u-turn").is_empty());
+        assert_eq!(known.unknown_words("höpft 左 walks höpft"), ["höpft", "左"]);
+        assert!(known.contains_any("höpft 左 WALKS"));
+        assert!(!known.contains_any("höpft 左 12345 !!!"));
     }
 }

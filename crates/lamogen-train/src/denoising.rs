@@ -22,7 +22,7 @@ use crate::laban::LabanLabels;
 use crate::losses::NoisyMotions;
 use crate::model_folder::{write_file, write_statistics_and_tokenizer};
 use crate::optimization::OptimizerConfig;
-use crate::sentences::Sentences;
+use crate::sentences::SentenceEmbeddings;
 use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
 use crate::validation::Validation;
@@ -39,7 +39,7 @@ pub struct DenoisingTask<'a> {
     laban: Option<LabanLabels>,
     /// Whether the statistics of Laban features are those of this data set, and not those of the config.
     laban_is_measured: bool,
-    sentences: Option<&'a Sentences>,
+    sentences: Option<&'a SentenceEmbeddings>,
     batches: BatchSampler,
     schedule: Schedule,
     normalization: Normalization,
@@ -115,7 +115,7 @@ impl<'a> DenoisingTask<'a> {
     /// # Errors
     ///
     /// If the sizes or the prediction of the network are not those of the config.
-    pub fn with_start(mut self, network: MotionDiffuse) -> Result<Self, TrainError> {
+    pub fn with_initial_network(mut self, network: MotionDiffuse) -> Result<Self, TrainError> {
         // The statistics with which the network was trained replace those that were measured here.
         if self.laban_is_measured {
             self.config.model.laban_condition = network.config().laban_condition;
@@ -145,7 +145,7 @@ impl<'a> DenoisingTask<'a> {
     }
 
     /// Lets the text encoder also learn from sentences, by the config's `sentences_per_batch` and `sentence_weight`.
-    pub fn with_sentences(self, sentences: &'a Sentences) -> Self {
+    pub fn with_sentences(self, sentences: &'a SentenceEmbeddings) -> Self {
         DenoisingTask {
             sentences: Some(sentences),
             ..self
@@ -219,7 +219,7 @@ impl TrainingTask for DenoisingTask<'_> {
         &self.config.optimization
     }
 
-    fn start(&self, device: &Device) -> MotionDiffuse {
+    fn initial_network(&self, device: &Device) -> MotionDiffuse {
         let initial =
             || MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device);
         { self.start.clone() }.map_or_else(initial, |network| network.to_device(device))

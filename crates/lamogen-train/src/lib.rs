@@ -47,7 +47,7 @@ pub use matching::{
 pub use optimization::OptimizerConfig;
 pub use paraphrases::Paraphrases;
 pub use run::{RunLength, RunObserver, RunOutcome, RunPlan, RunProgress, run};
-pub use sentences::{Sentences, SentencesError};
+pub use sentences::{SentenceEmbeddings, SentencesError};
 pub use task::{StepGradients, TrainingTask};
 pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};

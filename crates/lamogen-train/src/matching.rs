@@ -16,7 +16,7 @@ use burn::tensor::Device;
 use lamogen_data::{Dataset, Split};
 use lamogen_eval::{
     CaptionedMotions, Dropout, Evaluator, EvaluatorConfig, EvaluatorError, EvaluatorNetwork,
-    EvaluatorNetworkError, RetrievalBatches, contrastive_loss, contrastive_loss_of_all,
+    EvaluatorNetworkError, RetrievalBatches, contrastive_loss, contrastive_loss_all_shifts,
     random_shift,
 };
 use lamogen_model::Precision;
@@ -118,7 +118,7 @@ impl TrainingTask for MatchingTask<'_> {
         &self.config.optimization
     }
 
-    fn start(&self, device: &Device) -> EvaluatorNetwork {
+    fn initial_network(&self, device: &Device) -> EvaluatorNetwork {
         EvaluatorNetwork::initial(
             &self.config.evaluator,
             self.config.optimization.seed,
@@ -144,7 +144,7 @@ impl TrainingTask for MatchingTask<'_> {
         let motions = network.embed_motion(features, &lengths, Some(dropout));
         let texts = network.embed_text(&texts);
         let loss = match config.others {
-            Negatives::All => contrastive_loss_of_all(texts, motions, config.margin),
+            Negatives::All => contrastive_loss_all_shifts(texts, motions, config.margin),
             Negatives::One => {
                 let shift = random_shift(lengths.len(), &mut generator);
                 contrastive_loss(texts, motions, shift, config.margin)

@@ -1,4 +1,4 @@
-//! Sentences from which a text encoder learns the similarities of a larger sentence encoder.
+//! SentenceEmbeddings from which a text encoder learns the similarities of a larger sentence encoder.
 
 use std::path::{Path, PathBuf};
 
@@ -11,14 +11,14 @@ use rayon::prelude::*;
 
 use crate::sampling::step_generator;
 
-/// Sentences and their embeddings from a sentence encoder.
+/// SentenceEmbeddings and their embeddings from a sentence encoder.
 ///
 /// ```text
 /// sentences.txt ──Tokenizer──▶ ids ─┐
 /// sentences.npy ──▶ embeddings ─────┴─ draw(step) ──▶ tokens, cosines of their embeddings
 /// ```
 #[derive(Clone, Debug)]
-pub struct Sentences {
+pub struct SentenceEmbeddings {
     ids: Vec<Vec<i32>>,
     /// The embeddings `[sentence][dimension]`, in rows of length 1.
     embeddings: Vec<f32>,
@@ -42,7 +42,7 @@ pub enum SentencesError {
 /// The number of nearest sentences that are kept for each sentence.
 const NEIGHBOURS: usize = 16;
 
-impl Sentences {
+impl SentenceEmbeddings {
     /// Reads embeddings `[sentences, width]` from an `.npy` file, and the sentences from the `.txt` file of the same name, one in
     /// each line.
     ///
@@ -94,7 +94,7 @@ impl Sentences {
             }
             row.iter_mut().for_each(|value| *value /= length);
         }
-        Ok(Sentences {
+        Ok(SentenceEmbeddings {
             neighbours: neighbours(&embeddings, width),
             ids,
             embeddings,

@@ -20,7 +20,7 @@ pub trait TrainingTask {
     fn optimization(&self) -> &OptimizerConfig;
 
     /// Returns the network before the first step.
-    fn start(&self, device: &Device) -> Self::Network;
+    fn initial_network(&self, device: &Device) -> Self::Network;
 
     /// Computes the loss and the gradients of one step. Autodiff tracks the network's weights.
     fn compute_gradients(&self, network: &Self::Network, step: u64) -> StepGradients;

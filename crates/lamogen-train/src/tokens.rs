@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use lamogen_data::{Checksum, Dataset, Split};
-use lamogen_model::{KnownWords, Tokenizer, TokenizerError};
+use lamogen_model::{Tokenizer, TokenizerError, WordList};
 
 use crate::paraphrases::Paraphrases;
 
@@ -15,7 +15,7 @@ pub struct CaptionTokens {
     /// The ids of an empty sentence.
     empty: Vec<i32>,
     /// The words of the captions of the training split, in all phrasings.
-    words: KnownWords,
+    words: WordList,
     /// The number of captions that are longer than the context.
     cut: usize,
     tokenizer: Tokenizer,
@@ -42,7 +42,7 @@ impl CaptionTokens {
             let tokens = tokenizer.encode(text)?;
             Ok((tokens.ids.iter().map(|&id| id as i32).collect(), tokens.cut))
         };
-        let mut words = KnownWords::default();
+        let mut words = WordList::default();
         let mut ids = Vec::with_capacity(dataset.entries().len());
         for entry in dataset.entries() {
             let captions = entry.captions.iter().map(|caption| {
@@ -96,7 +96,7 @@ impl CaptionTokens {
     }
 
     /// Returns the words of the training split's captions, in all phrasings.
-    pub fn words(&self) -> &KnownWords {
+    pub fn words(&self) -> &WordList {
         &self.words
     }
 

@@ -53,7 +53,7 @@ pub struct StepReport {
 impl<'a, T: TrainingTask> Trainer<'a, T> {
     /// Creates a trainer with the task's network before the first step.
     pub fn new(task: &'a T, device: &Device) -> Self {
-        let average = task.start(device).valid();
+        let average = task.initial_network(device).valid();
         Trainer {
             state: TrainerState {
                 step: 0,

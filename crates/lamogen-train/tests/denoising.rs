@@ -392,13 +392,16 @@ fn with_conditions() -> TrainingConfig {
     config
 }
 
-fn sentences(folder: &Path, tokens: &lamogen_train::CaptionTokens) -> lamogen_train::Sentences {
+fn sentences(
+    folder: &Path,
+    tokens: &lamogen_train::CaptionTokens,
+) -> lamogen_train::SentenceEmbeddings {
     let path = folder.join("sentences.npy");
     let rows: Vec<f32> = (0..6 * 5).map(|i| (i as f32 * 1.3).sin()).collect();
     npy::write(&path, &rows, &[6, 5]).unwrap();
     let lines = "a slow one\na quick one\nit is slow\nit is quick\nvery quick\nslow\n";
     fs::write(path.with_extension("txt"), lines).unwrap();
-    lamogen_train::Sentences::read(&path, tokens.tokenizer()).unwrap()
+    lamogen_train::SentenceEmbeddings::read(&path, tokens.tokenizer()).unwrap()
 }
 
 #[test]
@@ -454,7 +457,7 @@ fn the_target_of_guidance_distillation_depends_on_the_text() {
     let first = MotionDiffuse::initial(&config.model, 5, &device);
     let loss_at = |config: &TrainingConfig| {
         let task = DenoisingTask::new(&data, &tokens, config, &device).unwrap();
-        let task = task.with_start(first.clone()).unwrap();
+        let task = task.with_initial_network(first.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };
     // A network with initial weights predicts the same for every sentence, so that guidance has no effect.
@@ -465,7 +468,7 @@ fn the_target_of_guidance_distillation_depends_on_the_text() {
     let text_dependent = MotionDiffuse::new(&config.model, &device);
     let loss_at = |config: &TrainingConfig| {
         let task = DenoisingTask::new(&data, &tokens, config, &device).unwrap();
-        let task = task.with_start(text_dependent.clone()).unwrap();
+        let task = task.with_initial_network(text_dependent.clone()).unwrap();
         Trainer::new(&task, &device).advance(Some(1)).unwrap().loss
     };
     let scaled = loss_at(&config);
@@ -482,17 +485,17 @@ fn files_of_sentences_that_do_not_fit_together_are_refused() {
     let refused = |rows: usize, text: &str, numbers: f32| {
         npy::write(&path, &vec![numbers; rows * 3], &[rows, 3]).unwrap();
         fs::write(path.with_extension("txt"), text).unwrap();
-        let refused = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+        let refused = lamogen_train::SentenceEmbeddings::read(&path, tokens.tokenizer());
         refused.expect_err("they do not fit").to_string()
     };
     assert!(refused(3, "one\nquick\n", 1.0).contains("2 sentences"));
     assert!(refused(1, "one\n", 1.0).contains("at least two"));
     assert!(refused(2, "one\nquick\n", 0.0).contains("row 0"));
     fs::remove_file(path.with_extension("txt")).unwrap();
-    let missing = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+    let missing = lamogen_train::SentenceEmbeddings::read(&path, tokens.tokenizer());
     assert!(missing.unwrap_err().to_string().contains("s.txt"));
     fs::write(&path, "").unwrap();
-    let empty = lamogen_train::Sentences::read(&path, tokens.tokenizer());
+    let empty = lamogen_train::SentenceEmbeddings::read(&path, tokens.tokenizer());
     let message = empty.unwrap_err().to_string();
     assert_eq!(message.matches("s.npy").count(), 1, "{message}");
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use burn::tensor::Device;
 use common::{Clip, pack_clips};
 use lamogen_data::{Dataset, Split};
-use lamogen_eval::{CaptionedMotions, Evaluator, real_motions};
+use lamogen_eval::{CaptionedMotions, Evaluator, evaluate_real_motions};
 use lamogen_motion::POSE_FEATURES;
 use lamogen_train::{
     EvaluatorTrainingConfig, MatchingError, MatchingTask, Negatives, RunLength, RunOutcome,
@@ -102,7 +102,9 @@ fn motions_find_their_texts_and_the_evaluator_can_be_loaded() {
         assert_eq!(matching.r_precision, expected.r_precision);
         assert!((matching.distance / expected.distance - 1.0).abs() < 1e-4);
         assert!(matching.r_precision[2] > 0.7, "{matching:?}");
-        let few = real_motions(&saved, 20, 0).unwrap_err().to_string();
+        let few = evaluate_real_motions(&saved, 20, 0)
+            .unwrap_err()
+            .to_string();
         assert!(few.contains("at least 32"), "{few}");
     }
 }

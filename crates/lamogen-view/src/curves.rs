@@ -9,7 +9,7 @@ use crate::text::shorten;
 
 /// A Laban series that is drawn as one curve in each of the four panels.
 #[derive(Clone, Copy, Debug)]
-pub struct Curve<'a> {
+pub struct LabanCurve<'a> {
     /// The label in the legend.
     pub label: &'a str,
     /// The features to draw.
@@ -20,10 +20,10 @@ pub struct Curve<'a> {
     pub dashed: bool,
 }
 
-impl<'a> Curve<'a> {
+impl<'a> LabanCurve<'a> {
     /// Creates a grey curve for the baseline, the motion without guidance.
     pub fn baseline(series: &'a LabanSeries) -> Self {
-        Curve {
+        LabanCurve {
             label: "baseline",
             series,
             colour: [107, 114, 128],
@@ -33,7 +33,7 @@ impl<'a> Curve<'a> {
 
     /// Creates a dashed curve for the target of guidance.
     pub fn target(series: &'a LabanSeries) -> Self {
-        Curve {
+        LabanCurve {
             label: "target",
             series,
             colour: [22, 101, 52],
@@ -43,7 +43,7 @@ impl<'a> Curve<'a> {
 
     /// Creates a red curve for the guided motion.
     pub fn guided(series: &'a LabanSeries) -> Self {
-        Curve {
+        LabanCurve {
             label: "guided",
             series,
             colour: [194, 65, 12],
@@ -55,7 +55,7 @@ impl<'a> Curve<'a> {
 /// The error of curves that cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("the curves cannot be drawn: {0}")]
-pub struct CurveError(pub(crate) String);
+pub struct PlotError(pub(crate) String);
 
 /// The width and height of the picture in pixels.
 const SIZE: (u32, u32) = (1100, 760);
@@ -68,18 +68,18 @@ const TITLE: u32 = 22;
 /// # Errors
 ///
 /// If the picture cannot be drawn.
-pub fn curves(title: &str, curves: &[Curve<'_>]) -> Result<String, CurveError> {
+pub fn curves(title: &str, curves: &[LabanCurve<'_>]) -> Result<String, PlotError> {
     panels(title, curves, SIZE)
 }
 
 /// Draws the panels of [`curves`] in a picture of a size in pixels. An empty title is left out.
 pub(crate) fn panels(
     title: &str,
-    curves: &[Curve<'_>],
+    curves: &[LabanCurve<'_>],
     size: (u32, u32),
-) -> Result<String, CurveError> {
+) -> Result<String, PlotError> {
     let mut svg = String::new();
-    draw_panels(&mut svg, title, curves, size).map_err(|error| CurveError(error.to_string()))?;
+    draw_panels(&mut svg, title, curves, size).map_err(|error| PlotError(error.to_string()))?;
     Ok(svg)
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn panels(
 fn draw_panels(
     svg: &mut String,
     title: &str,
-    curves: &[Curve<'_>],
+    curves: &[LabanCurve<'_>],
     size: (u32, u32),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let mut area = SVGBackend::with_string(svg, size).into_drawing_area();
@@ -187,9 +187,9 @@ mod tests {
         let motion = Motion::from_joints(frames).unwrap();
         let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
         let all = [
-            Curve::baseline(&series),
-            Curve::target(&series),
-            Curve::guided(&series),
+            LabanCurve::baseline(&series),
+            LabanCurve::target(&series),
+            LabanCurve::guided(&series),
         ];
         let svg = curves("a person <jumps>", &all).unwrap();
         for component in Component::ALL {

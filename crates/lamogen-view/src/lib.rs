@@ -18,13 +18,13 @@ mod strip;
 mod text;
 
 pub use animation::{GifError, GifOptions, gif};
-pub use curves::{Curve, CurveError, curves};
+pub use curves::{LabanCurve, PlotError, curves};
 pub use losses::{LossCurve, losses};
-pub use page::{Figure, Page, page};
-pub use plot::{Axis, Line, plot};
+pub use page::{Page, PageFigure, page};
+pub use plot::{PlotAxis, PlotLine, plot};
 pub use raster::{RasterError, png};
 pub use sheet::sheet;
-pub use strip::{Row, strip};
+pub use strip::{LabelledMotion, strip};
 
 use std::io::Write;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Plots of training losses.
 
-use crate::curves::CurveError;
-use crate::plot::{Axis, Line, plot};
+use crate::curves::PlotError;
+use crate::plot::{PlotAxis, PlotLine, plot};
 
 /// The losses of a training as one line of the plot.
 #[derive(Clone, Copy, Debug)]
@@ -20,16 +20,16 @@ pub struct LossCurve<'a> {
 /// # Errors
 ///
 /// If the picture cannot be drawn.
-pub fn losses(title: &str, curves: &[LossCurve<'_>]) -> Result<String, CurveError> {
-    let (steps, loss) = (Axis::linear("steps"), Axis::logarithmic("loss"));
+pub fn losses(title: &str, curves: &[LossCurve<'_>]) -> Result<String, PlotError> {
+    let (steps, loss) = (PlotAxis::linear("steps"), PlotAxis::logarithmic("loss"));
     let line = |curve: &LossCurve<'_>| {
         let points = curve.points.iter();
         let points = points.map(|&(step, loss)| [step as f64, loss]);
         points.collect()
     };
-    let lines: Vec<Line<'_>> = curves
+    let lines: Vec<PlotLine<'_>> = curves
         .iter()
-        .map(|curve| Line {
+        .map(|curve| PlotLine {
             label: curve.label,
             points: line(curve),
             colour: curve.colour,

@@ -15,13 +15,13 @@ mod numbers;
 
 use lamogen_motion::Motion;
 
-use crate::Curve;
+use crate::LabanCurve;
 use crate::text::printable;
 use markup::{escape, fill_template};
 
 /// A motion of a [`Page`].
 #[derive(Clone, Copy, Debug)]
-pub struct Figure<'a> {
+pub struct PageFigure<'a> {
     /// The label of the motion.
     pub label: &'a str,
     /// The motion to play.
@@ -30,19 +30,19 @@ pub struct Figure<'a> {
     pub colour: [u8; 3],
 }
 
-impl<'a> Figure<'a> {
-    /// Creates a grey figure, in the colour of [`Curve::baseline`].
+impl<'a> PageFigure<'a> {
+    /// Creates a grey figure, in the colour of [`LabanCurve::baseline`].
     pub fn baseline(motion: &'a Motion) -> Self {
-        Figure {
+        PageFigure {
             label: "baseline",
             motion,
             colour: [107, 114, 128],
         }
     }
 
-    /// Creates a red figure, in the colour of [`Curve::guided`].
+    /// Creates a red figure, in the colour of [`LabanCurve::guided`].
     pub fn guided(motion: &'a Motion) -> Self {
-        Figure {
+        PageFigure {
             label: "guided",
             motion,
             colour: [194, 65, 12],
@@ -59,9 +59,9 @@ pub struct Page<'a> {
     pub notes: &'a str,
     /// The motions, side by side or in one view. One to four are easy to see. They may have different lengths: shorter
     /// ones stand still after their end.
-    pub figures: &'a [Figure<'a>],
+    pub figures: &'a [PageFigure<'a>],
     /// The Laban curves beside the motions. If there are none, the page has no section for them.
-    pub curves: &'a [Curve<'a>],
+    pub curves: &'a [LabanCurve<'a>],
 }
 
 /// The scripts that come before `main.js`, in this order.
@@ -137,17 +137,20 @@ mod tests {
             motion(),
             LabanSeries::from_tensor(Tensor::ones([80, 4], &Default::default())),
         );
-        let guided = Figure::guided(&motion);
+        let guided = PageFigure::guided(&motion);
         page(&Page {
             title,
             notes: title,
-            figures: &[Figure::baseline(&motion), Figure { label, ..guided }],
+            figures: &[
+                PageFigure::baseline(&motion),
+                PageFigure { label, ..guided },
+            ],
             curves: &[
-                Curve::baseline(&series),
-                Curve::target(&series),
-                Curve {
+                LabanCurve::baseline(&series),
+                LabanCurve::target(&series),
+                LabanCurve {
                     label,
-                    ..Curve::guided(&series)
+                    ..LabanCurve::guided(&series)
                 },
             ],
         })
@@ -228,7 +231,7 @@ mod tests {
     #[test]
     fn curves_alone_and_figures_alone_are_pages_too() {
         let motion = motion();
-        let figures = [Figure::baseline(&motion)];
+        let figures = [PageFigure::baseline(&motion)];
         let (title, notes) = ("", "");
         let alone = page(&Page {
             title,

@@ -5,23 +5,23 @@ use std::ops::Range;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 
-use crate::curves::CurveError;
+use crate::curves::PlotError;
 use crate::printable;
 use crate::text::shorten;
 
 /// An axis of a plot.
 #[derive(Clone, Copy, Debug)]
-pub struct Axis<'a> {
+pub struct PlotAxis<'a> {
     /// The label beside the axis.
     pub label: &'a str,
     /// Whether the scale is logarithmic. Numbers that are not above 0 are then left out.
     pub logarithmic: bool,
 }
 
-impl<'a> Axis<'a> {
+impl<'a> PlotAxis<'a> {
     /// Creates an axis with a linear scale.
     pub fn linear(label: &'a str) -> Self {
-        Axis {
+        PlotAxis {
             label,
             logarithmic: false,
         }
@@ -29,7 +29,7 @@ impl<'a> Axis<'a> {
 
     /// Creates an axis with a logarithmic scale.
     pub fn logarithmic(label: &'a str) -> Self {
-        Axis {
+        PlotAxis {
             label,
             logarithmic: true,
         }
@@ -38,7 +38,7 @@ impl<'a> Axis<'a> {
 
 /// A line of a plot.
 #[derive(Clone, Debug)]
-pub struct Line<'a> {
+pub struct PlotLine<'a> {
     /// The label in the legend. A line with an empty label is not in the legend.
     pub label: &'a str,
     /// The points `[x, y]` from left to right. Points with a number that is not finite are left out.
@@ -59,9 +59,13 @@ const TITLE: u32 = 20;
 /// # Errors
 ///
 /// If the picture cannot be drawn.
-pub fn plot(title: &str, axes: [Axis<'_>; 2], lines: &[Line<'_>]) -> Result<String, CurveError> {
+pub fn plot(
+    title: &str,
+    axes: [PlotAxis<'_>; 2],
+    lines: &[PlotLine<'_>],
+) -> Result<String, PlotError> {
     let mut svg = String::new();
-    draw_plot(&mut svg, title, axes, lines).map_err(|error| CurveError(error.to_string()))?;
+    draw_plot(&mut svg, title, axes, lines).map_err(|error| PlotError(error.to_string()))?;
     Ok(svg)
 }
 
@@ -69,8 +73,8 @@ pub fn plot(title: &str, axes: [Axis<'_>; 2], lines: &[Line<'_>]) -> Result<Stri
 fn draw_plot(
     svg: &mut String,
     title: &str,
-    axes: [Axis<'_>; 2],
-    lines: &[Line<'_>],
+    axes: [PlotAxis<'_>; 2],
+    lines: &[PlotLine<'_>],
 ) -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
@@ -146,7 +150,7 @@ fn draw_plot(
 
 /// Returns the corner in which the legend covers the least of the lines; the upper right one if it is as good as others.
 fn free_corner(
-    lines: &[Line<'_>],
+    lines: &[PlotLine<'_>],
     plotted: &[Vec<(f64, f64)>],
     ranges: [&Range<f64>; 2],
 ) -> SeriesLabelPosition {
@@ -197,7 +201,7 @@ fn free_corner(
     best.map_or(SeriesLabelPosition::UpperRight, |(corner, ..)| corner)
 }
 
-impl Axis<'_> {
+impl PlotAxis<'_> {
     /// Returns the coordinate of a number on the axis; it is not finite if the number has none.
     fn coordinate(self, number: f64) -> f64 {
         match self.logarithmic {
@@ -318,14 +322,14 @@ mod tests {
 
     #[test]
     fn the_legend_is_in_a_corner_without_lines() {
-        let line = |points: Vec<[f64; 2]>| Line {
+        let line = |points: Vec<[f64; 2]>| PlotLine {
             label: "asked",
             points,
             colour: [0; 3],
             marked: true,
         };
-        let legend_corner = |lines: &[Line<'_>]| {
-            let svg = plot("", [Axis::linear("x"), Axis::linear("y")], lines).unwrap();
+        let legend_corner = |lines: &[PlotLine<'_>]| {
+            let svg = plot("", [PlotAxis::linear("x"), PlotAxis::linear("y")], lines).unwrap();
             // The last text is that of the legend. The origin of coordinates is at the upper left.
             let text = svg.rsplit("<text ").next().unwrap();
             let place = |name: &str| -> f64 {
@@ -367,8 +371,8 @@ mod tests {
 
     #[test]
     fn lines_are_drawn_without_points_that_have_no_coordinates() {
-        let axis = |label, logarithmic| Axis { label, logarithmic };
-        let line = |label, points: &[[f64; 2]]| Line {
+        let axis = |label, logarithmic| PlotAxis { label, logarithmic };
+        let line = |label, points: &[[f64; 2]]| PlotLine {
             label,
             points: points.to_vec(),
             colour: [1, 2, 3],

@@ -2,8 +2,8 @@
 
 use svg::node::{Blob, element::Group};
 
-use crate::curves::{Curve, CurveError, panels};
-use crate::strip::{Row, StripDrawing, blank_page, draw_strip};
+use crate::curves::{LabanCurve, PlotError, panels};
+use crate::strip::{LabelledMotion, StripDrawing, blank_page, draw_strip};
 use crate::text::{LINE_HEIGHT, text_block, wrap};
 
 /// The margin around the parts in pixels.
@@ -25,10 +25,10 @@ const PANELS_HEIGHT: u32 = 640;
 /// If the curves cannot be drawn.
 pub fn sheet(
     title: &str,
-    rows: &[Row<'_>],
+    rows: &[LabelledMotion<'_>],
     poses: usize,
-    curves: &[Curve<'_>],
-) -> Result<String, CurveError> {
+    curves: &[LabanCurve<'_>],
+) -> Result<String, PlotError> {
     let strip = draw_strip(rows, poses, MIN_WIDTH);
     let width = strip.width;
     let title = wrap(title, TITLE, width, TITLE_LINES);
@@ -77,11 +77,11 @@ mod tests {
     fn title_figures_and_panels_are_all_there() {
         let motion = motion();
         let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
-        let rows = [Row {
+        let rows = [LabelledMotion {
             label: "text alone",
             motion: &motion,
         }];
-        let lines = [Curve::baseline(&series)];
+        let lines = [LabanCurve::baseline(&series)];
         let svg = sheet("a person <jumps>", &rows, 6, &lines).unwrap();
         assert!(svg.contains("a person &lt;jumps&gt;") && svg.contains("text alone"));
         for component in Component::ALL {
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn without_curves_or_title_less_is_drawn() {
         let motion = motion();
-        let rows = [Row {
+        let rows = [LabelledMotion {
             label: "",
             motion: &motion,
         }];

@@ -10,7 +10,7 @@ use crate::text::{LINE_HEIGHT, text_block, text_line, wrap};
 
 /// A motion of a picture, with its label.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'a> {
+pub struct LabelledMotion<'a> {
     /// The label above the motion.
     pub label: &'a str,
     /// The motion to draw.
@@ -46,7 +46,7 @@ pub(crate) const LABEL_LEFT: f32 = 12.0;
 ///
 /// If motions have different lengths, each of them is spread over its own length. Labels that are too long for two lines
 /// are shortened.
-pub fn strip(rows: &[Row<'_>], poses: usize) -> String {
+pub fn strip(rows: &[LabelledMotion<'_>], poses: usize) -> String {
     let StripDrawing {
         content,
         width,
@@ -79,10 +79,14 @@ pub(crate) struct StripDrawing {
 }
 
 /// Draws the content of a [`strip`] that is at least `min_width` pixels wide.
-pub(crate) fn draw_strip(rows: &[Row<'_>], poses: usize, min_width: f32) -> StripDrawing {
+pub(crate) fn draw_strip(
+    rows: &[LabelledMotion<'_>],
+    poses: usize,
+    min_width: f32,
+) -> StripDrawing {
     let poses = poses.max(1);
     let camera = Camera::new(TILT);
-    let shown_frames = |row: &Row<'_>| evenly_spaced_frames(row.motion.frames(), poses);
+    let shown_frames = |row: &LabelledMotion<'_>| evenly_spaced_frames(row.motion.frames(), poses);
     let extent = rows
         .iter()
         .flat_map(|row| shown_frames(row).map(|frame| (row.motion, frame)))
@@ -198,7 +202,7 @@ mod tests {
     #[test]
     fn every_pose_has_its_parts_a_head_and_a_time() {
         let motion = still([0.1, 0.9, 0.2], 30);
-        let rows = [Row {
+        let rows = [LabelledMotion {
             label: "a <b>",
             motion: &motion,
         }; 2];
@@ -215,7 +219,7 @@ mod tests {
     #[test]
     fn one_frame_and_one_pose_are_enough() {
         let motion = still([0.0; 3], 1);
-        let rows = [Row {
+        let rows = [LabelledMotion {
             label: "",
             motion: &motion,
         }];
@@ -229,7 +233,7 @@ mod tests {
     fn a_motion_far_away_takes_no_more_space() {
         let size = |z: f32| {
             let motion = still([0.1, 0.9, z], 30);
-            let row = Row {
+            let row = LabelledMotion {
                 label: "",
                 motion: &motion,
             };
@@ -244,7 +248,7 @@ mod tests {
             let mut joints = vec![[[0.0, 1.0, 0.0]; JOINTS]; 3];
             joints[1][Joint::LeftWrist.index()][1] = height;
             let motion = Motion::from_joints(joints).unwrap();
-            let row = Row {
+            let row = LabelledMotion {
                 label: "",
                 motion: &motion,
             };
@@ -258,7 +262,7 @@ mod tests {
     #[test]
     fn the_same_motions_give_the_same_picture() {
         let motion = still([0.0, 1.0, 0.0], 2);
-        let row = Row {
+        let row = LabelledMotion {
             label: "a",
             motion: &motion,
         };
@@ -269,7 +273,7 @@ mod tests {
     fn long_labels_take_two_lines_and_no_more() {
         let motion = still([0.0, 1.0, 0.0], 2);
         let height = |label: &str| {
-            let row = Row {
+            let row = LabelledMotion {
                 label,
                 motion: &motion,
             };

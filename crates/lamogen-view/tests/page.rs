@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use burn::tensor::Device;
 use lamogen_laban::{LabanOptions, LabanSeries};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
-use lamogen_view::{Curve, Figure, Page, page, save};
+use lamogen_view::{LabanCurve, Page, PageFigure, page, save};
 
 /// Returns the two joints of a limb with two bones that starts at `root`. Lengths are in metres; angles are in radians,
 /// measured from straight down towards the front.
@@ -95,11 +95,11 @@ fn a_pair_with_its_curves_is_a_page_below_a_hundred_kilobytes() {
     let html = page(&Page {
         title: "a person walks with swinging arms",
         notes: "strong, sudden · seed 7",
-        figures: &[Figure::baseline(&calm), Figure::guided(&brisk)],
+        figures: &[PageFigure::baseline(&calm), PageFigure::guided(&brisk)],
         curves: &[
-            Curve::baseline(&before),
-            Curve::target(&target),
-            Curve::guided(&after),
+            LabanCurve::baseline(&before),
+            LabanCurve::target(&target),
+            LabanCurve::guided(&after),
         ],
     });
     save_page("page.html", &html);
@@ -121,8 +121,8 @@ fn four_motions_of_any_length_and_hard_names_are_a_page() {
         "",
     ];
     let colours = [[107, 114, 128], [194, 65, 12], [3, 105, 161], [255, 255, 0]];
-    let figures: Vec<Figure> = (0..4)
-        .map(|i| Figure {
+    let figures: Vec<PageFigure> = (0..4)
+        .map(|i| PageFigure {
             label: labels[i],
             motion: &motions[i],
             colour: colours[i],
@@ -146,8 +146,8 @@ fn a_motion_of_one_frame_is_a_page() {
     let html = page(&Page {
         title: "stands",
         notes: "",
-        figures: &[Figure::baseline(&still)],
-        curves: &[Curve::baseline(&series)],
+        figures: &[PageFigure::baseline(&still)],
+        curves: &[LabanCurve::baseline(&series)],
     });
     save_page("page-still.html", &html);
     assert!(html.contains("\"frames\":1"));

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use burn::tensor::Device;
 use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
-use lamogen_model::{Denoiser, KnownWords, MotionDiffuse, Tokenizer};
+use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, RequestError, RequestIndex};
@@ -24,7 +24,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     batch_size: usize,
     pub(crate) temporal_smoothing: Option<TemporalSmoothing>,
     pub(crate) text_scale: f64,
-    pub(crate) known_words: Option<KnownWords>,
+    pub(crate) known_words: Option<WordList>,
     stand_in: Option<String>,
 }
 
@@ -211,7 +211,7 @@ impl<D: Denoiser> LaMoGen<D> {
 
     /// Sets the words of the captions that the model was trained on, so that each
     /// [`Generation`](Generation::unseen_words) can list the words of its prompt that are not among them.
-    pub fn with_known_words(self, known_words: Option<KnownWords>) -> Self {
+    pub fn with_known_words(self, known_words: Option<WordList>) -> Self {
         LaMoGen {
             known_words,
             ..self
@@ -219,7 +219,7 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     /// Returns the words of the captions that the model was trained on, if they are known.
-    pub fn known_words(&self) -> Option<&KnownWords> {
+    pub fn known_words(&self) -> Option<&WordList> {
         self.known_words.as_ref()
     }
 
@@ -234,8 +234,8 @@ impl<D: Denoiser> LaMoGen<D> {
 
     /// Returns the sentence that replaces a prompt, if one does.
     pub fn stand_in(&self, prompt: &str) -> Option<&str> {
-        let knows_some = self.known_words.as_ref()?.knows_some(prompt);
-        self.stand_in.as_deref().filter(|_| !knows_some)
+        let contains_any = self.known_words.as_ref()?.contains_any(prompt);
+        self.stand_in.as_deref().filter(|_| !contains_any)
     }
 
     /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]).

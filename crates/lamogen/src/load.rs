@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::{Preset, PresetError, TemporalSmoothing};
-use lamogen_model::{Checkpoint, KnownWords, ModelConfig, MotionDiffuse, Tokenizer};
+use lamogen_model::{Checkpoint, ModelConfig, MotionDiffuse, Tokenizer, WordList};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::error::LoadError;
@@ -39,7 +39,7 @@ impl LaMoGen<MotionDiffuse> {
         let network = checkpoint.load(&config, device)?;
         LaMoGen::new(network, tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
-            .with_known_words(Some(KnownWords::from_lines(compact::WORDS)))
+            .with_known_words(Some(WordList::from_lines(compact::WORDS)))
             .with_sampling_defaults(Path::new(&name("config.json")))
     }
 
@@ -183,14 +183,14 @@ fn load_tokenizer(folder: &Path, config: &ModelConfig) -> Result<Tokenizer, Load
 }
 
 /// Loads the words of the captions that the model was trained on, if the folder lists them.
-fn load_known_words(folder: &Path) -> Result<Option<KnownWords>, LoadError> {
+fn load_known_words(folder: &Path) -> Result<Option<WordList>, LoadError> {
     let path = folder.join("words.txt");
     if !path.exists() {
         return Ok(None);
     }
     let lines =
         std::fs::read_to_string(&path).map_err(|reason| LoadError::Words { path, reason })?;
-    Ok(Some(KnownWords::from_lines(&lines)))
+    Ok(Some(WordList::from_lines(&lines)))
 }
 
 /// Lists the names of the files in a folder, for error messages.

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, FitProgress, GuideError, Guided, LabanComparison, Pass, Rig, Sampler,
-    Step, TermComparison, noise,
+    Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Pass, Rig,
+    Sampler, Step, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
@@ -87,7 +87,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             )
             .map_err(|error| self.interrupted(error, &baselines))?;
         let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
-        let GuidedMotions {
+        let FinalMotions {
             motions,
             whole,
             parts,
@@ -125,7 +125,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     fn unseen_words(&self, request: usize) -> Vec<String> {
         let known = self.model.known_words.as_ref();
         known.map_or(Vec::new(), |known| {
-            known.unseen(&self.requests[request].prompt)
+            known.unknown_words(&self.requests[request].prompt)
         })
     }
 
@@ -361,7 +361,7 @@ struct BodyFitter<'r, 'o, D> {
 }
 
 /// The guided motions of a batch, and their Laban features beside the baseline's and the target.
-struct GuidedMotions {
+struct FinalMotions {
     motions: Vec<Motion>,
     /// Features of the whole body.
     whole: LabanComparison,
@@ -406,10 +406,10 @@ impl<D: Denoiser> BodyFitter<'_, '_, D> {
         network_motions: &[Motion],
         baselines: &[Motion],
         goals: &[Goals],
-        guided: &Guided,
-    ) -> Result<GuidedMotions, Error> {
+        guided: &GuidedMotions,
+    ) -> Result<FinalMotions, Error> {
         if !self.run.group.is_rigid() {
-            return Ok(GuidedMotions {
+            return Ok(FinalMotions {
                 motions: network_motions.to_vec(),
                 whole: guided.whole.clone(),
                 parts: guided.parts.clone(),
@@ -440,7 +440,7 @@ impl<D: Denoiser> BodyFitter<'_, '_, D> {
                     .run
                     .stopped(position, baselines, &guided.loss, prediction))
             }
-            false => Ok(GuidedMotions {
+            false => Ok(FinalMotions {
                 motions,
                 whole: rigid.whole,
                 parts: rigid.parts,

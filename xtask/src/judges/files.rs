@@ -6,7 +6,7 @@ use burn::tensor::Device;
 use lamogen::{Generation, LaMoGen, Request, Tag};
 use lamogen_files::{ReadOptions, WriteOptions};
 use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
-use lamogen_view::{Curve, Figure, Page};
+use lamogen_view::{LabanCurve, Page, PageFigure};
 use serde_json::json;
 
 use super::{Result, motions};
@@ -113,13 +113,13 @@ fn page(folder: &Path, jump: &Generation) -> Result<PathBuf> {
         title: "a person jumps",
         notes: "strong, sudden",
         figures: &[
-            Figure::baseline(&jump.baseline),
-            Figure::guided(&jump.guided),
+            PageFigure::baseline(&jump.baseline),
+            PageFigure::guided(&jump.guided),
         ],
         curves: &[
-            Curve::baseline(&jump.baseline_laban),
-            Curve::target(&jump.target),
-            Curve::guided(&jump.guided_laban),
+            LabanCurve::baseline(&jump.baseline_laban),
+            LabanCurve::target(&jump.target),
+            LabanCurve::guided(&jump.guided_laban),
         ],
     });
     lamogen_view::save(&path, &html)?;

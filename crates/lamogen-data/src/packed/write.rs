@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, TemporaryFile, replace_atomically};
+use lamogen_motion::{POSE_FEATURES, TEMPORARY_PREFIX, TemporaryPath, replace_atomically};
 use safetensors::Dtype;
 use safetensors::tensor::View;
 
@@ -50,14 +50,14 @@ pub(crate) fn write(dataset: &Dataset, out: &Path, force: bool) -> Result<(), Da
             .map_err(DataError::write(&parent))
     };
     let new = temporary()?;
-    let new_folder = TemporaryFile::folder(new.path()).map_err(DataError::write(&parent))?;
+    let new_folder = TemporaryPath::lock_folder(new.path()).map_err(DataError::write(&parent))?;
     let layout = ClipLayout::of(dataset);
     let path = new.path().join(MOTIONS);
     write_motions(dataset, &layout, &path).map_err(DataError::write(&out.join(MOTIONS)))?;
     let path = new.path().join(CAPTIONS);
     write_captions(dataset, &layout, &path).map_err(DataError::write(&out.join(CAPTIONS)))?;
     new_folder
-        .keep_folder()
+        .unlock_folder()
         .map_err(DataError::write(&parent))?;
 
     // This folder is not removed automatically: the previous data set must survive every failure.

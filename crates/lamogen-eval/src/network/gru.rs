@@ -4,7 +4,7 @@ use burn::module::{Initializer, Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
-use lamogen_model::{Keyed, Keys};
+use lamogen_model::{NamedParameters, ParameterList};
 
 /// Gated recurrent units (GRU) in both directions, in PyTorch's form (`torch.nn.GRU` over packed sequences), with learned
 /// initial states.
@@ -170,8 +170,8 @@ fn split_steps(x: Tensor<2>, batch: usize) -> Vec<Tensor<2>> {
     parts
 }
 
-impl Keyed for BiGru {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for BiGru {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.parameter("hidden", &mut self.start);
         for (direction, suffix) in [(&mut self.forward, ""), (&mut self.backward, "_reverse")] {
             let mut layer = |name: &str, layer: &mut Linear| {

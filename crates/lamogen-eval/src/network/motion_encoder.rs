@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor};
-use lamogen_model::{Keyed, Keys};
+use lamogen_model::{NamedParameters, ParameterList};
 
 use super::gru::BiGru;
 use super::linear;
@@ -42,8 +42,8 @@ impl MotionEncoder {
     }
 }
 
-impl Keyed for MotionEncoder {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for MotionEncoder {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear("input_emb", &mut self.input);
         keys.flat(&mut self.recurrent);
         keys.nested("output_net", &mut self.output);

@@ -4,7 +4,7 @@ use burn::module::{Initializer, Module};
 use burn::nn::conv::{Conv1d, Conv1dConfig};
 use burn::nn::{Linear, PaddingConfig1d};
 use burn::tensor::{Device, Tensor};
-use lamogen_model::{Keyed, Keys};
+use lamogen_model::{NamedParameters, ParameterList};
 
 use super::{Dropout, WEIGHTS, leaky_relu, linear};
 use crate::EvaluatorConfig;
@@ -63,8 +63,8 @@ fn strided_convolution(input: usize, output: usize, device: &Device) -> Conv1d {
     convolution
 }
 
-impl Keyed for MovementEncoder {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for MovementEncoder {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.conv1d("main.0", &mut self.first);
         keys.conv1d("main.3", &mut self.second);
         keys.linear("out_net", &mut self.output);

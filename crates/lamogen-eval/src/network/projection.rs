@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig, Linear};
 use burn::tensor::{Device, Tensor};
-use lamogen_model::{Keyed, Keys};
+use lamogen_model::{NamedParameters, ParameterList};
 
 use super::{leaky_relu, linear};
 
@@ -38,8 +38,8 @@ impl Projection {
     }
 }
 
-impl Keyed for Projection {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for Projection {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear("0", &mut self.input);
         keys.norm("1", &mut self.norm);
         keys.linear("3", &mut self.output);

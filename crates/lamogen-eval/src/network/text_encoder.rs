@@ -3,7 +3,7 @@
 use burn::module::{Initializer, Module};
 use burn::nn::{Embedding, EmbeddingConfig, Linear};
 use burn::tensor::{Device, Tensor};
-use lamogen_model::{Keyed, Keys};
+use lamogen_model::{NamedParameters, ParameterList};
 
 use super::gru::BiGru;
 use super::linear;
@@ -108,8 +108,8 @@ impl TextEmbedding {
     }
 }
 
-impl Keyed for TextEncoder {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for TextEncoder {
+    fn keys(&mut self, keys: &mut ParameterList) {
         match &mut self.embedding {
             TextEmbedding::Words(parts) => keys.linear("pos_emb", parts),
             TextEmbedding::Tokens(embedding) => keys.embedding("token_emb", embedding),

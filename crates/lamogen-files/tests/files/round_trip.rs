@@ -3,7 +3,7 @@
 use crate::figure::position_at;
 use glam::{DQuat, DVec3, Vec3};
 use lamogen_files::bvh::{BvhNames, BvhOptions};
-use lamogen_files::{ReadOptions, Unit, Up, WriteOptions, read, write};
+use lamogen_files::{ReadOptions, Unit, UpAxis, WriteOptions, read, write};
 use lamogen_motion::{Joint, Motion, Rotations};
 
 /// Returns a motion of a body that turns around, goes upside down and moves every joint.
@@ -58,7 +58,7 @@ fn bvh_keeps_every_joint_to_a_tenth_of_a_millimetre() {
             };
             write(&path, &motion, &options).unwrap();
             let imported = read(&path, &ReadOptions::default()).unwrap();
-            assert_eq!((imported.unit, imported.up), (unit, Up::Y));
+            assert_eq!((imported.unit, imported.up), (unit, UpAxis::Y));
             assert!(imported.placed.is_empty());
             let far = largest_distance(imported.motion.joints(), &rotations.joints());
             assert!(far < 1e-4, "{unit} {names:?}: {far} m");

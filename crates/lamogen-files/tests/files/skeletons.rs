@@ -1,7 +1,7 @@
 //! The skeletons of all programs are read as the same motion.
 
 use crate::figure::{Figure, Stance, position_at};
-use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, Up, read};
+use lamogen_files::{ImportedMotion, JointMapping, ReadError, ReadOptions, Unit, UpAxis, read};
 use lamogen_motion::Joint;
 
 const CENTIMETRE: f64 = 0.01;
@@ -407,7 +407,7 @@ fn every_scheme_is_recognised_with_its_unit_and_gives_the_same_motion() {
             "{scheme}: {}",
             imported.unit
         );
-        assert_eq!(imported.up, Up::Y, "{scheme}");
+        assert_eq!(imported.up, UpAxis::Y, "{scheme}");
         assert_eq!(imported.source_frames_per_second, 30.0);
         assert_eq!(
             (imported.source_frames, imported.announced_frames),
@@ -424,10 +424,10 @@ fn mixamo() -> Case {
 #[test]
 fn axes_and_rest_pose_do_not_matter() {
     for (stance, up) in [
-        (Stance::YUp, Up::Y),
-        (Stance::ZUp, Up::Z),
-        (Stance::Lying, Up::Y),
-        (Stance::RestYUp, Up::Z),
+        (Stance::YUp, UpAxis::Y),
+        (Stance::ZUp, UpAxis::Z),
+        (Stance::Lying, UpAxis::Y),
+        (Stance::RestYUp, UpAxis::Z),
     ] {
         let (_, tree, sides, _, _) = mixamo();
         for unit in [1.0, 0.01, 0.001, 0.0254, CMU] {
@@ -486,7 +486,7 @@ fn options_replace_guesses() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.bvh");
     std::fs::write(&path, figure(&tree, sides, 0.01).text()).unwrap();
-    let up = Some(Up::Z);
+    let up = Some(UpAxis::Z);
     let imported = read(
         &path,
         &ReadOptions {
@@ -495,7 +495,7 @@ fn options_replace_guesses() {
         },
     )
     .unwrap();
-    assert_eq!(imported.up, Up::Z);
+    assert_eq!(imported.up, UpAxis::Z);
     let [_, head_y, _] = imported.motion.position(0, Joint::Head);
     assert!(head_y.abs() < 0.1, "the body lies: {head_y}");
 }

@@ -24,7 +24,7 @@ use variables::{ConditionPart, ConditionVariable, Variable};
 
 /// The result of a guided pass.
 #[derive(Clone, Debug)]
-pub struct Guided {
+pub struct GuidedMotions {
     /// The motions, normalised, `[batch, frames, features]`.
     pub motion: Tensor<3>,
     /// The Laban features of the whole body.
@@ -63,7 +63,7 @@ impl<D: Denoiser> Sampler<'_, D> {
         goals: &[Goals],
         guidance: &Guidance,
         observer: &mut dyn Observer,
-    ) -> Result<Guided, GuideError> {
+    ) -> Result<GuidedMotions, GuideError> {
         guidance.check()?;
         let lengths = &batch.lengths;
         let objective = Objective::new(
@@ -94,7 +94,7 @@ impl<D: Denoiser> Sampler<'_, D> {
             parts,
             terms,
         } = objective.compare(motion.clone());
-        Ok(Guided {
+        Ok(GuidedMotions {
             motion,
             whole,
             parts,
@@ -133,11 +133,11 @@ impl<D: Denoiser> Sampler<'_, D> {
         };
         Ok(match guidance.variable {
             GuidanceVariable::Embedding => condition(ConditionPart::Embedding),
-            GuidanceVariable::Modulation => match self.model.modulations() {
+            GuidanceVariable::Modulation => match self.model.modulation_width() {
                 0 => return Err(GuideError::NoModulation),
                 _ => condition(ConditionPart::Modulation),
             },
-            GuidanceVariable::Prediction | GuidanceVariable::Nothing => Box::new(
+            GuidanceVariable::Prediction | GuidanceVariable::None => Box::new(
                 variables::PredictionVariable::new(self, objective, batch, guidance),
             ),
             GuidanceVariable::Motion { iterations } => Box::new(variables::MotionVariable::new(

@@ -74,7 +74,7 @@ impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
         let start = match part {
             ConditionPart::Embedding => state.embedding.clone(),
             ConditionPart::Modulation => {
-                let shape = [batch.lengths.len(), sampler.model.modulations()];
+                let shape = [batch.lengths.len(), sampler.model.modulation_width()];
                 Tensor::zeros(shape, &state.embedding.device())
             }
         };
@@ -184,7 +184,7 @@ impl<'s, 'a, D: Denoiser> PredictionVariable<'s, 'a, D> {
             state: sampler.initial_state(batch),
             guidance,
             updates: match guidance.variable {
-                GuidanceVariable::Nothing => 0,
+                GuidanceVariable::None => 0,
                 _ => guidance.updates_per_step,
             },
         }

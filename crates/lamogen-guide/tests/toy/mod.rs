@@ -15,7 +15,7 @@ pub trait ToyNetwork {
     }
 
     /// Returns the number of scales and shifts.
-    fn modulations(&self) -> usize {
+    fn modulation_width(&self) -> usize {
         0
     }
 
@@ -53,8 +53,8 @@ impl<N: ToyNetwork> Denoiser for ToyDenoiser<N> {
         Device::flex()
     }
 
-    fn modulations(&self) -> usize {
-        self.0.modulations()
+    fn modulation_width(&self) -> usize {
+        self.0.modulation_width()
     }
 
     fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {

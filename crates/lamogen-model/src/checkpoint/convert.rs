@@ -15,7 +15,7 @@ use super::{Checkpoint, CheckpointError, Precision};
 
 /// The progress of a conversion after one more tensor has been converted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Converted<'a> {
+pub struct ConversionProgress<'a> {
     /// The key of the tensor.
     pub key: &'a str,
     /// The number of tensors that have been converted, including this one.
@@ -40,7 +40,7 @@ impl Checkpoint {
         to: impl AsRef<Path>,
         precision: Precision,
         metadata: HashMap<String, String>,
-        progress: &mut dyn FnMut(Converted<'_>),
+        progress: &mut dyn FnMut(ConversionProgress<'_>),
     ) -> Result<(), CheckpointError> {
         let to = to.as_ref();
         let mut keys = self.keys();
@@ -100,7 +100,7 @@ impl Checkpoint {
 
 /// The state of a running conversion.
 struct ConversionState<'p> {
-    progress: &'p mut dyn FnMut(Converted<'_>),
+    progress: &'p mut dyn FnMut(ConversionProgress<'_>),
     done: usize,
     all: usize,
     /// The first tensor that could not be converted.
@@ -156,7 +156,7 @@ impl View for LazyTensor<'_, '_> {
                 }
                 conversion.done += 1;
                 let (done, all) = (conversion.done, conversion.all);
-                (conversion.progress)(Converted {
+                (conversion.progress)(ConversionProgress {
                     key: self.key,
                     done,
                     all,

@@ -1,6 +1,6 @@
 //! The keys of the parameters of a network in a checkpoint.
 //!
-//! Every layer lists the keys of its parameters once ([`Keyed::keys`]), and both loading and saving use that list. The
+//! Every layer lists the keys of its parameters once ([`NamedParameters::keys`]), and both loading and saving use that list. The
 //! keys and layouts are those of PyTorch, as in the public MotionDiffuse checkpoint. A linear weight is stored as
 //! `[output, input]`; a transposed view of it is burn's `[input, output]`.
 
@@ -16,7 +16,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 /// ```
 /// use burn::module::Module;
 /// use burn::nn::Linear;
-/// use lamogen_model::{Keyed, Keys};
+/// use lamogen_model::{NamedParameters, ParameterList};
 ///
 /// #[derive(Module, Debug)]
 /// struct Head {
@@ -24,16 +24,16 @@ use burn::tensor::{Device, Tensor, TensorData};
 ///     contract: Linear,
 /// }
 ///
-/// impl Keyed for Head {
-///     fn keys(&mut self, keys: &mut Keys) {
+/// impl NamedParameters for Head {
+///     fn keys(&mut self, keys: &mut ParameterList) {
 ///         keys.linear("0", &mut self.expand);
 ///         keys.linear("2", &mut self.contract);
 ///     }
 /// }
 /// ```
-pub trait Keyed {
+pub trait NamedParameters {
     /// Lists all parameters, under keys relative to the layer.
-    fn keys(&mut self, keys: &mut Keys);
+    fn keys(&mut self, keys: &mut ParameterList);
 }
 
 /// A visitor of the tensors of a network, which reads them from a file or writes them to one.
@@ -51,15 +51,15 @@ pub(crate) trait TensorVisitor {
 ///
 /// The key of a parameter consists of the names of the layers around it and its own name, separated by dots. The layouts
 /// are those of PyTorch.
-pub struct Keys<'a> {
+pub struct ParameterList<'a> {
     prefix: String,
     device: Device,
     visitor: &'a mut dyn TensorVisitor,
 }
 
-impl<'a> Keys<'a> {
+impl<'a> ParameterList<'a> {
     pub(super) fn new(device: Device, visitor: &'a mut dyn TensorVisitor) -> Self {
-        Keys {
+        ParameterList {
             prefix: String::new(),
             device,
             visitor,
@@ -67,7 +67,7 @@ impl<'a> Keys<'a> {
     }
 
     /// Lists a layer whose keys begin with `name.`.
-    pub fn nested(&mut self, name: &str, layer: &mut impl Keyed) {
+    pub fn nested(&mut self, name: &str, layer: &mut impl NamedParameters) {
         let outer = self.prefix.len();
         self.prefix.push_str(name);
         self.prefix.push('.');
@@ -76,12 +76,12 @@ impl<'a> Keys<'a> {
     }
 
     /// Lists a layer whose keys have no prefix of their own.
-    pub fn flat(&mut self, layer: &mut impl Keyed) {
+    pub fn flat(&mut self, layer: &mut impl NamedParameters) {
         layer.keys(self);
     }
 
     /// Lists layers whose keys begin with `name.0.`, `name.1.`, …
-    pub fn each(&mut self, name: &str, layers: &mut [impl Keyed]) {
+    pub fn each(&mut self, name: &str, layers: &mut [impl NamedParameters]) {
         for (index, layer) in layers.iter_mut().enumerate() {
             self.nested(&format!("{name}.{index}"), layer);
         }

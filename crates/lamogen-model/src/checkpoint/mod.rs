@@ -7,8 +7,8 @@ mod read;
 mod sizes;
 mod write;
 
-pub use convert::Converted;
-pub use keys::{Keyed, Keys};
+pub use convert::ConversionProgress;
+pub use keys::{NamedParameters, ParameterList};
 pub use precision::Precision;
 pub use read::Checkpoint;
 

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use burn::tensor::{DType, Device, TensorData};
-use lamogen_io::placeholder_at;
+use lamogen_io::describe_placeholder_at;
 use pytorch_reader::{PytorchError, PytorchReader};
 use safetensors::tensor::{Dtype, Metadata};
 
 use super::CheckpointError;
-use super::keys::{Keyed, Keys, TensorVisitor};
+use super::keys::{NamedParameters, ParameterList, TensorVisitor};
 use super::precision::{dequantize, scale_key, scaled_key};
 use crate::config::ModelConfig;
 use crate::network::MotionDiffuse;
@@ -182,13 +182,17 @@ impl Checkpoint {
     /// # Errors
     ///
     /// In the same cases as [`load`](Self::load). The network may then have some of the weights.
-    pub fn fill(&self, network: &mut impl Keyed, device: &Device) -> Result<(), CheckpointError> {
+    pub fn fill(
+        &self,
+        network: &mut impl NamedParameters,
+        device: &Device,
+    ) -> Result<(), CheckpointError> {
         let mut reader = WeightReader {
             checkpoint: self,
             requested_keys: HashSet::new(),
             problem: None,
         };
-        network.keys(&mut Keys::new(device.clone(), &mut reader));
+        network.keys(&mut ParameterList::new(device.clone(), &mut reader));
         match reader
             .problem
             .or_else(|| self.unknown_tensors(&reader.requested_keys))
@@ -481,7 +485,7 @@ impl TensorVisitor for WeightReader<'_> {
 
 /// Returns an error if a file is only a placeholder of a checkpoint, such as a Git LFS pointer.
 fn refuse_placeholder(path: &Path) -> Result<(), CheckpointError> {
-    match placeholder_at(path) {
+    match describe_placeholder_at(path) {
         Some(problem) => Err(format_error(path, problem.to_owned())),
         None => Ok(()),
     }

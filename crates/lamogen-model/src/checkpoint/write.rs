@@ -8,7 +8,7 @@ use burn::tensor::TensorData;
 use lamogen_motion::replace_atomically;
 use safetensors::tensor::{Dtype, TensorView};
 
-use super::keys::{Keyed, Keys, TensorVisitor};
+use super::keys::{NamedParameters, ParameterList, TensorVisitor};
 use super::{Checkpoint, CheckpointError, Precision};
 use crate::network::MotionDiffuse;
 
@@ -39,7 +39,7 @@ impl Checkpoint {
     ///
     /// If the file cannot be written, or if a weight is beyond the range of 16 bits and `precision` requires 16 bits.
     pub fn write(
-        network: &(impl Keyed + Module),
+        network: &(impl NamedParameters + Module),
         path: impl AsRef<Path>,
         precision: Precision,
         metadata: HashMap<String, String>,
@@ -51,7 +51,9 @@ impl Checkpoint {
             problem: None,
         };
         let device = network.devices().into_iter().next().unwrap_or_default();
-        network.clone().keys(&mut Keys::new(device, &mut writer));
+        network
+            .clone()
+            .keys(&mut ParameterList::new(device, &mut writer));
         if let Some(key) = writer.problem {
             return Err(CheckpointError::Range {
                 path: path.to_owned(),

@@ -12,7 +12,7 @@ use super::cross_attention::CrossAttention;
 use super::feed_forward::FeedForward;
 use super::modulation::Modulation;
 use super::self_attention::SelfAttention;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ModelConfig;
 use crate::denoiser::FrameMask;
 
@@ -79,8 +79,8 @@ impl DecoderBlock {
     }
 }
 
-impl Keyed for DecoderBlock {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for DecoderBlock {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.nested(STYLIZATIONS[0], &mut self.self_attention);
         keys.nested(STYLIZATIONS[1], &mut self.cross_attention);
         keys.nested(STYLIZATIONS[2], &mut self.feed_forward);

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Int, Tensor};
 
 use super::layer_norm;
 use super::text_attention::TextAttention;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ClipTextConfig;
 
 /// The text tower, which turns token ids into token features. Each token attends to itself and to the tokens before it.
@@ -92,8 +92,8 @@ fn causal_mask(count: usize, device: &Device) -> Tensor<4> {
     Tensor::<1>::from_data(rows.as_slice(), device).reshape([1, 1, count, count])
 }
 
-impl Keyed for ClipText {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for ClipText {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.embedding("token_embedding", &mut self.token_embedding);
         keys.matrix("positional_embedding", &mut self.positional_embedding);
         keys.each("transformer.resblocks", &mut self.blocks);
@@ -101,8 +101,8 @@ impl Keyed for ClipText {
     }
 }
 
-impl Keyed for ClipBlock {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for ClipBlock {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.nested("attn", &mut self.attention);
         keys.norm("ln_1", &mut self.attention_norm);
         keys.linear("mlp.c_fc", &mut self.expand);

@@ -14,7 +14,7 @@ use super::modulation::Modulation;
 use super::self_attention::attention_context;
 use super::stylization::Stylization;
 use super::{layer_norm, merge_heads, split_heads};
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ModelConfig;
 
 /// Linear attention to the tokens. The context, computed from the tokens, depends on the prompt alone.
@@ -100,8 +100,8 @@ impl CrossAttention {
     }
 }
 
-impl Keyed for CrossAttention {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for CrossAttention {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.norm("norm", &mut self.norm);
         keys.norm("text_norm", &mut self.text_norm);
         keys.linear("query", &mut self.query);

@@ -12,7 +12,7 @@ use burn::optim::GradientsParams;
 use super::cpu::{self, SharedFloats};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ModelConfig;
 
 /// Two linear layers with a GELU between them, followed by stylization.
@@ -67,8 +67,8 @@ impl FeedForward {
     }
 }
 
-impl Keyed for FeedForward {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for FeedForward {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear("linear1", &mut self.expand);
         keys.linear("linear2", &mut self.contract);
         keys.nested("proj_out", &mut self.output);

@@ -50,19 +50,19 @@ impl MotionDiffuse {
 pub fn initialize<M: Module>(
     network: M,
     seed: u64,
-    numbers: impl FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>,
+    numbers: impl FnMut(&[&str], &[usize], &mut WeightSampler) -> Vec<f32>,
 ) -> M {
     network.map(&mut WeightInitializer {
         path: Vec::new(),
-        draw: Draw(ChaCha12Rng::seed_from_u64(seed)),
+        draw: WeightSampler(ChaCha12Rng::seed_from_u64(seed)),
         numbers,
     })
 }
 
 /// A generator of random numbers on the host.
-pub struct Draw(ChaCha12Rng);
+pub struct WeightSampler(ChaCha12Rng);
 
-impl Draw {
+impl WeightSampler {
     /// Draws normally distributed numbers with mean 0.
     ///
     /// # Panics
@@ -87,11 +87,13 @@ impl Draw {
 /// Replaces the weights of a network by those that a function computes.
 struct WeightInitializer<F> {
     path: Vec<String>,
-    draw: Draw,
+    draw: WeightSampler,
     numbers: F,
 }
 
-impl<F: FnMut(&[&str], &[usize], &mut Draw) -> Vec<f32>> ModuleMapper for WeightInitializer<F> {
+impl<F: FnMut(&[&str], &[usize], &mut WeightSampler) -> Vec<f32>> ModuleMapper
+    for WeightInitializer<F>
+{
     fn enter_module(&mut self, name: &str, _: &str) {
         self.path.push(name.to_owned());
     }

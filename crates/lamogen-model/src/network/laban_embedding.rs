@@ -5,7 +5,7 @@ use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Tensor, TensorData};
 
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::{LABAN_FEATURES, LabanCondition, ModelConfig};
 
 /// Two linear layers after the encoding of the features by a [`LabanCondition`].
@@ -48,8 +48,8 @@ impl LabanEmbedding {
     }
 }
 
-impl Keyed for LabanEmbedding {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for LabanEmbedding {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear("0", &mut self.expand);
         keys.linear("2", &mut self.mix);
     }

@@ -18,7 +18,7 @@ mod time_embedding;
 mod training;
 
 pub use cross_attention::CrossAttentionContext;
-pub use initial::{Draw, initialize};
+pub use initial::{WeightSampler, initialize};
 pub use motion_diffuse::MotionDiffuse;
 pub use training::{SentenceSimilarity, TrainingBatch, TrainingGradients};
 

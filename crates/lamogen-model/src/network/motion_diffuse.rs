@@ -14,7 +14,7 @@ use super::laban_embedding::LabanEmbedding;
 use super::modulation::ModulationProjection;
 use super::text_encoder::TextEncoder;
 use super::time_embedding::TimeEmbedding;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::{LABAN_FEATURES, ModelConfig, Prediction};
 use crate::denoiser::{Denoiser, DenoiserInput, LinearizedEvaluation, Prompt};
 
@@ -162,7 +162,7 @@ impl Denoiser for MotionDiffuse {
         LinearizedEvaluation::by_autodiff(input, |input| self.forward(input, context))
     }
 
-    fn modulations(&self) -> usize {
+    fn modulation_width(&self) -> usize {
         self.modulations.width()
     }
 
@@ -248,8 +248,8 @@ impl MotionDiffuse {
     }
 }
 
-impl Keyed for MotionDiffuse {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for MotionDiffuse {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.flat(&mut self.text);
         keys.nested("time_embed", &mut self.time);
         keys.linear("joint_embed", &mut self.pose_embedding);

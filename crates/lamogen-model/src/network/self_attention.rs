@@ -13,7 +13,7 @@ use super::cpu::{self, SharedFloats};
 use super::modulation::Modulation;
 use super::stylization::Stylization;
 use super::{layer_norm, merge_heads, split_heads};
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ModelConfig;
 use crate::denoiser::FrameMask;
 
@@ -100,8 +100,8 @@ pub(super) fn attention_context(key: Tensor<4>, value: Tensor<4>) -> Tensor<4> {
     softmax(key, 2).swap_dims(2, 3).matmul(value)
 }
 
-impl Keyed for SelfAttention {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for SelfAttention {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.norm("norm", &mut self.norm);
         keys.linear("query", &mut self.query);
         keys.linear("key", &mut self.key);

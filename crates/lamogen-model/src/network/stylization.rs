@@ -12,7 +12,7 @@ use burn::optim::GradientsParams;
 use super::cpu::{self, SharedFloats};
 use super::layer_norm;
 use super::modulation::Modulation;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 
 /// Feature-wise modulation (MotionDiffuse, Zhang et al. 2022, section 3.3):
 ///
@@ -61,8 +61,8 @@ impl Stylization {
     }
 }
 
-impl Keyed for Stylization {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for Stylization {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.norm("norm", &mut self.norm);
         keys.linear("out_layers.2", &mut self.output);
     }

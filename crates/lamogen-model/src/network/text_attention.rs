@@ -6,7 +6,7 @@ use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
 use super::{merge_heads, split_heads};
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 
 /// Multi-head self-attention with query, key and value in one projection.
 #[derive(Module, Debug)]
@@ -50,8 +50,8 @@ impl TextAttention {
     }
 }
 
-impl Keyed for TextAttention {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for TextAttention {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear_named("in_proj_weight", "in_proj_bias", &mut self.in_proj);
         keys.linear("out_proj", &mut self.out_proj);
     }

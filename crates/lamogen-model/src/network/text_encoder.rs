@@ -8,7 +8,7 @@ use burn::tensor::{Device, Int, Tensor};
 use super::clip::ClipText;
 use super::layer_norm;
 use super::text_attention::TextAttention;
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::ModelConfig;
 
 /// The text encoder, which turns token ids into the projected sentence embedding and the token features.
@@ -92,8 +92,8 @@ impl TextLayer {
     }
 }
 
-impl Keyed for TextEncoder {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for TextEncoder {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.nested("clip", &mut self.clip);
         if let Some(narrow) = &mut self.narrow {
             keys.linear("text_pre_proj", narrow);
@@ -104,8 +104,8 @@ impl Keyed for TextEncoder {
     }
 }
 
-impl Keyed for TextLayer {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for TextLayer {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.nested("self_attn", &mut self.attention);
         keys.norm("norm1", &mut self.attention_norm);
         keys.linear("linear1", &mut self.expand);

@@ -5,7 +5,7 @@ use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use crate::checkpoint::{Keyed, Keys};
+use crate::checkpoint::{NamedParameters, ParameterList};
 
 /// Two linear layers after the cosines and sines of the timestep.
 #[derive(Module, Debug)]
@@ -55,8 +55,8 @@ fn sinusoids(timestep: usize, width: usize) -> impl Iterator<Item = f32> {
         .chain((0..half).map(move |i| angle(i).sin() as f32))
 }
 
-impl Keyed for TimeEmbedding {
-    fn keys(&mut self, keys: &mut Keys) {
+impl NamedParameters for TimeEmbedding {
+    fn keys(&mut self, keys: &mut ParameterList) {
         keys.linear("0", &mut self.expand);
         keys.linear("2", &mut self.mix);
     }

@@ -49,7 +49,7 @@ pub struct MatchingConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Negatives {
-    /// All other motions of the batch ([`lamogen_eval::contrastive_loss_of_all`]).
+    /// All other motions of the batch ([`lamogen_eval::contrastive_loss_all_shifts`]).
     All,
     /// One other motion, as in the public trainer ([`lamogen_eval::contrastive_loss`]).
     One,

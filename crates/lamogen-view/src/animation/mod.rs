@@ -8,7 +8,7 @@ use gif::{Encoder, Repeat};
 use crate::fonts::MissingGlyphs;
 use crate::palette::Palette;
 use crate::raster::{RasterError, render, render_onto};
-use crate::strip::Row;
+use crate::strip::LabelledMotion;
 use delta::{delta_frame, palette_indices};
 use scene::{MAX_WIDTH, Scene};
 
@@ -57,7 +57,7 @@ pub enum GifError {
 ///
 /// If there is no motion, or the width is less than 80 pixels for each motion or more than 4096.
 pub fn gif(
-    rows: &[Row<'_>],
+    rows: &[LabelledMotion<'_>],
     options: &GifOptions,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<u8>, GifError> {

@@ -8,7 +8,7 @@ use crate::camera::{Camera, CameraView};
 use crate::camera_path::camera_path;
 use crate::figure::{Extent, shadow, stick_figure};
 use crate::ground::ground_grid;
-use crate::strip::{Row, blank_page};
+use crate::strip::{LabelledMotion, blank_page};
 use crate::text::{LINE_HEIGHT, text_block, text_line, wrap};
 
 /// The default width of each motion, in pixels.
@@ -34,7 +34,7 @@ const LABEL_LINES: usize = 3;
 
 /// The panel of one motion, and the path of its camera.
 struct MotionPanel<'a> {
-    row: Row<'a>,
+    row: LabelledMotion<'a>,
     /// The point of the ground that the camera looks at in every frame, `[x, z]`.
     targets: Vec<[f32; 2]>,
     /// The position of this point in the picture, in pixels.
@@ -66,7 +66,10 @@ pub(super) struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// Computes the layout for motions.
-    pub(super) fn new(rows: &[Row<'a>], options: &GifOptions) -> Result<Scene<'a>, GifError> {
+    pub(super) fn new(
+        rows: &[LabelledMotion<'a>],
+        options: &GifOptions,
+    ) -> Result<Scene<'a>, GifError> {
         if rows.is_empty() {
             return Err(GifError::Empty);
         }

@@ -65,9 +65,9 @@ fn decode(bytes: &[u8]) -> DecodedGif {
 }
 
 fn animate(motions: &[&Motion], options: &GifOptions) -> Vec<u8> {
-    let rows: Vec<Row<'_>> = motions
+    let rows: Vec<LabelledMotion<'_>> = motions
         .iter()
-        .map(|motion| Row {
+        .map(|motion| LabelledMotion {
             label: "a hand",
             motion,
         })
@@ -78,7 +78,8 @@ fn animate(motions: &[&Motion], options: &GifOptions) -> Vec<u8> {
 #[test]
 fn it_runs_in_real_time_for_ever_with_one_palette() {
     let (long, short) = (hand_raise(1.0, 6), hand_raise(0.5, 4));
-    let rows = [("a", &long), ("b", &short)].map(|(label, motion)| Row { label, motion });
+    let rows =
+        [("a", &long), ("b", &short)].map(|(label, motion)| LabelledMotion { label, motion });
     let mut progress = Vec::new();
     let options = GifOptions { width: Some(300) };
     let bytes = gif(&rows, &options, &mut |done, all| progress.push((done, all))).unwrap();
@@ -94,7 +95,7 @@ fn it_runs_in_real_time_for_ever_with_one_palette() {
 #[test]
 fn decoded_frames_are_the_pictures_that_were_drawn() {
     let motion = hand_raise(1.0, 5);
-    let row = Row {
+    let row = LabelledMotion {
         label: "a hand",
         motion: &motion,
     };
@@ -193,10 +194,10 @@ fn broken_motions_are_drawn_small() {
 #[test]
 fn no_motions_and_bad_widths_are_errors() {
     let options = |width| GifOptions { width };
-    let draw = |rows: &[Row<'_>], width| gif(rows, &options(width), &mut |_, _| ());
+    let draw = |rows: &[LabelledMotion<'_>], width| gif(rows, &options(width), &mut |_, _| ());
     assert!(matches!(draw(&[], None), Err(GifError::Empty)));
     let motion = hand_raise(1.0, 1);
-    let rows = [Row {
+    let rows = [LabelledMotion {
         label: "",
         motion: &motion,
     }; 2];

@@ -4,9 +4,9 @@ use lamogen_laban::{Component, Tag};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 use serde_json::{Value, json};
 
-use super::Figure;
+use super::PageFigure;
 use super::markup::escape_json;
-use crate::Curve;
+use crate::LabanCurve;
 use crate::text::printable;
 
 /// The unit of the embedded integers, in metres.
@@ -21,7 +21,7 @@ const STEP: f64 = 1e-4;
 ///     `step` metres
 /// - `components`: `name`, `unit`, `less` and `more` (the words for low and high values)
 /// - `curves`: `label`, `colour`, `dashed`, `values`: base64 of little-endian `f32`, frames × 4
-pub(super) fn page_data(figures: &[Figure<'_>], curves: &[Curve<'_>]) -> String {
+pub(super) fn page_data(figures: &[PageFigure<'_>], curves: &[LabanCurve<'_>]) -> String {
     let motions = figures.iter().map(|figure| {
         let mut encoded = encode_motion(figure.motion);
         encoded["label"] = printable(figure.label).into();
@@ -211,7 +211,8 @@ mod tests {
     fn curves_are_decoded_bit_for_bit_even_if_they_are_not_finite() {
         let rows = [[0.1, 1e-9, 3.0, f32::INFINITY], [0.2, -0.0, f32::MAX, 7.5]];
         let series = LabanSeries::from_tensor(Tensor::from(rows));
-        let data: Value = serde_json::from_str(&page_data(&[], &[Curve::target(&series)])).unwrap();
+        let data: Value =
+            serde_json::from_str(&page_data(&[], &[LabanCurve::target(&series)])).unwrap();
         let curve = &data["curves"][0];
         assert_eq!(decode_floats(&curve["values"]), rows.as_flattened());
         assert_eq!(

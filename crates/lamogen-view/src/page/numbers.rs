@@ -3,12 +3,12 @@
 use lamogen_laban::{Component, TimeSummary};
 
 use super::markup::escape;
-use crate::Curve;
+use crate::LabanCurve;
 
 /// Returns a table of the largest values over time, with a row for each component and a column for each curve. From the
 /// second curve on, values are followed by the change relative to the first curve. The text is empty if there are no
 /// curves.
-pub(super) fn table(curves: &[Curve<'_>]) -> String {
+pub(super) fn table(curves: &[LabanCurve<'_>]) -> String {
     let Some(first) = curves.first() else {
         return String::new();
     };
@@ -52,10 +52,10 @@ mod tests {
         let before = series([[1.0, 0.0, 2.0, 4.0], [2.0, 0.0, 1.0, 4.0]]);
         let after = series([[3.0, 0.5, 1.0, 4.0], [0.0, 0.0, 1.0, 4.0]]);
         let table = table(&[
-            Curve::baseline(&before),
-            Curve {
+            LabanCurve::baseline(&before),
+            LabanCurve {
                 label: "<strong>",
-                ..Curve::guided(&after)
+                ..LabanCurve::guided(&after)
             },
         ]);
         assert!(

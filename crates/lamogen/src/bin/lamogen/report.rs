@@ -142,7 +142,10 @@ fn turning_json(scene_motion: &SceneMotion) -> Value {
         (joint.name().to_owned(), measured)
     });
     let joints: Map<String, Value> = joints.collect();
-    let mut whole = measurements(turning.mean_but_pelvis(), turning.largest_but_pelvis());
+    let mut whole = measurements(
+        turning.mean_without_pelvis(),
+        turning.largest_without_pelvis(),
+    );
     whole["rotations"] = match scene_motion.has_file_turning() {
         true => "file".into(),
         false if scene_motion.motion.is_rigid() => "rig".into(),
@@ -246,11 +249,14 @@ pub fn measurement_table(scene_motion: &SceneMotion) -> String {
     )
     .expect("a string takes all");
     let turning = scene_motion.turning();
-    let (largest, pelvis) = (turning.largest_but_pelvis(), turning.largest(Joint::Pelvis));
+    let (largest, pelvis) = (
+        turning.largest_without_pelvis(),
+        turning.largest(Joint::Pelvis),
+    );
     writeln!(
         text,
         "turning      {:.1}° a frame on average; largest {:.0}° ({}, {:.2} s); pelvis {:.1}°, largest {:.0}° ({:.2} s)",
-        turning.mean_but_pelvis(),
+        turning.mean_without_pelvis(),
         largest.degrees,
         largest.joint.name(),
         seconds(largest.frame),

@@ -10,7 +10,7 @@ use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
     Licence, Motion, PartLaban,
 };
-use lamogen_view::{Curve, Figure, Page, Row};
+use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
 
 /// A motion with its name and measurements.
@@ -178,10 +178,10 @@ impl Scene {
     }
 
     /// Returns the rows of a picture, one for each motion.
-    pub fn rows(&self) -> Vec<Row<'_>> {
+    pub fn rows(&self) -> Vec<LabelledMotion<'_>> {
         let scene_motion = self.motions.iter();
         scene_motion
-            .map(|scene_motion| Row {
+            .map(|scene_motion| LabelledMotion {
                 label: &scene_motion.label,
                 motion: &scene_motion.motion,
             })
@@ -189,16 +189,16 @@ impl Scene {
     }
 
     /// Returns the curves of the Laban features.
-    pub fn curves(&self) -> Vec<Curve<'_>> {
+    pub fn curves(&self) -> Vec<LabanCurve<'_>> {
         match (&self.motions[..], &self.target) {
             ([baseline, guided], Some(target)) => vec![
-                Curve::baseline(&baseline.laban),
-                Curve::target(target),
-                Curve::guided(&guided.laban),
+                LabanCurve::baseline(&baseline.laban),
+                LabanCurve::target(target),
+                LabanCurve::guided(&guided.laban),
             ],
             (motions, _) => {
                 let all = motions.iter().zip(COLOURS);
-                all.map(|(scene_motion, colour)| Curve {
+                all.map(|(scene_motion, colour)| LabanCurve {
                     label: &scene_motion.label,
                     series: &scene_motion.laban,
                     colour,
@@ -210,20 +210,20 @@ impl Scene {
     }
 
     /// Returns the figures that move on the page.
-    fn figures(&self) -> Vec<Figure<'_>> {
-        let mut figures: Vec<Figure<'_>> = self
+    fn figures(&self) -> Vec<PageFigure<'_>> {
+        let mut figures: Vec<PageFigure<'_>> = self
             .motions
             .iter()
             .zip(COLOURS)
-            .map(|(scene_motion, colour)| Figure {
+            .map(|(scene_motion, colour)| PageFigure {
                 label: &scene_motion.label,
                 motion: &scene_motion.motion,
                 colour,
             })
             .collect();
         if let (true, [baseline, guided]) = (self.is_guided(), &mut figures[..]) {
-            baseline.colour = Figure::baseline(baseline.motion).colour;
-            guided.colour = Figure::guided(guided.motion).colour;
+            baseline.colour = PageFigure::baseline(baseline.motion).colour;
+            guided.colour = PageFigure::guided(guided.motion).colour;
         }
         figures
     }

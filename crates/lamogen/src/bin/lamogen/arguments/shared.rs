@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use lamogen::files::{Unit, Up};
+use lamogen::files::{Unit, UpAxis};
 use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, TemporalSmoothing};
 use serde::{Deserialize, Serialize};
 
@@ -227,7 +227,7 @@ pub struct ReadingArguments {
     pub unit: Option<Unit>,
     /// Axis of the file that points up, y, z, -y or -z; usually told by the body.
     #[arg(long, allow_hyphen_values = true)]
-    pub up: Option<Up>,
+    pub up: Option<UpAxis>,
     /// Frames a second of a .bvh, in place of what it says, or of a .npy, which says nothing and is taken for one of 20.
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub input_fps: Option<f32>,

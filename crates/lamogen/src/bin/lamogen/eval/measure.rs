@@ -6,7 +6,7 @@
 
 use clap::ValueEnum;
 use lamogen::files::bvh::{self, BvhOptions, read_text};
-use lamogen::files::{ReadOptions, Up};
+use lamogen::files::{ReadOptions, UpAxis};
 use lamogen::motion::{BoneDrift, FootSliding, Jitter, JointTurning, encode_canonical};
 use lamogen::{Joint, Motion};
 
@@ -49,7 +49,7 @@ fn write_and_read_back(motion: &Motion) -> Result<MeasuredMotion, String> {
     // Unit and axis are known. They must not be guessed, since the guess would be wrong for a body that lies or grows.
     let known = ReadOptions {
         unit: Some(options.unit),
-        up: Some(Up::Y),
+        up: Some(UpAxis::Y),
         ..ReadOptions::default()
     };
     let read = read_text(&text, &known, "the motion's BVH").map_err(|error| error.to_string())?;
@@ -102,8 +102,8 @@ fn turning(turning: &JointTurning) -> TurnMeasurements {
         largest: turning.largest(joint).degrees.into(),
     };
     TurnMeasurements {
-        mean: turning.mean_but_pelvis().into(),
-        largest: turning.largest_but_pelvis().degrees.into(),
+        mean: turning.mean_without_pelvis().into(),
+        largest: turning.largest_without_pelvis().degrees.into(),
         pelvis: turning.largest(Joint::Pelvis).degrees.into(),
         pelvis_snaps: turning.snaps(Joint::Pelvis, SNAP),
         spine3: joint_measurements(Joint::Spine3),

@@ -1,13 +1,13 @@
 //! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
 use burn::tensor::Tensor;
-use lamogen::laban::{Gaussian, LabanOptions, Window};
+use lamogen::laban::{Gaussian, LabanOptions, SmoothingWindow};
 use lamogen::motion::Joint;
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
     Scale, Smoothing, Tag,
 };
-use lamogen_view::{Axis, Curve, Line, Row, curves, plot, strip};
+use lamogen_view::{LabanCurve, LabelledMotion, PlotAxis, PlotLine, curves, plot, strip};
 
 use super::document::ReportBlock;
 use super::plan::{Condition, EvalPlan, INTERPOLATION, MethodSetting, PlannedMotion, Study};
@@ -63,9 +63,9 @@ impl<'a> ReportPictures<'a> {
         let svg = curves(
             &format!("{}, Weight × 1.5", self.caption()),
             &[
-                Curve::baseline(&generation.baseline_laban),
-                Curve::target(&generation.target),
-                Curve::guided(&generation.guided_laban),
+                LabanCurve::baseline(&generation.baseline_laban),
+                LabanCurve::target(&generation.target),
+                LabanCurve::guided(&generation.guided_laban),
             ],
         )?;
         Ok(vec![
@@ -123,7 +123,7 @@ impl<'a> ReportPictures<'a> {
         let blocks = TAGS.map(|tag| {
             let rows = labels.iter().zip(&generations);
             let rows = rows.filter(|((row_tag, _), _)| *row_tag == tag);
-            let rows = rows.map(|((_, label), generation)| Row {
+            let rows = rows.map(|((_, label), generation)| LabelledMotion {
                 label,
                 motion: &generation.guided,
             });
@@ -143,7 +143,7 @@ impl<'a> ReportPictures<'a> {
             let labels =
                 INTERPOLATION.map(|factor| format!("{}, {component} × {factor}", self.caption()));
             let rows = labels.iter().zip(&generations);
-            let rows = rows.map(|(label, generation)| Row {
+            let rows = rows.map(|(label, generation)| LabelledMotion {
                 label,
                 motion: &generation.guided,
             });
@@ -169,13 +169,13 @@ impl<'a> ReportPictures<'a> {
         let svg = curves(
             "Laban features with and without smoothing",
             &[
-                Curve {
+                LabanCurve {
                     label: "without smoothing",
-                    ..Curve::baseline(&without)
+                    ..LabanCurve::baseline(&without)
                 },
-                Curve {
+                LabanCurve {
                     label: "with smoothing",
-                    ..Curve::guided(&with)
+                    ..LabanCurve::guided(&with)
                 },
             ],
         )?;
@@ -196,7 +196,7 @@ impl<'a> ReportPictures<'a> {
             (2, "acceleration", "m/s²"),
             (3, "jerk", "m/s³"),
         ] {
-            let line = |label, colour, positions: &[[f32; 3]]| Line {
+            let line = |label, colour, positions: &[[f32; 3]]| PlotLine {
                 label,
                 points: differences(positions, order),
                 colour,
@@ -209,7 +209,7 @@ impl<'a> ReportPictures<'a> {
             let title = format!("Root {name}");
             let svg = plot(
                 &title,
-                [Axis::linear("seconds"), Axis::linear(unit)],
+                [PlotAxis::linear("seconds"), PlotAxis::linear(unit)],
                 &lines,
             )?;
             let caption = format!("{title} with and without smoothing");
@@ -230,7 +230,7 @@ fn root_positions(motion: &Motion) -> Vec<[f32; 3]> {
 /// Smooths positions as Laban features do.
 fn smooth_positions(positions: &[[f32; 3]], device: &Device) -> Vec<[f32; 3]> {
     let frames = positions.len();
-    let window = Window::new(&Gaussian::PAPER, frames, [frames].into_iter(), device);
+    let window = SmoothingWindow::new(&Gaussian::PAPER, frames, [frames].into_iter(), device);
     let positions = Tensor::<1>::from_floats(positions.as_flattened(), device);
     let smooth = window.smooth(positions.reshape([1, frames, 3]));
     let smooth: Vec<f32> = smooth.try_into_vec_as().expect("floats convert to f32");

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use lamogen::motion::write_atomically;
 use lamogen::{COMPONENTS, Preset};
 use lamogen_eval::MetricError;
-use lamogen_view::CurveError;
+use lamogen_view::PlotError;
 use serde_json::{Map, Value, json};
 
 use super::document::{ReportBlock, html, markdown};
@@ -436,7 +436,7 @@ pub enum ReportError {
     #[error(transparent)]
     Metric(#[from] MetricError),
     #[error(transparent)]
-    Picture(#[from] CurveError),
+    Picture(#[from] PlotError),
     #[error(transparent)]
     Generate(#[from] lamogen::Error),
 }

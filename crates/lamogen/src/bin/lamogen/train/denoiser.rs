@@ -7,9 +7,10 @@ use lamogen::model::{MotionDiffuse, Prediction};
 use lamogen::{Device, FRAMES_PER_SECOND, LaMoGen, Request};
 use lamogen_data::{Dataset, Split};
 use lamogen_train::{
-    CaptionTokens, DenoisingTask, Sentences, TrainingConfig, TrainingTask, fingerprint, identity,
+    CaptionTokens, DenoisingTask, SentenceEmbeddings, TrainingConfig, TrainingTask, fingerprint,
+    identity,
 };
-use lamogen_view::{Row, save, strip};
+use lamogen_view::{LabelledMotion, save, strip};
 
 use super::start::StartModel;
 use super::{
@@ -68,7 +69,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
     }
     if let Some(start) = &start {
         let network = start.model.network();
-        task = task.with_start(network.clone())?;
+        task = task.with_initial_network(network.clone())?;
         identity["from"] = fingerprint(network).into();
     }
     let samples = match &options.sample[..] {
@@ -82,7 +83,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
         device: &device,
         sentences: samples,
     };
-    samples.check(task.start(&device))?;
+    samples.check(task.initial_network(&device))?;
     let draw_samples = |step, network: &_| samples.draw(step, network);
     let counted_task = (&task, task.motions());
     let outcome = run_training(
@@ -106,12 +107,12 @@ fn read_sentences(
     options: &TrainArguments,
     config: &TrainingConfig,
     tokens: &CaptionTokens,
-) -> Result<Option<Sentences>, Failure> {
+) -> Result<Option<SentenceEmbeddings>, Failure> {
     let count = config.denoising.sentences_per_batch;
     match (&options.sentences, count) {
         (None, 0) => Ok(None),
         (Some(path), 1..) => {
-            let sentences = Sentences::read(path, tokens.tokenizer());
+            let sentences = SentenceEmbeddings::read(path, tokens.tokenizer());
             Ok(Some(sentences.map_err(|error| Failure::new(FailureCode::Input, error))?))
         }
         (None, _) => Err(Failure::new(
@@ -196,11 +197,11 @@ impl SampleStrips<'_> {
             .sentences
             .iter()
             .zip(&motions)
-            .map(|(label, generation)| Row {
+            .map(|(label, generation)| LabelledMotion {
                 label,
                 motion: &generation.guided,
             });
-        let rows: Vec<Row<'_>> = rows.collect();
+        let rows: Vec<LabelledMotion<'_>> = rows.collect();
         let folder = self.options.out.join("samples");
         fs::create_dir_all(&folder).map_err(|reason| Failure::output(&folder, reason))?;
         let path = folder.join(format!("step-{step:08}.svg"));

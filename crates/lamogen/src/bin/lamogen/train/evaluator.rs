@@ -1,7 +1,7 @@
 //! Training an evaluator.
 
 use lamogen_data::{LoadOptions, Split};
-use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, TextForm, real_motions};
+use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, TextForm, evaluate_real_motions};
 use lamogen_train::{EvaluatorTrainingConfig, MatchingTask, captioned, identity};
 use serde_json::json;
 
@@ -63,7 +63,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
             let motions = captioned(&dataset, split, evaluator.network().config());
             let motions = CaptionedMotions::embed(&evaluator, motions);
             let motions = motions.map_err(|error| Failure::new(FailureCode::Run, error))?;
-            let Ok(scores) = real_motions(&motions, REPETITIONS, 0) else {
+            let Ok(scores) = evaluate_real_motions(&motions, REPETITIONS, 0) else {
                 console.notice(format!("{split}: too few motions for batches of 32"));
                 continue;
             };

@@ -1,6 +1,6 @@
 //! The settings, and the motions that are generated with them.
 
-use lamogen::guide::edited_prompt;
+use lamogen::guide::prompt_with_tags;
 use lamogen::{COMPONENTS, Guidance, Request, Scale};
 use lamogen_data::Checksum;
 
@@ -69,7 +69,7 @@ impl PlannedMotion<'_> {
     pub fn request(&self, prompt: &EvalPrompt) -> Request {
         let caption = prompt.caption(self.repeat);
         let text = match self.condition {
-            Condition::Phrase(tag) => edited_prompt(caption, [tag]),
+            Condition::Phrase(tag) => prompt_with_tags(caption, [tag]),
             _ => caption.to_owned(),
         };
         let request = self.unguided(prompt, text);

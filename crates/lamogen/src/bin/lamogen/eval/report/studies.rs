@@ -1,7 +1,7 @@
 //! The ablations (studies): a table for each, and a plot for some.
 
 use lamogen::{COMPONENTS, Component};
-use lamogen_view::{Axis, Line, plot};
+use lamogen_view::{PlotAxis, PlotLine, plot};
 use serde_json::json;
 
 use super::super::document::ReportBlock;
@@ -168,14 +168,14 @@ impl Report {
         if points.len() < 2 {
             return Ok(());
         }
-        let line = Line {
+        let line = PlotLine {
             label: "",
             points,
             colour,
             marked: true,
         };
         let title = format!("{figure}, by {axis}");
-        let axes = [Axis::logarithmic(axis), Axis::linear(figure)];
+        let axes = [PlotAxis::logarithmic(axis), PlotAxis::linear(figure)];
         let svg = plot(&title, axes, &[line])?;
         let name = title.replace(',', "");
         self.blocks.push(ReportBlock::picture(&name, title, svg));
@@ -197,7 +197,7 @@ impl Report {
                 let control = figures.control.as_ref()?;
                 Some([figures.error?.mean, control.diagonality])
             });
-            Line {
+            PlotLine {
                 label,
                 points: points.collect(),
                 colour,
@@ -205,8 +205,8 @@ impl Report {
             }
         };
         let axes = [
-            Axis::logarithmic("distance from what was asked"),
-            Axis::linear("diagonality"),
+            PlotAxis::logarithmic("distance from what was asked"),
+            PlotAxis::linear("diagonality"),
         ];
         let lines = [
             line("embedding", [213, 94, 0]),
@@ -218,7 +218,7 @@ impl Report {
             line("start noise", [204, 121, 167]),
         ];
         let lines = lines.into_iter().filter(|line| !line.points.is_empty());
-        let lines: Vec<Line<'_>> = lines.collect();
+        let lines: Vec<PlotLine<'_>> = lines.collect();
         let title = Study::ParetoFront.title();
         let svg = plot(title, axes, &lines)?;
         let caption = "Diagonality over the distance from what was asked; each line goes from little emphasis on the right to much on the left";
@@ -238,7 +238,7 @@ impl Report {
             ratios.find(|ratio| (ratio.component, ratio.asked) == (component, factor))
         };
         let mut table = Vec::new();
-        let mut lines = vec![Line {
+        let mut lines = vec![PlotLine {
             label: "asked",
             points: INTERPOLATION.map(|factor| [f64::from(factor); 2]).into(),
             colour: [156, 163, 175],
@@ -253,7 +253,7 @@ impl Report {
             table.push(row);
             let points = ratios.iter().flatten();
             let points = points.map(|ratio| [f64::from(ratio.asked), ratio.reached]);
-            lines.push(Line {
+            lines.push(PlotLine {
                 label: NAMES[place],
                 points: points.collect(),
                 colour: COLOURS[place],
@@ -265,8 +265,8 @@ impl Report {
         let svg = plot(
             "Scale interpolation",
             [
-                Axis::linear("factor asked for"),
-                Axis::linear("factor that came out"),
+                PlotAxis::linear("factor asked for"),
+                PlotAxis::linear("factor that came out"),
             ],
             &lines,
         )?;
