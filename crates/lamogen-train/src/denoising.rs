@@ -2,16 +2,17 @@
 
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::{Preset, Schedule, TemporalSmoothing, feature_scales};
+use lamogen_guide::{LossTerm, PreparedTerm, Preset, Schedule, TemporalSmoothing, feature_scales};
 use lamogen_model::{
     ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, TrainingBatch,
     TrainingGradients,
 };
-use lamogen_motion::Normalization;
+use lamogen_motion::{Normalization, joints};
 
 use crate::batches::{BatchItem, BatchSampler};
 use crate::config::TrainingConfig;
@@ -48,6 +49,8 @@ pub struct DenoisingTask<'a> {
     metadata: HashMap<String, String>,
     /// The network to begin with; `None` for random weights.
     start: Option<MotionDiffuse>,
+    /// Further terms of the loss.
+    loss_terms: Vec<Arc<dyn LossTerm>>,
 }
 
 impl<'a> DenoisingTask<'a> {
@@ -98,10 +101,72 @@ impl<'a> DenoisingTask<'a> {
             device: device.clone(),
             metadata: HashMap::new(),
             start: None,
+            loss_terms: Vec::new(),
             dataset,
             tokens,
             config,
         })
+    }
+
+    /// Adds a term to the loss: the same trait that guidance takes terms by. It measures the clean motion that follows from the network's
+    /// prediction; [`LossTerm::target`] gets the values of the motion of the data in the place of the baseline. The loss of the term is the sum over its
+    /// values of `((measured - target) · weight)²`, as the mean over all frames; where the network predicts noise, it is weighted by `ᾱ` as the other
+    /// losses of the clean motion are.
+    ///
+    /// The terms are not part of the config, so a run that is resumed needs the same ones again.
+    ///
+    /// # Errors
+    ///
+    /// If the term's values or its target are of the wrong shape or not finite on the motions of the first step.
+    pub fn with_loss_term(mut self, term: Arc<dyn LossTerm>) -> Result<Self, TrainError> {
+        let DenoisingExamples { motions, .. } = self.examples(&self.batches.draw(0));
+        PreparedTerm::new(
+            term.clone(),
+            joints(self.normalization.denormalize(motions.clean)),
+            motions.mask.lengths(),
+            1.0,
+        )?;
+        self.loss_terms.push(term);
+        Ok(self)
+    }
+
+    /// Returns the tensors of batch items.
+    fn examples(&self, items: &[BatchItem]) -> DenoisingExamples {
+        DenoisingExamples::new(
+            self.dataset,
+            self.tokens,
+            self.laban.as_ref(),
+            &self.schedule,
+            items,
+            &self.device,
+        )
+    }
+
+    /// Computes the loss of the further terms for a network's output `[batch, frames, features]`.
+    fn loss_of_terms(&self, output: Tensor<3>, motions: &NoisyMotions) -> Option<Tensor<1>> {
+        if self.loss_terms.is_empty() {
+            return None;
+        }
+        let lengths = motions.mask.lengths();
+        let frames: usize = lengths.iter().sum();
+        let prediction = self.config.model.prediction;
+        let of = |features: Tensor<3>| joints(self.normalization.denormalize(features));
+        let expected = of(motions.clean.clone());
+        let found = of(motions.predicted_clean(output, prediction));
+        let losses = self.loss_terms.iter().map(|term| {
+            let prepared = PreparedTerm::new(term.clone(), expected.clone(), lengths, 1.0);
+            // A target that is not finite makes a loss that is not, with which the run ends.
+            let Ok(prepared) = prepared else {
+                return Tensor::full([1], f32::NAN, &self.device);
+            };
+            let losses = prepared.loss(found.clone()).sum_dim(1);
+            let losses = match prediction {
+                Prediction::Sample | Prediction::V => losses,
+                Prediction::Epsilon => losses * motions.alpha_cumprod.clone().squeeze_dim::<2>(2),
+            };
+            losses.sum() / frames as f64
+        });
+        losses.reduce(|all, loss| all + loss)
     }
 
     /// Sets the metadata in the file of the weights, such as `license` and `attribution`.
@@ -227,14 +292,7 @@ impl TrainingTask for DenoisingTask<'_> {
 
     fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
         let items = self.batches.draw(step);
-        let DenoisingExamples { mut batch, motions } = DenoisingExamples::new(
-            self.dataset,
-            self.tokens,
-            self.laban.as_ref(),
-            &self.schedule,
-            &items,
-            &self.device,
-        );
+        let DenoisingExamples { mut batch, motions } = self.examples(&items);
         let motions = self.add_guidance(motions, &batch, &items);
         let denoising = &self.config.denoising;
         let count = denoising.sentences_per_batch;
@@ -255,9 +313,12 @@ impl TrainingTask for DenoisingTask<'_> {
         } = network.gradients(batch, |output| {
             let losses = &self.config.denoising.losses;
             let prediction = self.config.model.prediction;
-            let values = losses.evaluate(output, &motions, prediction, &self.normalization);
+            let values = losses.evaluate(output.clone(), &motions, prediction, &self.normalization);
             loss = Some(values.prediction.inner());
-            values.total
+            match self.loss_of_terms(output, &motions) {
+                Some(terms) => values.total + terms,
+                None => values.total,
+            }
         });
         StepGradients {
             loss: loss.expect("gradients ask for the loss"),

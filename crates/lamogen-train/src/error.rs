@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use burn::store::RecordError;
 use lamogen_data::Split;
+use lamogen_guide::GuideError;
 use lamogen_model::CheckpointError;
 use lamogen_motion::npy::NpyError;
 
@@ -35,6 +36,9 @@ pub enum TrainError {
     #[error("expected a model with {expected} to begin with, as the config says, found {found}")]
     #[allow(missing_docs)]
     Sizes { expected: String, found: String },
+    /// A term of the loss makes no sense on the motions of the data set.
+    #[error(transparent)]
+    LossTerm(#[from] GuideError),
     /// The loss on the validation split is not finite.
     #[error(
         "the loss on the validation split after step {step} is {loss}: expected a finite number"

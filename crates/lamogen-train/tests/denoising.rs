@@ -4,12 +4,14 @@ mod runs;
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use lamogen_data::{Dataset, LoadOptions};
+use lamogen_guide::{LossTarget, LossTerm};
 use lamogen_model::{Checkpoint, MotionDiffuse, Prediction};
-use lamogen_motion::{FeatureGroup, POSE_FEATURES, npy};
+use lamogen_motion::{FeatureGroup, JOINTS, POSE_FEATURES, npy};
 use lamogen_train::{
     DenoisingTask, LogLine, LossWeights, RunLength, RunOutcome, RunPlan, StepReport, TrainError,
     Trainer, TrainingConfig, TrainingTask, identity, run,
@@ -281,6 +283,83 @@ fn the_losses_of_the_clean_motion_fall_too() {
             _ => assert!(last < other(&first), "{name}: {} to {last}", other(&first)),
         }
     }
+}
+
+/// The positions of all joints, which shall be those of the data; the loss is the mean over joints, times `weight`.
+#[derive(Debug)]
+struct Positions {
+    weight: f32,
+    values: usize,
+}
+
+impl LossTerm for Positions {
+    fn name(&self) -> String {
+        "positions".into()
+    }
+
+    fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+        let [batch, frames, ..] = joints.dims();
+        joints.reshape([batch, frames, 3 * JOINTS])
+    }
+
+    fn target(&self, data: Tensor<3>, _lengths: &[usize]) -> LossTarget {
+        let weight = (self.weight / JOINTS as f32).sqrt();
+        let weight = Tensor::full([1, 1, self.values], weight, &data.device());
+        LossTarget {
+            values: data,
+            weight,
+        }
+    }
+}
+
+#[test]
+fn a_term_of_ones_own_is_learned_like_the_losses_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset, 12);
+    let device = Device::flex();
+    for prediction in ["sample", "epsilon"] {
+        let plain = config(prediction);
+        let mut own = plain.clone();
+        own.denoising.losses.position = 2.0;
+        let own = DenoisingTask::new(&dataset, &tokens, &own, &device).unwrap();
+        let term = Positions {
+            weight: 2.0,
+            values: 1,
+        };
+        let with_term = DenoisingTask::new(&dataset, &tokens, &plain, &device).unwrap();
+        let with_term = with_term.with_loss_term(Arc::new(term)).unwrap();
+        let without = DenoisingTask::new(&dataset, &tokens, &plain, &device).unwrap();
+        let [own, with_term, without] = [&own, &with_term, &without].map(|task| {
+            let mut trainer = Trainer::new(task, &device);
+            let reports: Vec<StepReport> =
+                (0..5).map(|_| trainer.advance(Some(5)).unwrap()).collect();
+            reports
+        });
+        for (own, with_term) in own.iter().zip(&with_term) {
+            for (own, with_term) in [
+                (own.loss, with_term.loss),
+                (own.total_loss, with_term.total_loss),
+                (own.gradient_norm, with_term.gradient_norm),
+            ] {
+                let difference = (own - with_term).abs() / own;
+                assert!(difference < 1e-3, "{prediction}: {own} {with_term}");
+            }
+        }
+        assert!(with_term[0].total_loss > 1.01 * without[0].total_loss);
+    }
+    let plain = config("sample");
+    let task = DenoisingTask::new(&dataset, &tokens, &plain, &device).unwrap();
+    let wide = Positions {
+        weight: 1.0,
+        values: 5,
+    };
+    let error = task.with_loss_term(Arc::new(wide)).err().unwrap();
+    let message = error.to_string();
+    assert!(
+        message.contains("`positions`: expected weights of the shape"),
+        "{message}"
+    );
 }
 
 #[test]
