@@ -33,8 +33,8 @@ pub use evaluator::Evaluator;
 pub use evaluator_network::EvaluatorNetwork;
 pub use loss::{contrastive_loss, contrastive_loss_all_shifts, random_shift};
 pub use metrics::{
-    ChangeMatrix, ControlExtremes, Embeddings, Gaussian, MatchingScore, MetricError,
-    RetrievalBatches, diversity, fid, mean_distance, multimodality,
+    ChangeMatrix, ControlRange, Embeddings, Gaussian, MatchingScore, MetricError, RetrievalBatches,
+    diversity, fid, mean_distance, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, evaluate_real_motions};

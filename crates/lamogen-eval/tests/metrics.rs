@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lamogen_eval::{
-    ChangeMatrix, ControlExtremes, Embeddings, Gaussian, MatchingScore, diversity, fid,
+    ChangeMatrix, ControlRange, Embeddings, Gaussian, MatchingScore, diversity, fid,
 };
 use serde::Deserialize;
 
@@ -89,11 +89,11 @@ fn r_precision_and_matching_score_are_numpys() {
 #[test]
 fn the_change_matrix_and_its_diagonality_are_numpys() {
     let case = cases().control;
-    let rows: Vec<Vec<ControlExtremes>> = { case.small.iter().zip(&case.large) }
+    let rows: Vec<Vec<ControlRange>> = { case.small.iter().zip(&case.large) }
         .map(|(small, large)| {
             let pairs = small.iter().zip(large);
             pairs
-                .map(|(&small, &large)| ControlExtremes { small, large })
+                .map(|(&small, &large)| ControlRange { small, large })
                 .collect()
         })
         .collect();

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
-    COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanOptions, Target,
+    COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanOptions, LabanTarget,
 };
 
 use crate::guidance::Guidance;
@@ -64,7 +64,7 @@ impl LossTerm for LabanTerm {
         let Guidance {
             divisor, emphasis, ..
         } = self.guidance;
-        let target = Target::new(baseline, lengths, &self.goals, divisor, emphasis);
+        let target = LabanTarget::new(baseline, lengths, &self.goals, divisor, emphasis);
         LossTarget {
             values: target.features(),
             weight: target.weight(),

@@ -1,7 +1,7 @@
 //! The smoothing of predicted motions along time.
 
 use burn::tensor::Device;
-use lamogen_laban::{Gaussian, SmoothingWindow};
+use lamogen_laban::{GaussianKernel, SmoothingWindow};
 
 use crate::error::GuideError;
 
@@ -53,7 +53,7 @@ impl TemporalSmoothing {
     ) -> SmoothingWindow {
         // Weights beyond three standard deviations are negligible.
         let radius = (3.0 * self.frames).ceil() as usize;
-        let gaussian = Gaussian::new(2 * radius + 1, self.frames * self.frames);
+        let gaussian = GaussianKernel::new(2 * radius + 1, self.frames * self.frames);
         let gaussian = gaussian.expect("the numbers were checked");
         SmoothingWindow::new(&gaussian, frames, lengths.iter().copied(), device)
     }

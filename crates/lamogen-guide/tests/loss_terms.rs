@@ -11,7 +11,7 @@ use lamogen_guide::{
     Guidance, GuideError, LabanTerm, LossTarget, LossTerm, LossTerms, PreparedTerm, Quantity,
     Sampler,
 };
-use lamogen_laban::{Component, Goals, LabanFeatures, Scale, Target};
+use lamogen_laban::{Component, Goals, LabanFeatures, LabanTarget, Scale};
 use lamogen_model::DenoiserInput;
 use lamogen_motion::{JOINTS, Joint, POSE_FEATURES};
 use toy::{ToyDenoiser, ToyNetwork, normalization};
@@ -151,7 +151,7 @@ fn the_laban_term_is_the_laban_loss() {
     let goals = vec![goals.clone(), goals];
     let features = LabanFeatures::new(&guidance.laban, 20, &lengths, &Device::flex());
     let (divisor, emphasis) = (guidance.divisor, guidance.emphasis);
-    let target = Target::new(
+    let target = LabanTarget::new(
         features.measure(before.clone()),
         &lengths,
         &goals,

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use lamogen_laban::{Goals, LabanFeatures, LabanOptions, LossDivisor, Scale, Target};
+use lamogen_laban::{Goals, LabanFeatures, LabanOptions, LabanTarget, LossDivisor, Scale};
 use lamogen_motion::JOINTS;
 
 fn features(criterion: &mut Criterion) {
@@ -23,7 +23,7 @@ fn features(criterion: &mut Criterion) {
         let scale = Scale::new([1.5, 1.0, 1.0, 1.0]).expect("a scale");
         let goals = vec![Goals::from(scale).whole().clone(); motions];
         let baseline = features.measure(joints.clone());
-        let target = Target::new(baseline, &lengths, &goals, LossDivisor::Mean, [1.0; 4]);
+        let target = LabanTarget::new(baseline, &lengths, &goals, LossDivisor::Mean, [1.0; 4]);
         group.bench_function(BenchmarkId::new("gradient", &size), |bencher| {
             bencher.iter(|| {
                 let leaf = (joints.clone() * 0.9).autodiff().require_grad();

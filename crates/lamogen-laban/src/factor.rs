@@ -32,12 +32,12 @@ use crate::tags::{Component, Tag};
 pub struct Factor {
     /// The factor before the first key.
     start: f32,
-    keys: Vec<FactorKey>,
+    keys: Vec<FactorKeyframe>,
 }
 
 /// A time at which a factor over time has a given value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FactorKey {
+pub struct FactorKeyframe {
     /// Seconds from the motion's start.
     pub seconds: f32,
     /// The factor at that time.
@@ -98,10 +98,10 @@ pub(crate) fn words(component: &Component) -> String {
     tags.map(Tag::to_string).collect::<Vec<_>>().join(", ")
 }
 
-impl FactorKey {
+impl FactorKeyframe {
     /// Creates a key with a factor that stays constant until the next key.
-    pub const fn hold(seconds: f32, factor: f32) -> FactorKey {
-        FactorKey {
+    pub const fn hold(seconds: f32, factor: f32) -> FactorKeyframe {
+        FactorKeyframe {
             seconds,
             factor,
             interpolation: Interpolation::Hold,
@@ -109,8 +109,8 @@ impl FactorKey {
     }
 
     /// Creates a key with a factor that changes linearly to that of the next key.
-    pub const fn linear(seconds: f32, factor: f32) -> FactorKey {
-        FactorKey {
+    pub const fn linear(seconds: f32, factor: f32) -> FactorKeyframe {
+        FactorKeyframe {
             seconds,
             factor,
             interpolation: Interpolation::Linear,
@@ -153,7 +153,7 @@ impl Factor {
     ///
     /// If there are no keys, their times do not ascend, a time or factor is negative or not finite, or
     /// the last key slides.
-    pub fn keyed(keys: impl Into<Vec<FactorKey>>) -> Result<Factor, FactorError> {
+    pub fn keyed(keys: impl Into<Vec<FactorKeyframe>>) -> Result<Factor, FactorError> {
         let keys = keys.into();
         for key in &keys {
             if !key.seconds.is_finite() || key.seconds < 0.0 {
@@ -186,7 +186,7 @@ impl Factor {
         {
             return Factor::constant(parse_value(component, constant)?);
         }
-        let mut keys: Vec<FactorKey> = Vec::new();
+        let mut keys: Vec<FactorKeyframe> = Vec::new();
         let mut is_after_slide = false;
         for part in parts {
             if part == "~" {
@@ -222,7 +222,7 @@ impl Factor {
     }
 
     /// Returns the keys in order of time; there are none if the factor is constant.
-    pub fn keys(&self) -> &[FactorKey] {
+    pub fn keys(&self) -> &[FactorKeyframe] {
         &self.keys
     }
 
@@ -262,11 +262,14 @@ fn check_value(found: f32) -> Result<(), FactorError> {
     }
 }
 
-fn parse_key(component: Component, text: &str) -> Result<FactorKey, FactorError> {
+fn parse_key(component: Component, text: &str) -> Result<FactorKeyframe, FactorError> {
     let key_error = || FactorError::Key { found: text.into() };
     let (seconds, factor) = text.split_once(':').ok_or_else(key_error)?;
     let seconds = seconds.parse().map_err(|_| key_error())?;
-    Ok(FactorKey::hold(seconds, parse_value(component, factor)?))
+    Ok(FactorKeyframe::hold(
+        seconds,
+        parse_value(component, factor)?,
+    ))
 }
 
 fn parse_value(component: Component, text: &str) -> Result<f32, FactorError> {
@@ -382,10 +385,16 @@ mod tests {
 
     #[test]
     fn keys_can_be_given_without_text() {
-        let keys = [FactorKey::linear(0.0, 1.0), FactorKey::hold(1.0, 1.5)];
+        let keys = [
+            FactorKeyframe::linear(0.0, 1.0),
+            FactorKeyframe::hold(1.0, 1.5),
+        ];
         assert_eq!(Factor::keyed(keys), weight("0:1 ~ 1:1.5"));
         assert_eq!(Factor::keyed([]), Err(FactorError::Empty));
-        let open_slide = [FactorKey::hold(0.0, 1.0), FactorKey::linear(1.0, 1.5)];
+        let open_slide = [
+            FactorKeyframe::hold(0.0, 1.0),
+            FactorKeyframe::linear(1.0, 1.5),
+        ];
         assert_eq!(Factor::keyed(open_slide), Err(FactorError::Slide));
     }
 

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Int, Tensor};
 use lamogen_motion::{JOINTS, frame_mask};
 
 use crate::effectors::EndEffectors;
-use crate::smoothing::{Gaussian, Smoothing};
+use crate::smoothing::{GaussianKernel, Smoothing};
 use crate::window::SmoothingWindow;
 
 /// The number that is added to squared norms, so that a joint at rest has a finite gradient.
@@ -58,7 +58,7 @@ impl LabanFeatures {
     pub fn new(options: &LabanOptions, frames: usize, lengths: &[usize], device: &Device) -> Self {
         let mask = frame_mask(lengths, frames, device);
         // The n-th difference is n frames shorter.
-        let window = |gaussian: &Gaussian, order: usize| {
+        let window = |gaussian: &GaussianKernel, order: usize| {
             let lengths = lengths.iter().map(|length| length.saturating_sub(order));
             (frames > order)
                 .then(|| SmoothingWindow::new(gaussian, frames - order, lengths, device))
@@ -202,8 +202,8 @@ mod tests {
     fn every_smoothing() -> [LabanOptions; 3] {
         [
             Smoothing::None,
-            Smoothing::Positions(Gaussian::PAPER),
-            Smoothing::EachDifference(Gaussian::PAPER),
+            Smoothing::Positions(GaussianKernel::PAPER),
+            Smoothing::EachDifference(GaussianKernel::PAPER),
         ]
         .map(|smoothing| LabanOptions {
             smoothing,
@@ -317,7 +317,7 @@ mod tests {
     fn short_motions_have_the_features_that_their_frames_allow() {
         for frames in 1..5 {
             for size in [1, 11, 41] {
-                let gaussian = Gaussian::new(size, 10.0).unwrap();
+                let gaussian = GaussianKernel::new(size, 10.0).unwrap();
                 for smoothing in [
                     Smoothing::Positions(gaussian),
                     Smoothing::EachDifference(gaussian),

@@ -2,7 +2,7 @@
 //! the words that ask for more or less of them, and the loss between measured and requested values.
 //!
 //! ```text
-//! joints ──LabanFeatures──▶ features ──Target──▶ loss per component
+//! joints ──LabanFeatures──▶ features ──LabanTarget──▶ loss per component
 //! [batch, frames, 22, 3]    [batch, frames, 4]     [batch, 4]
 //! tags ─▶ Scale ─▶ ScaleCurve ─▶ Goals ─┘
 //!                  [frames, 4]   of the body and its parts
@@ -29,15 +29,15 @@ mod window;
 
 pub use curve::ScaleCurve;
 pub use effectors::{BodyPart, EffectorError, EndEffectors};
-pub use factor::{Factor, FactorError, FactorKey, Interpolation};
+pub use factor::{Factor, FactorError, FactorKeyframe, Interpolation};
 pub use features::{LabanFeatures, LabanOptions};
 pub use goal::Goal;
 pub use goal_error::GoalError;
 pub use goals::{EndEffectorGoals, Goals};
-pub use loss::{LossDivisor, Target};
+pub use loss::{LabanTarget, LossDivisor};
 pub use parts::PartScale;
 pub use series::{LabanSeries, TimeSummary};
-pub use smoothing::{Gaussian, GaussianError, Smoothing};
+pub use smoothing::{GaussianKernel, GaussianKernelError, Smoothing};
 pub use tags::{COMPONENTS, Component, Scale, ScaleError, Tag, TagError};
 pub use window::SmoothingWindow;
 

@@ -23,12 +23,12 @@ pub enum LossDivisor {
 
 /// The features to reach, usually the baseline's times a scale, with the weights of the relative loss.
 #[derive(Clone, Debug)]
-pub struct Target {
+pub struct LabanTarget {
     features: Tensor<3>,
     weight: Tensor<3>,
 }
 
-impl Target {
+impl LabanTarget {
     /// Computes the target of each motion of a batch. For a factor it is `scale(t) ⊙ baseline(t)` at every frame t
     /// (paper, section "Step 1", where the scale is the same at all frames); for other goals see [`Goal`].
     ///
@@ -52,7 +52,7 @@ impl Target {
         goals: &[[Goal; COMPONENTS]],
         divisor: LossDivisor,
         emphasis: [f32; COMPONENTS],
-    ) -> Target {
+    ) -> LabanTarget {
         let [batch, frames, _] = baseline.dims();
         assert_eq!([lengths.len(), goals.len()], [batch, batch]);
         let device = baseline.device();
@@ -75,7 +75,7 @@ impl Target {
             let data = TensorData::new(values, [batch, frames, COMPONENTS]);
             Tensor::<3>::from_data(data, &device)
         };
-        Target {
+        LabanTarget {
             features: tensor(features),
             weight: tensor(weights),
         }
@@ -172,7 +172,8 @@ mod tests {
         let baseline = Tensor::<3>::from([[[2.0, 1.0, 1.0, 4.0], [2.0, 1.0, 1.0, 8.0]]]);
         let scales = [scale([1.5, 1.0, 1.0, 0.5])];
         for (divisor, shape) in [(LossDivisor::Frame, 0.5), (LossDivisor::Mean, 20.0 / 36.0)] {
-            let target = Target::new(baseline.clone(), &[2], &scales, divisor, [1.0; COMPONENTS]);
+            let target =
+                LabanTarget::new(baseline.clone(), &[2], &scales, divisor, [1.0; COMPONENTS]);
             let loss = target.loss(baseline.clone()).into_data();
             let loss = loss.as_slice::<f32>().unwrap();
             // Weight is 2 where 3 is asked for, at both frames: 2 · (1/2)².
@@ -191,7 +192,7 @@ mod tests {
         [1.0, 10.0].map(|emphasis| {
             let lengths = [baseline.dims()[1]];
             let emphasis = [emphasis; COMPONENTS];
-            let target = Target::new(baseline.clone(), &lengths, goals, divisor, emphasis);
+            let target = LabanTarget::new(baseline.clone(), &lengths, goals, divisor, emphasis);
             let loss = target.loss(baseline.clone() * 2.0).into_data();
             loss.try_to_vec().unwrap()
         })
@@ -220,7 +221,7 @@ mod tests {
             factor_over_time(Component::Weight, "0.5:1.5 1:0.5"),
             factor_over_time(Component::Shape, "0:1 ~ 1:2"),
         ];
-        let target = Target::new(
+        let target = LabanTarget::new(
             baseline.clone(),
             &[30, 20],
             &scales,
@@ -272,7 +273,7 @@ mod tests {
         goals[Component::Shape.index()] = Goal::Series(vec![3.0; 4]);
         goals[Component::Time.index()] = Goal::Any;
         for divisor in [LossDivisor::Frame, LossDivisor::Mean] {
-            let target = Target::new(
+            let target = LabanTarget::new(
                 baseline.clone(),
                 &[4],
                 &[goals.clone()],
@@ -292,7 +293,7 @@ mod tests {
     #[test]
     fn a_resting_baseline_keeps_the_loss_finite() {
         let still = Tensor::<3>::zeros([1, 5, COMPONENTS], &Device::flex());
-        let target = Target::new(
+        let target = LabanTarget::new(
             still.clone(),
             &[5],
             &[goals(ScaleCurve::default())],
@@ -321,7 +322,7 @@ mod tests {
         let scales = [scale([1.5, 0.8, 1.2, 0.5])];
         for divisor in [LossDivisor::Frame, LossDivisor::Mean] {
             let baseline = features.measure(joints(&positions));
-            let target = Target::new(baseline, &[frames], &scales, divisor, [2.0; COMPONENTS]);
+            let target = LabanTarget::new(baseline, &[frames], &scales, divisor, [2.0; COMPONENTS]);
             let loss = |joints: Tensor<4>| target.loss(features.measure(joints)).sum();
 
             let leaf = joints(&positions).autodiff().require_grad();

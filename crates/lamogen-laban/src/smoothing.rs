@@ -5,14 +5,14 @@ const LARGEST: usize = 9_999;
 
 /// A Gaussian window over frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gaussian {
+pub struct GaussianKernel {
     size: usize,
     variance: f32,
 }
 
 /// The reason why a Gaussian window is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum GaussianError {
+pub enum GaussianKernelError {
     /// The window has no middle frame or is too large.
     #[error("the smoothing window must have an odd number of frames up to {LARGEST}, found {0}")]
     Size(usize),
@@ -21,9 +21,9 @@ pub enum GaussianError {
     Variance(f32),
 }
 
-impl Gaussian {
+impl GaussianKernel {
     /// The window of the paper: 11 frames with a variance of 10 frames² (paper, section "Implementation Details").
-    pub const PAPER: Gaussian = Gaussian {
+    pub const PAPER: GaussianKernel = GaussianKernel {
         size: 11,
         variance: 10.0,
     };
@@ -33,14 +33,14 @@ impl Gaussian {
     /// # Errors
     ///
     /// If the size is even (0 included) or above 9,999, or the variance is not finite and positive.
-    pub fn new(size: usize, variance: f32) -> Result<Gaussian, GaussianError> {
+    pub fn new(size: usize, variance: f32) -> Result<GaussianKernel, GaussianKernelError> {
         if size.is_multiple_of(2) || size > LARGEST {
-            return Err(GaussianError::Size(size));
+            return Err(GaussianKernelError::Size(size));
         }
         if !variance.is_finite() || variance <= 0.0 {
-            return Err(GaussianError::Variance(variance));
+            return Err(GaussianKernelError::Variance(variance));
         }
-        Ok(Gaussian { size, variance })
+        Ok(GaussianKernel { size, variance })
     }
 
     /// Returns the weights of the window. Their sum is 1.
@@ -64,15 +64,15 @@ pub enum Smoothing {
     /// Nothing is smoothed.
     None,
     /// The positions are smoothed once (paper, appendix "Detailed LMA Quantification Formulas").
-    Positions(Gaussian),
+    Positions(GaussianKernel),
     /// Positions, velocity and acceleration are smoothed, each before its difference is taken (paper, section
     /// "Implementation Details").
-    EachDifference(Gaussian),
+    EachDifference(GaussianKernel),
 }
 
 impl Default for Smoothing {
     fn default() -> Self {
-        Smoothing::Positions(Gaussian::PAPER)
+        Smoothing::Positions(GaussianKernel::PAPER)
     }
 }
 
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn the_kernel_sums_to_one_and_is_even() {
-        let kernel = Gaussian::PAPER.kernel();
+        let kernel = GaussianKernel::PAPER.kernel();
         assert_eq!(kernel.len(), 11);
         assert!((kernel.iter().sum::<f32>() - 1.0).abs() < 1e-6);
         assert_eq!(kernel[0], kernel[10]);
@@ -92,14 +92,23 @@ mod tests {
 
     #[test]
     fn a_window_needs_a_middle_and_a_width() {
-        assert_eq!(Gaussian::new(10, 1.0), Err(GaussianError::Size(10)));
-        assert_eq!(Gaussian::new(0, 1.0), Err(GaussianError::Size(0)));
+        assert_eq!(
+            GaussianKernel::new(10, 1.0),
+            Err(GaussianKernelError::Size(10))
+        );
+        assert_eq!(
+            GaussianKernel::new(0, 1.0),
+            Err(GaussianKernelError::Size(0))
+        );
         let largest = usize::MAX;
         assert_eq!(
-            Gaussian::new(largest, 1.0),
-            Err(GaussianError::Size(largest))
+            GaussianKernel::new(largest, 1.0),
+            Err(GaussianKernelError::Size(largest))
         );
-        assert_eq!(Gaussian::new(3, 0.0), Err(GaussianError::Variance(0.0)));
-        assert!(Gaussian::new(3, f32::NAN).is_err());
+        assert_eq!(
+            GaussianKernel::new(3, 0.0),
+            Err(GaussianKernelError::Variance(0.0))
+        );
+        assert!(GaussianKernel::new(3, f32::NAN).is_err());
     }
 }

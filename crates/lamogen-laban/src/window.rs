@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-use crate::smoothing::Gaussian;
+use crate::smoothing::GaussianKernel;
 
 /// The largest number of frames that is smoothed by one matrix product.
 const BLOCK: usize = 256;
@@ -29,7 +29,7 @@ impl SmoothingWindow {
     ///
     /// If `frames` is 0.
     pub fn new(
-        gaussian: &Gaussian,
+        gaussian: &GaussianKernel,
         frames: usize,
         lengths: impl Iterator<Item = usize>,
         device: &Device,
@@ -88,7 +88,12 @@ mod tests {
     fn smooth(series: &[f32], length: usize) -> Vec<f32> {
         let device = Device::flex();
         let frames = series.len();
-        let window = SmoothingWindow::new(&Gaussian::PAPER, frames, [length].into_iter(), &device);
+        let window = SmoothingWindow::new(
+            &GaussianKernel::PAPER,
+            frames,
+            [length].into_iter(),
+            &device,
+        );
         let data = TensorData::new(series.to_vec(), [1, frames, 1]);
         let smoothed = window.smooth(Tensor::from_data(data, &device));
         smoothed.into_data().try_to_vec().unwrap()
@@ -105,7 +110,7 @@ mod tests {
     fn an_impulse_becomes_the_kernel() {
         let mut impulse = [0.0; 15];
         impulse[7] = 1.0;
-        assert_eq!(smooth(&impulse, 15)[2..13], Gaussian::PAPER.kernel());
+        assert_eq!(smooth(&impulse, 15)[2..13], GaussianKernel::PAPER.kernel());
     }
 
     #[test]
@@ -113,7 +118,7 @@ mod tests {
         let mut series = [0.0; 12];
         series[7] = 1.0;
         let alone = smooth(&series[..8], 8);
-        let tail: f32 = Gaussian::PAPER.kernel()[5..].iter().sum();
+        let tail: f32 = GaussianKernel::PAPER.kernel()[5..].iter().sum();
         assert!((alone[7] - tail).abs() < 1e-6);
         series[8..].fill(1e6);
         assert_eq!(smooth(&series, 8)[..8], alone);
@@ -121,7 +126,7 @@ mod tests {
 
     #[test]
     fn blocks_join_without_a_seam() {
-        let kernel = Gaussian::PAPER.kernel();
+        let kernel = GaussianKernel::PAPER.kernel();
         let series: Vec<f32> = (0..600).map(|t| (t as f32 * 0.37).sin()).collect();
         for (t, smoothed) in smooth(&series, 600).into_iter().enumerate() {
             let tap = |offset: usize| series[(t + offset).saturating_sub(5).min(599)];

@@ -26,7 +26,7 @@ use crate::optimization::OptimizerConfig;
 use crate::sentences::SentenceEmbeddings;
 use crate::task::{StepGradients, TrainingTask};
 use crate::tokens::CaptionTokens;
-use crate::validation::Validation;
+use crate::validation::ValidationSet;
 
 /// The training of a text-to-motion denoiser on the training split of a data set.
 ///
@@ -44,7 +44,7 @@ pub struct DenoisingTask<'a> {
     batches: BatchSampler,
     schedule: Schedule,
     normalization: Normalization,
-    validation: Option<Validation<'a>>,
+    validation: Option<ValidationSet<'a>>,
     device: Device,
     metadata: HashMap<String, String>,
     /// The network to begin with; `None` for random weights.
@@ -95,7 +95,7 @@ impl<'a> DenoisingTask<'a> {
             laban,
             laban_is_measured,
             sentences: None,
-            validation: Validation::new(dataset, tokens, Split::Validation, lengths, device),
+            validation: ValidationSet::new(dataset, tokens, Split::Validation, lengths, device),
             schedule: Schedule::linear(),
             normalization: dataset.normalization(device),
             device: device.clone(),

@@ -16,7 +16,7 @@ pub(crate) fn clip<M: Module>(
     };
     network.visit(&mut squares);
     let norm = squares.sum.expect("a network has weights").sqrt();
-    let mut scaler = GradientScaler {
+    let mut scaler = GradientClipper {
         gradients,
         // At most 1, so that gradients with a smaller norm keep their values.
         factor: (norm.clone() + 1e-6)
@@ -49,13 +49,13 @@ impl ModuleVisitor for SquaredNorm<'_> {
 }
 
 /// Multiplies the gradients of all weights by a factor.
-struct GradientScaler {
+struct GradientClipper {
     gradients: GradientsParams,
     factor: Tensor<1>,
     scaled: GradientsParams,
 }
 
-impl ModuleVisitor for GradientScaler {
+impl ModuleVisitor for GradientClipper {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.remove::<D>(param.id) {
             let factor = self.factor.clone().reshape([1; D]);

@@ -51,8 +51,8 @@ pub use sentences::{SentenceEmbeddings, SentencesError};
 pub use task::{StepGradients, TrainingTask};
 pub use tokens::{CaptionTokens, other_phrasings};
 pub use trainer::{StepReport, Trainer};
-pub use validation::Validation;
-pub use variations::{VariationError, VariationOptions, vary};
+pub use validation::ValidationSet;
+pub use variations::{MotionVariationOptions, VariationError, vary};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

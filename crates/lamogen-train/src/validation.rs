@@ -14,7 +14,7 @@ use crate::tokens::CaptionTokens;
 ///
 /// They are all motions of a split except mirror images, each with its first caption, at the timesteps 50, 150, …, 950, with noise
 /// that depends on the motion's position in the split and on the timestep.
-pub struct Validation<'a> {
+pub struct ValidationSet<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     device: Device,
@@ -22,7 +22,7 @@ pub struct Validation<'a> {
     batches: Vec<Vec<BatchItem>>,
 }
 
-impl<'a> Validation<'a> {
+impl<'a> ValidationSet<'a> {
     /// Collects the motions of a split that have at least the network's shortest length; of motions that are longer than the
     /// network's longest, the first frames are used. Returns `None` if there are none.
     pub fn new(
@@ -58,7 +58,7 @@ impl<'a> Validation<'a> {
             let batches = entries.chunks(motions_per_batch);
             batches.map(move |batch| batch.iter().map(item).collect::<Vec<_>>())
         });
-        Some(Validation {
+        Some(ValidationSet {
             batches: batches.collect(),
             device: device.clone(),
             dataset,

@@ -28,7 +28,7 @@ use crate::sampling::step_generator;
 
 /// The options by which variations are made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct VariationOptions {
+pub struct MotionVariationOptions {
     /// The number of variations of each motion.
     pub count: usize,
     /// The smallest and the largest factor on a component. The logarithms of the factors are drawn uniformly between them.
@@ -39,9 +39,9 @@ pub struct VariationOptions {
     pub evaluations: usize,
 }
 
-impl Default for VariationOptions {
+impl Default for MotionVariationOptions {
     fn default() -> Self {
-        VariationOptions {
+        MotionVariationOptions {
             count: 3,
             factors: [0.35, 2.2],
             seed: 0,
@@ -99,7 +99,7 @@ pub enum VariationError {
 /// If the options make no sense, a motion cannot be guided, or the folder cannot be used.
 pub fn vary(
     dataset: &Dataset,
-    options: &VariationOptions,
+    options: &MotionVariationOptions,
     work: &Path,
     device: &Device,
     observer: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
@@ -151,7 +151,7 @@ pub fn vary(
     Ok(variations.map(|variations| variations.into_iter().flatten().collect()))
 }
 
-impl VariationOptions {
+impl MotionVariationOptions {
     /// Checks that all options make sense.
     fn check(&self) -> Result<(), VariationError> {
         let [least, most] = self.factors;
@@ -176,7 +176,10 @@ impl VariationOptions {
 }
 
 /// Draws the factors on Weight, Time, Flow and Shape of every variation of an entry.
-fn draw_factors(options: &VariationOptions, entry: usize) -> Vec<[f32; Component::ALL.len()]> {
+fn draw_factors(
+    options: &MotionVariationOptions,
+    entry: usize,
+) -> Vec<[f32; Component::ALL.len()]> {
     /// The probability that one component changes.
     const ONE_PROBABILITY: f64 = 0.6;
     /// The probability that two components change if more than one does.
@@ -214,7 +217,7 @@ type PoseRows = Vec<[f32; POSE_FEATURES]>;
 fn vary_entry(
     dataset: &Dataset,
     index: usize,
-    options: &VariationOptions,
+    options: &MotionVariationOptions,
     device: &Device,
 ) -> Result<Vec<PoseRows>, VariationError> {
     let entry = &dataset.entries()[index];
@@ -251,7 +254,7 @@ fn vary_entry(
 /// Writes the identity of the work to a new work folder, or compares it with the one that the folder holds.
 fn check_work_folder(
     dataset: &Dataset,
-    options: &VariationOptions,
+    options: &MotionVariationOptions,
     entries: &[usize],
     work: &Path,
 ) -> Result<(), VariationError> {
@@ -292,7 +295,7 @@ fn write(path: &Path, variations: &[PoseRows]) -> Result<(), VariationError> {
 /// Reads the variations of a motion of so many frames.
 fn read(
     path: &Path,
-    options: &VariationOptions,
+    options: &MotionVariationOptions,
     frames: usize,
 ) -> Result<Vec<PoseRows>, VariationError> {
     let array = npy::read(path)?;

@@ -8,7 +8,7 @@ use burn::tensor::Device;
 use lamogen_data::{Dataset, LoadOptions, PackOptions, pack};
 use lamogen_laban::{LabanOptions, LabanSeries};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, RestPose, Rotations};
-use lamogen_train::{VariationError, VariationOptions, vary};
+use lamogen_train::{MotionVariationOptions, VariationError, vary};
 
 /// A motion of somebody who stands and swings the arms.
 fn swinging(frames: usize, pace: f32) -> Motion {
@@ -58,9 +58,9 @@ fn means(rows: &[[f32; 263]]) -> [f32; 4] {
 fn variations_have_other_features_and_stopped_work_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path());
-    let options = VariationOptions {
+    let options = MotionVariationOptions {
         count: 4,
-        ..VariationOptions::default()
+        ..MotionVariationOptions::default()
     };
     let work = folder.path().join("work");
     let all = |_, _| ControlFlow::Continue(());
@@ -123,7 +123,7 @@ fn variations_have_other_features_and_stopped_work_can_be_resumed() {
         .unwrap();
     assert_eq!(resumed, whole);
 
-    let other = VariationOptions { seed: 1, ..options };
+    let other = MotionVariationOptions { seed: 1, ..options };
     let refused = vary(&data, &other, &work, &Device::flex(), &all).unwrap_err();
     assert!(
         matches!(refused, VariationError::OtherWork { .. }),
@@ -135,25 +135,25 @@ fn variations_have_other_features_and_stopped_work_can_be_resumed() {
 fn options_that_make_no_sense_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path());
-    let usual = VariationOptions::default();
+    let usual = MotionVariationOptions::default();
     for (options, part) in [
-        (VariationOptions { count: 0, ..usual }, "found 0"),
+        (MotionVariationOptions { count: 0, ..usual }, "found 0"),
         (
-            VariationOptions {
+            MotionVariationOptions {
                 factors: [2.0, 1.0],
                 ..usual
             },
             "the smaller first",
         ),
         (
-            VariationOptions {
+            MotionVariationOptions {
                 factors: [f32::NAN, 1.0],
                 ..usual
             },
             "NaN",
         ),
         (
-            VariationOptions {
+            MotionVariationOptions {
                 evaluations: 0,
                 ..usual
             },

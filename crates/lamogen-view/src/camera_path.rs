@@ -1,6 +1,6 @@
 //! The path of the camera that follows a motion.
 
-use lamogen_laban::Gaussian;
+use lamogen_laban::GaussianKernel;
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 
 /// The distance of the pelvis from the target of the camera beyond which the camera follows, in metres.
@@ -41,7 +41,7 @@ fn follow_pelvis(motion: &Motion) -> Vec<[f32; 2]> {
 fn smooth(path: &[[f32; 2]]) -> Vec<[f32; 2]> {
     let deviation = SMOOTHING * FRAMES_PER_SECOND;
     let reach = (3.0 * deviation) as usize;
-    let window = Gaussian::new(2 * reach + 1, deviation.powi(2));
+    let window = GaussianKernel::new(2 * reach + 1, deviation.powi(2));
     let kernel = window.expect("an odd size and a variance above 0").kernel();
     let sample = |frame: usize, offset: usize| {
         path[(frame + offset).clamp(reach, path.len() - 1 + reach) - reach]

@@ -68,9 +68,9 @@ pub use lamogen_guide::{
     LossTerms, Pass, Preset, Step, TemporalSmoothing, UpdateTiming,
 };
 pub use lamogen_laban::{
-    BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKey, Gaussian, Goal,
-    Goals, Interpolation, LabanOptions, LabanSeries, LossDivisor, PartScale, Scale, ScaleCurve,
-    Smoothing, Tag, TimeSummary,
+    BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKeyframe,
+    GaussianKernel, Goal, Goals, Interpolation, LabanOptions, LabanSeries, LossDivisor, PartScale,
+    Scale, ScaleCurve, Smoothing, Tag, TimeSummary,
 };
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
@@ -89,4 +89,4 @@ struct Readme;
 /// The programs of `docs/own-goal.md`, compiled with the doc tests.
 #[cfg(all(doctest, feature = "compact"))]
 #[doc = include_str!("../../../docs/own-goal.md")]
-struct OwnGoal;
+struct OwnGoalPage;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{Batch, Guidance, Sampler, Schedule, Step, noise};
-use lamogen_laban::{Goals, LabanFeatures, LabanOptions, LossDivisor, Smoothing, Target};
+use lamogen_laban::{Goals, LabanFeatures, LabanOptions, LabanTarget, LossDivisor, Smoothing};
 use lamogen_model::{
     Checkpoint, CrossAttentionContext, Denoiser, DenoiserInput, FrameMask, ModelConfig,
     MotionDiffuse, Prompt,
@@ -295,7 +295,7 @@ pub(super) fn laban(case: &Case, values: &mut ComputedValues) -> Result<(), Pari
     );
 
     let goals = vec![Goals::from(case.scale()?).whole().clone(); batch];
-    let target = Target::new(baseline, &lengths, &goals, LossDivisor::Frame, [1.0; 4]);
+    let target = LabanTarget::new(baseline, &lengths, &goals, LossDivisor::Frame, [1.0; 4]);
     let leaf = (joints * 0.9).autodiff().require_grad();
     let loss = target.loss(features.measure(leaf.clone())).sum();
     let gradient = leaf

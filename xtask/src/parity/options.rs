@@ -5,7 +5,7 @@
 //! iterations.
 
 use lamogen_guide::{Guidance, GuidanceVariable, Sampler, UpdateTiming};
-use lamogen_laban::{Gaussian, LabanOptions, Smoothing};
+use lamogen_laban::{GaussianKernel, LabanOptions, Smoothing};
 
 use super::case::Case;
 use super::network::Network;
@@ -40,7 +40,7 @@ fn options() -> [(&'static str, Guidance); 6] {
             "out.each_difference",
             Guidance {
                 laban: LabanOptions {
-                    smoothing: Smoothing::EachDifference(Gaussian::PAPER),
+                    smoothing: Smoothing::EachDifference(GaussianKernel::PAPER),
                     ..LabanOptions::default()
                 },
                 ..fast()

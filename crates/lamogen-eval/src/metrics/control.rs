@@ -7,7 +7,7 @@ const COMPONENTS: usize = 4;
 
 /// The Laban features of a motion when a small value of a component is requested, and when a large value is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ControlExtremes {
+pub struct ControlRange {
     /// The features of the motion with the small tag.
     pub small: [f64; COMPONENTS],
     /// The features of the motion with the large tag.
@@ -33,14 +33,14 @@ impl ChangeMatrix {
     /// # Errors
     ///
     /// If a cell has no motion with a feature other than 0 for the small tag, or a number is not finite.
-    pub fn of(requested: [&[ControlExtremes]; COMPONENTS]) -> Result<Self, MetricError> {
+    pub fn of(requested: [&[ControlRange]; COMPONENTS]) -> Result<Self, MetricError> {
         let mut matrix = ChangeMatrix {
             mean: [[0.0; COMPONENTS]; COMPONENTS],
             std: [[0.0; COMPONENTS]; COMPONENTS],
             undefined: [[0; COMPONENTS]; COMPONENTS],
         };
         for (row, motions) in requested.into_iter().enumerate() {
-            let is_broken = |motion: &ControlExtremes| {
+            let is_broken = |motion: &ControlRange| {
                 let mut numbers = motion.small.iter().chain(&motion.large);
                 numbers.any(|number| !number.is_finite())
             };
@@ -91,11 +91,11 @@ impl ChangeMatrix {
 mod tests {
     use super::*;
 
-    fn scaled_in(component: usize, factor: f64) -> ControlExtremes {
+    fn scaled_in(component: usize, factor: f64) -> ControlRange {
         let small = [2.0, 3.0, 5.0, 7.0];
         let mut large = small;
         large[component] *= factor;
-        ControlExtremes { small, large }
+        ControlRange { small, large }
     }
 
     #[test]
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn motions_that_rest_are_counted_and_broken_ones_refused() {
-        let still = ControlExtremes {
+        let still = ControlRange {
             small: [0.0, 1.0, 1.0, 1.0],
             large: [1.0; 4],
         };
@@ -127,7 +127,7 @@ mod tests {
         let all_still = [[still]; 4];
         let error = ChangeMatrix::of(all_still.each_ref().map(|row| &row[..])).unwrap_err();
         assert!(error.to_string().contains("does not rest"), "{error}");
-        let broken = [[ControlExtremes {
+        let broken = [[ControlRange {
             large: [f64::NAN; 4],
             ..still
         }]; 4];

@@ -11,7 +11,7 @@ mod matching;
 mod spread;
 
 pub use batches::RetrievalBatches;
-pub use control::{ChangeMatrix, ControlExtremes};
+pub use control::{ChangeMatrix, ControlRange};
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;

@@ -15,7 +15,7 @@ const MIN_NONLINEAR_RATE: f64 = 60.0;
 const GRID_TOLERANCE: f64 = 0.02;
 
 /// The times of frames at equal intervals.
-pub(super) struct FrameGrid {
+pub(super) struct FrameTimes {
     /// The time of the first frame, in seconds.
     start: f64,
     /// The interval between frames, in seconds.
@@ -23,10 +23,10 @@ pub(super) struct FrameGrid {
     pub(super) frames: usize,
 }
 
-impl FrameGrid {
+impl FrameTimes {
     /// Creates the grid for curves, given by the times of their keyframes and their interpolation: the common grid of the
     /// keyframes, or a fine one if there is none.
-    pub(super) fn of_curves(curves: &[(&[f64], Interpolation)]) -> FrameGrid {
+    pub(super) fn of_curves(curves: &[(&[f64], Interpolation)]) -> FrameTimes {
         let mut times: Vec<f64> = curves
             .iter()
             .flat_map(|(times, _)| *times)
@@ -43,7 +43,7 @@ impl FrameGrid {
         });
         let default_step = 1.0 / f64::from(FRAMES_PER_SECOND);
         let [start, .., end] = times[..] else {
-            return FrameGrid {
+            return FrameTimes {
                 start: times.first().copied().unwrap_or(0.0),
                 step: default_step,
                 frames: 1,
@@ -68,7 +68,7 @@ impl FrameGrid {
             step /= (step * MIN_NONLINEAR_RATE - 1e-6).ceil().max(1.0);
         }
         let last = ((end - start) / step - GRID_TOLERANCE).ceil();
-        FrameGrid {
+        FrameTimes {
             start,
             step,
             frames: (last as usize).saturating_add(1),

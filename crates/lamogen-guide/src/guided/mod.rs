@@ -20,7 +20,7 @@ use crate::sampler::{Batch, Sampler};
 pub use objective::LabanComparison;
 pub(crate) use objective::{Comparisons, Targets};
 use objective::{NonFinite, Objective};
-use variables::{ConditionPart, ConditionVariable, Variable};
+use variables::{ConditionPart, ConditioningVariable, Variable};
 
 /// The result of a guided pass.
 #[derive(Clone, Debug)]
@@ -127,7 +127,7 @@ impl<D: Denoiser> Sampler<'_, D> {
         guidance: &'s Guidance,
     ) -> Result<Box<dyn Variable + 's>, GuideError> {
         let condition = |part| -> Box<dyn Variable + 's> {
-            Box::new(ConditionVariable::new(
+            Box::new(ConditioningVariable::new(
                 self, objective, batch, part, guidance,
             ))
         };

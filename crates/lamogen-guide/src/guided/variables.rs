@@ -1,7 +1,7 @@
 //! The variables that guidance can move towards the target, and one step of each.
 //!
 //! ```text
-//! ConditionVariable    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss    at every DDIM step
+//! ConditioningVariable    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss    at every DDIM step
 //! PredictionVariable                                                      clean motion ──▶ loss    at every DDIM step
 //! MotionVariable                                                       finished motion ──▶ loss    at every iteration
 //! NoiseVariable        z ──all steps of a pass───────────────────────▶ finished motion ──▶ loss    at every iteration
@@ -46,7 +46,7 @@ pub(super) trait Variable {
 
 /// The network's condition: the sentence embedding (the paper's method), or offsets of the scales and shifts that the
 /// stylization layers compute from the embedding.
-pub(super) struct ConditionVariable<'s, 'a, D: Denoiser> {
+pub(super) struct ConditioningVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
     state: SamplerState<'s, D::Context>,
@@ -62,7 +62,7 @@ pub(super) enum ConditionPart {
     Modulation,
 }
 
-impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
+impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
     pub(super) fn new(
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
@@ -78,7 +78,7 @@ impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
                 Tensor::zeros(shape, &state.embedding.device())
             }
         };
-        let mut condition = ConditionVariable {
+        let mut condition = ConditioningVariable {
             sampler,
             objective,
             state,
@@ -108,7 +108,7 @@ impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
 
     /// Computes the loss at a step and its gradient with respect to the variable.
     fn loss_gradient(&self, index: usize) -> Result<LossGradient<2>, NonFinite> {
-        let ConditionVariable { sampler, state, .. } = self;
+        let ConditioningVariable { sampler, state, .. } = self;
         let step = &sampler.steps()[index];
         self.objective.gradient(|| {
             let linearized = sampler.linearize(state, index);
@@ -121,7 +121,7 @@ impl<'s, 'a, D: Denoiser> ConditionVariable<'s, 'a, D> {
     }
 }
 
-impl<D: Denoiser> Variable for ConditionVariable<'_, '_, D> {
+impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
     fn steps(&self) -> usize {
         self.sampler.steps().len()
     }

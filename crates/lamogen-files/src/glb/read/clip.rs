@@ -9,7 +9,7 @@ use super::tracks::{NodeTracks, node_tracks};
 use crate::clip::{Clip, Node};
 use crate::glb::container::{FormatProblem, GltfFile};
 use crate::glb::curve::KeyframeCurve;
-use crate::glb::grid::FrameGrid;
+use crate::glb::grid::FrameTimes;
 
 /// Builds the clip of an animation: samples its curves at the frames of a common grid.
 pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip, FormatProblem> {
@@ -25,7 +25,7 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
         ]
     });
     let curves: Vec<(&[f64], Interpolation)> = curves.flatten().collect();
-    let grid = FrameGrid::of_curves(&curves);
+    let grid = FrameTimes::of_curves(&curves);
     if (grid.frames as u64).saturating_mul(curves.len() as u64) > MAX_VALUES {
         let (frames, curves) = (grid.frames, curves.len());
         return Err(format!(

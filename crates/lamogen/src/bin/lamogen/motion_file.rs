@@ -7,7 +7,7 @@ use lamogen::Device;
 use lamogen::files::{ImportedMotion, JointMapping, ReadOptions, read};
 use lamogen::motion::placeholder;
 
-use crate::arguments::{ReadingArguments, StreamFormat};
+use crate::arguments::{MotionReadingArguments, StreamFormat};
 use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
 use crate::scene::Scene;
@@ -26,7 +26,7 @@ pub const STANDARD_INPUT: &str = "-";
 /// options without effect.
 pub fn open_motion_file(
     path: &Path,
-    reading: &ReadingArguments,
+    reading: &MotionReadingArguments,
     device: &Device,
     console: &Console,
 ) -> Result<MotionFile, Failure> {
@@ -46,7 +46,7 @@ pub fn open_motion_file(
 }
 
 /// Reads a file.
-fn read_file(path: &Path, reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
+fn read_file(path: &Path, reading: &MotionReadingArguments) -> Result<ImportedMotion, Failure> {
     if let Some(format) = reading.from {
         let message = format!(
             "--from {}: expected standard input (-), found {}",
@@ -60,7 +60,7 @@ fn read_file(path: &Path, reading: &ReadingArguments) -> Result<ImportedMotion, 
 }
 
 /// Reads standard input in the format that `--from` states, or that the first bytes show.
-fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Failure> {
+fn read_standard_input(reading: &MotionReadingArguments) -> Result<ImportedMotion, Failure> {
     let failed = |reason: &dyn std::fmt::Display| {
         Failure::new(FailureCode::Input, format!("standard input: {reason}"))
     };
@@ -90,7 +90,7 @@ fn read_standard_input(reading: &ReadingArguments) -> Result<ImportedMotion, Fai
 }
 
 /// Returns a notice for each option that was given and has no effect on a file of this format.
-fn unused_option_notices(path: &Path, reading: &ReadingArguments) -> Vec<String> {
+fn unused_option_notices(path: &Path, reading: &MotionReadingArguments) -> Vec<String> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let ends_with = |endings: &[&str]| {
         let mut endings = endings.iter();
@@ -114,7 +114,7 @@ fn unused_option_notices(path: &Path, reading: &ReadingArguments) -> Vec<String>
 }
 
 /// Returns the options of reading that the arguments state.
-pub fn read_options(reading: &ReadingArguments) -> Result<ReadOptions, Failure> {
+pub fn read_options(reading: &MotionReadingArguments) -> Result<ReadOptions, Failure> {
     Ok(ReadOptions {
         unit: reading.unit,
         up: reading.up,

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use lamogen_data::{Dataset, LoadOptions};
-use lamogen_train::{VariationOptions, vary};
+use lamogen_train::{MotionVariationOptions, vary};
 use serde_json::json;
 
 use crate::arguments::VaryArguments;
@@ -18,11 +18,11 @@ use crate::source::open_device;
 pub fn run(options: &VaryArguments, console: &Console) -> Result<(), Failure> {
     let device = open_device(options.device)?;
     let dataset = dataset::open(&options.data, &LoadOptions::default(), console)?;
-    let variation_options = VariationOptions {
+    let variation_options = MotionVariationOptions {
         count: usize::from(options.count),
         factors: options.factors,
         seed: options.seed,
-        ..VariationOptions::default()
+        ..MotionVariationOptions::default()
     };
     Dataset::check_free(&options.out, options.force)?;
     let mut work_folder = options.out.clone().into_os_string();

@@ -35,7 +35,7 @@ pub struct BatchArguments {
     /// Generate nothing: check that every line's files are there and finished, with the same options, and name those that are not.
     #[arg(long, conflicts_with_all = ["shard", "batch_size"])]
     pub merge: bool,
-    /// How many motions run together: usually 1 on a CPU, where each is then exactly the motion that generate gives, and 8 on a GPU.
+    /// How many motions run together: usually 1 on a CPU, where each is then exactly the motion that generate gives, and 8 on a GPU. On a CPU 8 are about 1.3 times as fast.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub batch_size: Option<u32>,
     #[command(flatten)]

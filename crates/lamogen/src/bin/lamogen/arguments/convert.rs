@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::shared::{ReadingArguments, WritingArguments};
+use super::shared::{MotionReadingArguments, WritingArguments};
 use crate::output::OutputFile;
 
 /// The arguments of `lamogen convert`.
@@ -20,7 +20,7 @@ pub struct ConvertArguments {
     #[arg(long)]
     pub clean_feet: bool,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub reading: MotionReadingArguments,
     #[command(flatten)]
     pub writing: WritingArguments,
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::shared::ReadingArguments;
+use super::shared::MotionReadingArguments;
 
 /// The arguments of `lamogen laban`.
 #[derive(Args)]
@@ -16,5 +16,5 @@ pub struct LabanArguments {
     #[arg(long, value_name = "OTHER")]
     pub compare: Option<PathBuf>,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub reading: MotionReadingArguments,
 }

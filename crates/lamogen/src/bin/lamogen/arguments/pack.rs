@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::shared::ReadingArguments;
+use super::shared::MotionReadingArguments;
 
 /// The text below the options in the help.
 pub const AFTER_HELP: &str = "\
@@ -55,7 +55,7 @@ pub struct PackArguments {
     #[arg(long)]
     pub force: bool,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub reading: MotionReadingArguments,
 }
 
 /// Parses a speed, relative to that of the original motion.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::shared::ReadingArguments;
+use super::shared::MotionReadingArguments;
 
 /// The arguments of `lamogen play`.
 #[derive(Args)]
@@ -19,5 +19,5 @@ pub struct PlayArguments {
     #[arg(long)]
     pub no_open: bool,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub reading: MotionReadingArguments,
 }

@@ -221,7 +221,7 @@ impl BvhNaming {
 
 /// The options of reading motion files.
 #[derive(Args, Clone)]
-pub struct ReadingArguments {
+pub struct MotionReadingArguments {
     /// Unit of the file: m, dm, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
     #[arg(long)]
     pub unit: Option<Unit>,

@@ -1,7 +1,7 @@
 //! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
 use burn::tensor::Tensor;
-use lamogen::laban::{Gaussian, LabanOptions, SmoothingWindow};
+use lamogen::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
 use lamogen::motion::Joint;
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
@@ -230,7 +230,7 @@ fn root_positions(motion: &Motion) -> Vec<[f32; 3]> {
 /// Smooths positions as Laban features do.
 fn smooth_positions(positions: &[[f32; 3]], device: &Device) -> Vec<[f32; 3]> {
     let frames = positions.len();
-    let window = SmoothingWindow::new(&Gaussian::PAPER, frames, [frames].into_iter(), device);
+    let window = SmoothingWindow::new(&GaussianKernel::PAPER, frames, [frames].into_iter(), device);
     let positions = Tensor::<1>::from_floats(positions.as_flattened(), device);
     let smooth = window.smooth(positions.reshape([1, frames, 3]));
     let smooth: Vec<f32> = smooth.try_into_vec_as().expect("floats convert to f32");

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use lamogen::{COMPONENTS, Component, Tag};
 use lamogen_eval::{
-    ChangeMatrix, ControlExtremes, Embeddings, Estimate, MatchingScore, MetricError,
-    RetrievalBatches, diversity, fid, mean_distance,
+    ChangeMatrix, ControlRange, Embeddings, Estimate, MatchingScore, MetricError, RetrievalBatches,
+    diversity, fid, mean_distance,
 };
 use serde::{Serialize, Serializer};
 
@@ -477,12 +477,12 @@ fn control_table(
             .map(|m| ((m.prompt, m.repeat), features(m.measured)))
             .collect::<HashMap<_, _>>()
     };
-    let mut rows: Vec<Vec<ControlExtremes>> = Vec::new();
+    let mut rows: Vec<Vec<ControlRange>> = Vec::new();
     for pair in Tag::ALL.chunks_exact(2) {
         let (small, large) = (features_by_motion(pair[0]), features_by_motion(pair[1]));
         let mut both: Vec<_> = small.keys().filter(|key| large.contains_key(key)).collect();
         both.sort_unstable();
-        let extremes = both.into_iter().map(|key| ControlExtremes {
+        let extremes = both.into_iter().map(|key| ControlRange {
             small: small[key],
             large: large[key],
         });

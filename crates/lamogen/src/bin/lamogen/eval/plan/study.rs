@@ -1,7 +1,7 @@
 //! The studies (ablations), and their settings.
 
 use clap::ValueEnum;
-use lamogen::laban::{Gaussian, Smoothing};
+use lamogen::laban::{GaussianKernel, Smoothing};
 use lamogen::{Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, UpdateTiming};
 
 use super::PlanDefaults;
@@ -246,7 +246,7 @@ impl PlanDefaults {
                 ("before all differences", default_guidance.laban.smoothing),
                 (
                     "before each difference",
-                    Smoothing::EachDifference(Gaussian::PAPER),
+                    Smoothing::EachDifference(GaussianKernel::PAPER),
                 ),
                 ("none", Smoothing::None),
             ]
