@@ -9,7 +9,7 @@ use lamogen_data::{Dataset, Entry, LoadOptions, Split};
 use lamogen_eval::{CaptionedMotions, Estimate, Evaluator, evaluate_real_motions, fid};
 use lamogen_model::Denoiser;
 use lamogen_motion::{BoneDrift, FootSliding, Jitter};
-use lamogen_train::{CaptionTokens, Validation};
+use lamogen_train::{CaptionTokens, ValidationSet};
 use serde_json::{Value, json};
 
 use crate::subject::Subject;
@@ -59,7 +59,7 @@ pub fn run(
     let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
     let mut losses = serde_json::Map::new();
     for split in [Split::Validation, Split::Test] {
-        let validation = Validation::new(&dataset, &tokens, split, lengths.clone(), device);
+        let validation = ValidationSet::new(&dataset, &tokens, split, lengths.clone(), device);
         let validation = validation.ok_or("no motions to validate on")?;
         let loss = validation.loss(network);
         report(format!("{split}: validation loss {loss:.4}"));
