@@ -1,5 +1,6 @@
 //! What tags do to the motions of the embedded model.
 
+use lamogen::files::{WriteOptions, write};
 use lamogen::motion::{BoneDrift, Jitter, JointTurning, RestPose};
 use lamogen::{
     Body, Component, Device, Finish, Generation, Guidance, Joint, LaMoGen, LabanOptions,
@@ -257,6 +258,23 @@ fn the_licence_is_shown() {
     for source in ["mocap.cs.cmu.edu", "ACCAD", "100STYLE", "HumanML3D"] {
         assert!(licence.to_string().contains(source), "{source}");
     }
+    // And with the motions, into every file that has a place for it.
+    let request = Request::new("a person jumps").seconds(2.0).steps(4);
+    let generation = model.generate(&request.tag(Tag::Strong)).unwrap();
+    let all = [
+        &generation.guided,
+        &generation.baseline,
+        &generation.network.guided,
+    ];
+    for motion in all {
+        assert_eq!(motion.copyright(), Some(&*licence.notice()));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("jump.glb");
+    write(&path, &generation.guided, &WriteOptions::default()).unwrap();
+    let file = std::fs::read(path).unwrap();
+    let text = String::from_utf8_lossy(&file);
+    assert!(text.contains("Made with a model under CC-BY-4.0"));
 }
 
 #[test]

@@ -141,7 +141,12 @@ pub fn write(
         }
         Some("glb") => {
             let rotations = motion.rotations().resampled(rate);
-            Ok(glb::write(path, &rotations, &options.glb)?)
+            let copyright = options.glb.copyright.as_deref().or(motion.copyright());
+            let options = GlbOptions {
+                copyright: copyright.map(str::to_owned),
+                ..options.glb.clone()
+            };
+            Ok(glb::write(path, &rotations, &options)?)
         }
         Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
         Some("npy") => Ok(motion.save_joints(path)?),

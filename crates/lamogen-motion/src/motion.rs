@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
@@ -18,12 +19,21 @@ pub const FRAMES_PER_SECOND: f32 = 20.0;
 /// A motion: the position of every joint at every frame.
 ///
 /// A motion keeps the pose features or the rotations that it was made from; one that was made from joint positions
-/// has neither.
-#[derive(Clone, Debug, PartialEq)]
+/// has neither. Two motions are equal if these and the joints are, whatever their [copyright](Motion::copyright).
+#[derive(Clone, Debug)]
 pub struct Motion {
     joints: Vec<[[f32; 3]; JOINTS]>,
     features: Option<Vec<[f32; POSE_FEATURES]>>,
     rotations: Option<Rotations>,
+    copyright: Option<Arc<str>>,
+}
+
+impl PartialEq for Motion {
+    fn eq(&self, other: &Self) -> bool {
+        self.joints == other.joints
+            && self.features == other.features
+            && self.rotations == other.rotations
+    }
 }
 
 /// Why a motion cannot be made from its input.
@@ -69,6 +79,7 @@ impl Motion {
             joints,
             features: None,
             rotations: None,
+            copyright: None,
         })
     }
 
@@ -87,6 +98,7 @@ impl Motion {
             joints: Motion::from_joints(rotations.joints())?.joints,
             features: None,
             rotations: Some(rotations),
+            copyright: None,
         })
     }
 
@@ -121,7 +133,21 @@ impl Motion {
             joints: Motion::from_joints(decode(&features))?.joints,
             features: Some(features),
             rotations: None,
+            copyright: None,
         })
+    }
+
+    /// Sets the terms under which the motion may be used, which files and pictures of it contain where their formats have a place for them.
+    pub fn with_copyright(self, copyright: Option<impl Into<Arc<str>>>) -> Self {
+        Motion {
+            copyright: copyright.map(Into::into),
+            ..self
+        }
+    }
+
+    /// Returns the terms under which the motion may be used, if they are known: those of a generated motion name the licence of the model.
+    pub fn copyright(&self) -> Option<&str> {
+        self.copyright.as_deref()
     }
 
     /// Returns the number of frames.

@@ -4,6 +4,7 @@
 mod animation;
 mod camera;
 mod camera_path;
+mod copyright;
 mod curves;
 mod figure;
 mod fonts;

@@ -16,6 +16,7 @@ mod numbers;
 use lamogen_motion::Motion;
 
 use crate::LabanCurve;
+use crate::copyright::copyright_of;
 use crate::text::printable;
 use markup::{escape, fill_template};
 
@@ -97,6 +98,10 @@ pub fn page(page: &Page<'_>) -> String {
         "" => String::new(),
         notes => format!("<p dir=\"auto\">{}</p>\n", escape(notes)),
     };
+    let copyright = copyright_of(page.figures.iter().map(|figure| figure.motion));
+    let copyright = copyright.map_or(String::new(), |text| {
+        format!("<meta name=\"copyright\" content=\"{}\">\n", escape(&text))
+    });
     let script = format!(
         "(() => {{\n\"use strict\";\n{}{}}})();\n",
         SCRIPTS.concat(),
@@ -105,6 +110,7 @@ pub fn page(page: &Page<'_>) -> String {
     fill_template(
         include_str!("page/page.html"),
         &[
+            ("copyright", &copyright),
             ("version", env!("CARGO_PKG_VERSION")),
             ("title", &escape(page.title)),
             ("notes", &notes),

@@ -3,6 +3,7 @@
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::Tree;
 
+use crate::copyright;
 use crate::fonts::{MissingGlyphs, svg_options};
 
 /// The largest width and height of a picture in pixels.
@@ -42,9 +43,27 @@ pub enum RasterError {
 /// If the document is not SVG, the scale is not a finite number above 0, or the picture is larger than 32,767 pixels per
 /// side or 67 million pixels in all.
 pub fn png(svg: &str, scale: f32) -> Result<Vec<u8>, RasterError> {
-    render(svg, scale, MissingGlyphs::FromSystem)?
-        .encode_png()
-        .map_err(|error| RasterError::Png(error.to_string()))
+    let pixels = render(svg, scale, MissingGlyphs::FromSystem)?;
+    let copyright = copyright::in_svg(svg);
+    encode(&pixels, copyright.as_deref()).map_err(|error| RasterError::Png(error.to_string()))
+}
+
+/// Encodes a picture without transparency.
+fn encode(pixels: &Pixmap, copyright: Option<&str>) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, pixels.width(), pixels.height());
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    if let Some(copyright) = copyright {
+        encoder.add_itxt_chunk("Copyright".into(), copyright.into())?;
+    }
+    let colours: Vec<u8> = { pixels.pixels().iter() }
+        .flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
+        .collect();
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&colours)?;
+    writer.finish()?;
+    Ok(bytes)
 }
 
 /// Renders an SVG document on white.

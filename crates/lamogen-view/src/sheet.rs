@@ -3,7 +3,7 @@
 use svg::node::{Blob, element::Group};
 
 use crate::curves::{LabanCurve, PlotError, panels};
-use crate::strip::{LabelledMotion, StripDrawing, blank_page, draw_strip};
+use crate::strip::{LabelledMotion, StripDrawing, blank_page, draw_strip, with_copyright};
 use crate::text::{LINE_HEIGHT, text_block, wrap};
 
 /// The margin around the parts in pixels.
@@ -55,7 +55,7 @@ pub fn sheet(
         height += PANELS_HEIGHT as f32;
     }
     let page = blank_page(width + 2.0 * MARGIN, height + MARGIN);
-    Ok(page.add(parts).to_string())
+    Ok(with_copyright(page.add(parts), rows).to_string())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use svg::Document;
 use svg::node::element::{Ellipse, Group, Line, Rectangle};
 
 use crate::camera::{Camera, CameraView};
+use crate::copyright::{copyright_of, metadata};
 use crate::figure::{Extent, stick_figure};
 use crate::text::{LINE_HEIGHT, text_block, text_line, wrap};
 
@@ -52,7 +53,16 @@ pub fn strip(rows: &[LabelledMotion<'_>], poses: usize) -> String {
         width,
         height,
     } = draw_strip(rows, poses, 0.0);
-    blank_page(width, height).add(content).to_string()
+    let page = blank_page(width, height).add(content);
+    with_copyright(page, rows).to_string()
+}
+
+/// Adds the terms under which the motions may be used to a document.
+pub(crate) fn with_copyright(page: Document, rows: &[LabelledMotion<'_>]) -> Document {
+    match copyright_of(rows.iter().map(|row| row.motion)) {
+        Some(copyright) => page.add(metadata(&copyright)),
+        None => page,
+    }
 }
 
 /// Creates a white SVG document of a size in pixels.

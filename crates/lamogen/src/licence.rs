@@ -22,6 +22,11 @@ impl Licence {
         })
     }
 
+    /// Returns the notice that generated motions have, and files and pictures of them.
+    pub fn notice(&self) -> String {
+        format!("Made with a model under {self}")
+    }
+
     /// Whether the name of the licence says that commercial use is excluded.
     pub fn is_non_commercial(&self) -> bool {
         let name = self.name.to_lowercase();

@@ -16,6 +16,7 @@ use crate::error::{
 };
 use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValues};
 use crate::groups::JobGroup;
+use crate::licence::Licence;
 use crate::request::Request;
 
 /// A function that is called after every step and may stop the run.
@@ -206,7 +207,13 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let frames = self.group.jobs[index].frames;
         let rows = normalized.clone().narrow(0, index, 1).narrow(1, 0, frames);
         let rows = self.model.normalization.denormalize(rows);
-        Motion::from_features(rows.reshape([frames, features]))
+        let motion = Motion::from_features(rows.reshape([frames, features]))?;
+        Ok(motion.with_copyright(self.copyright()))
+    }
+
+    /// Returns the terms under which the model's motions may be used, if they are known.
+    fn copyright(&self) -> Option<String> {
+        self.model.licence().map(Licence::notice)
     }
 
     /// Decodes all motions of `normalized`, the pose features of the batch. `baselines` are empty until the first pass
@@ -234,6 +241,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let motions = rotations.into_iter().enumerate();
         let motions = motions.map(|(index, rotations)| {
             Motion::from_rotations(rotations)
+                .map(|motion| motion.with_copyright(self.copyright()))
                 .map_err(|reason| self.failed(index, PassError::Motion { pass, reason }, baselines))
         });
         motions.collect()

@@ -3,8 +3,9 @@
 mod delta;
 mod scene;
 
-use gif::{Encoder, Repeat};
+use gif::{Encoder, Extension, Repeat};
 
+use crate::copyright::copyright_of;
 use crate::fonts::MissingGlyphs;
 use crate::palette::Palette;
 use crate::raster::{RasterError, render, render_onto};
@@ -70,6 +71,11 @@ pub fn gif(
     let mut palette = Palette::new();
     let mut encoder = Encoder::new(Vec::new(), width, height, palette.bytes())?;
     encoder.set_repeat(Repeat::Infinite)?;
+    if let Some(copyright) = copyright_of(rows.iter().map(|row| row.motion)) {
+        // A comment is stored in blocks of at most 255 bytes.
+        let blocks: Vec<&[u8]> = copyright.as_bytes().chunks(255).collect();
+        encoder.write_raw_extension(Extension::Comment.into(), &blocks)?;
+    }
     let frames = rows
         .iter()
         .map(|row| row.motion.frames())

@@ -117,7 +117,7 @@ impl Scene {
             free: Component::ALL.map(|component| generation.goals.is_free(component)),
             parts: generation.parts,
             facts,
-            copyright: licence.map(|licence| format!("Made with a model under {licence}")),
+            copyright: licence.map(Licence::notice),
         }
     }
 
