@@ -6,6 +6,16 @@ mod swings;
 use std::fs;
 use std::path::Path;
 
+use burn::tensor::{Int, Tensor};
+use lamogen::evaluation::{
+    EvaluatedModel, Evaluation, EvaluationErrorKind, EvaluationObserver, EvaluationOptions, Method,
+    accepted_lengths, estimate, evaluate,
+};
+use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, Tokenizer};
+use lamogen::motion::POSE_FEATURES;
+use lamogen::{Device, LaMoGen};
+use lamogen_data::{Dataset, LoadOptions, Split};
+use lamogen_eval::Evaluator;
 use running::{fails, succeeds};
 use serde_json::Value;
 
@@ -332,4 +342,149 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
     let merge = with(&["--out", "y", "--merge"]);
     fails(folder, &merge, 3, &["eval.json", "beside the records"]);
     assert!(!folder.join("y").exists());
+}
+
+/// A network of one's own: what it sees, smoothed, and a swing as large as its sentence is long.
+struct Pendulum;
+
+impl Denoiser for Pendulum {
+    type Context = ();
+
+    fn prediction(&self) -> Prediction {
+        Prediction::Sample
+    }
+
+    fn pose_features(&self) -> usize {
+        POSE_FEATURES
+    }
+
+    fn max_frames(&self) -> usize {
+        196
+    }
+
+    fn device(&self) -> Device {
+        Device::flex()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+        let words = tokens.greater_elem(0).float().sum_dim(1);
+        Prompt {
+            embedding: words * 0.02,
+            context: (),
+        }
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        Tensor::zeros([timesteps.len(), 1], &self.device())
+    }
+
+    fn denoise(&self, input: DenoiserInput, (): &()) -> Tensor<3> {
+        let [_, frames, _] = input.x_t.dims();
+        let swing = (0..frames * POSE_FEATURES).map(|i| {
+            let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
+            (0.3 * frame as f32 + feature as f32).sin()
+        });
+        let swing: Vec<f32> = swing.collect();
+        let swing = Tensor::<1>::from_floats(&swing[..], &self.device());
+        let swing = swing.reshape([1, frames, POSE_FEATURES]);
+        input.x_t.tanh() * 0.1 + swing * input.embedding.unsqueeze_dim::<3>(2)
+    }
+}
+
+#[derive(Default)]
+struct Watch {
+    notices: Vec<String>,
+    progress: Vec<(usize, usize)>,
+}
+
+impl EvaluationObserver for Watch {
+    fn notice(&mut self, text: &str) {
+        self.notices.push(text.to_owned());
+    }
+
+    fn progress(&mut self, done: usize, total: usize, _: &str) {
+        self.progress.push((done, total));
+    }
+}
+
+#[test]
+fn any_network_can_be_evaluated_by_a_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let device = Device::flex();
+    let evaluator = Evaluator::load(folder.join("judge/model"), &device).unwrap();
+    let lengths = accepted_lengths(&Pendulum, &evaluator);
+    let limits = LoadOptions {
+        min_frames: *lengths.start(),
+        ..LoadOptions::default()
+    };
+    let dataset = Dataset::open(folder.join("data"), &limits, &mut |_| ()).unwrap();
+    let normalization = dataset.normalization(&device);
+    let model = LaMoGen::new(Pendulum, Tokenizer::clip(77), normalization);
+    let evaluated = |fingerprint: &str| EvaluatedModel {
+        model: &model,
+        name: "a pendulum",
+        fingerprint: fingerprint.to_owned(),
+    };
+    let options = EvaluationOptions {
+        split: Split::Train,
+        prompts: Some(2),
+        steps: Some(3),
+        methods: vec![Method::Laban],
+        studies: Vec::new(),
+        ..EvaluationOptions::default()
+    };
+    let out = folder.join("evidence");
+    let run = |fingerprint: &str, options: &EvaluationOptions, watch: &mut Watch| {
+        let model = evaluated(fingerprint);
+        evaluate(&model, &evaluator, &dataset, &out, options, watch)
+    };
+
+    let estimates = estimate(
+        &evaluated("first"),
+        &evaluator,
+        &dataset,
+        &out,
+        &options,
+        &mut (),
+    );
+    let motions: usize = estimates.unwrap().iter().map(|e| e.motions).sum();
+    assert!(motions > 2 && !out.exists());
+
+    let half = EvaluationOptions {
+        shard: Some((1, 2)),
+        ..options.clone()
+    };
+    let mut watch = Watch::default();
+    let first = run("first", &half, &mut watch).unwrap();
+    assert_eq!(first.motions, motions);
+    assert!(first.missing > 0 && first.files.is_empty());
+    assert!(watch.notices[0].contains("for other shards"));
+
+    let mut watch = Watch::default();
+    let whole = run("first", &options, &mut watch).unwrap();
+    let files = ["report.md", "report.html", "figures.json"].map(|name| out.join(name));
+    let expected = Evaluation {
+        motions,
+        missing: 0,
+        files: files.to_vec(),
+    };
+    assert_eq!(whole, expected);
+    assert_eq!(watch.progress.last(), Some(&(first.missing, first.missing)));
+    let text = fs::read_to_string(&files[0]).unwrap();
+    assert!(
+        text.contains("# Report on a pendulum") && text.contains("| Laban guidance | Weight |"),
+        "{text}"
+    );
+
+    // Records of other weights are no records of these.
+    let error = run("second", &options, &mut Watch::default()).unwrap_err();
+    assert_eq!(error.kind, EvaluationErrorKind::Options);
+    assert!(
+        error
+            .to_string()
+            .contains("model is \"first\", now \"second\""),
+        "{error}"
+    );
 }

@@ -8,7 +8,7 @@ use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
-use crate::error::{Error, RequestError, RequestIndex};
+use crate::error::{Error, PassError, RequestError, RequestIndex};
 use crate::groups::{JobGroup, assign_to_group, split_into_batches};
 use crate::licence::Licence;
 use crate::request::Request;
@@ -351,6 +351,55 @@ impl<D: Denoiser> LaMoGen<D> {
         }
         finished.sort_by_key(|&(request, _)| request);
         Ok(finished.into_iter().map(|(_, motion)| motion).collect())
+    }
+
+    /// Generates several motions, of which some may fail: the others are generated without these. Returns the motion of each request, or why there
+    /// is none. `observer` sees every step.
+    ///
+    /// # Errors
+    ///
+    /// If a request makes no sense.
+    pub fn generate_each(
+        &self,
+        requests: &[Request],
+        observer: &mut dyn FnMut(&Progress<'_>),
+    ) -> Result<Vec<Result<Generation, PassError>>, Error> {
+        let mut results: Vec<Option<Result<Generation, PassError>>> =
+            requests.iter().map(|_| None).collect();
+        loop {
+            let pending: Vec<usize> = { 0..requests.len() }
+                .filter(|&place| results[place].is_none())
+                .collect();
+            if pending.is_empty() {
+                break;
+            }
+            let pending_requests: Vec<Request> = pending
+                .iter()
+                .map(|&place| requests[place].clone())
+                .collect();
+            let generations = self.generate_all_with(&pending_requests, &mut |progress| {
+                observer(progress);
+                ControlFlow::Continue(())
+            });
+            match generations {
+                Ok(all) => {
+                    for (place, generation) in pending.into_iter().zip(all) {
+                        results[place] = Some(Ok(generation));
+                    }
+                }
+                Err(Error::Failed(error)) => {
+                    for (place, generation) in error.partial.finished {
+                        results[pending[place]] = Some(Ok(generation));
+                    }
+                    results[pending[error.which.index]] = Some(Err(error.reason));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let results = results.into_iter();
+        Ok(results
+            .map(|result| result.expect("no request is pending"))
+            .collect())
     }
 
     /// Checks whether this model can run a request. All functions that generate motions check their requests

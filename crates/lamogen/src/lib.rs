@@ -46,6 +46,8 @@
 
 mod device;
 mod error;
+#[cfg(feature = "evaluation")]
+pub mod evaluation;
 mod generation;
 mod groups;
 mod licence;

@@ -22,7 +22,6 @@ use crate::arguments::BatchArguments;
 use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
 use crate::generate::generation_facts;
-use crate::generate_each::generate_each;
 use crate::motion_file::STANDARD_INPUT;
 use crate::output::{OutputFile, OutputFormat};
 use crate::scene::Scene;
@@ -347,14 +346,17 @@ impl BatchRunner<'_> {
         failed: &mut Vec<(String, String)>,
     ) -> Result<(), Failure> {
         let requests: Vec<Request> = items.iter().map(|item| self.request(item)).collect();
-        let results = generate_each(&self.source.model, &requests, &mut |progress| {
-            let share = 100 * progress.done / progress.total.max(1);
-            bar.set_message(format!("next {share:3} %"));
-        })?;
+        let results = self
+            .source
+            .model
+            .generate_each(&requests, &mut |progress| {
+                let share = 100 * progress.done / progress.total.max(1);
+                bar.set_message(format!("next {share:3} %"));
+            })?;
         for (item, result) in items.iter().zip(results) {
             match result {
                 Ok(generation) => self.write(item, generation)?,
-                Err(reason) => failed.push((item.id.clone(), reason)),
+                Err(reason) => failed.push((item.id.clone(), reason.to_string())),
             }
             bar.inc(1);
         }

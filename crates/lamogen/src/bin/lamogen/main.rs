@@ -22,7 +22,6 @@ mod devices;
 mod eval;
 mod failure;
 mod generate;
-mod generate_each;
 mod goals;
 mod help;
 mod laban;

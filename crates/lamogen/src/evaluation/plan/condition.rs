@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use lamogen::{Component, Tag};
+use crate::{Component, Tag};
 
 /// The change of a component that a motion is generated for.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,7 @@
 //! The studies (ablations), and their settings.
 
-use clap::ValueEnum;
-use lamogen::laban::{GaussianKernel, Smoothing};
-use lamogen::{Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, UpdateTiming};
+use crate::laban::{GaussianKernel, Smoothing};
+use crate::{Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, UpdateTiming};
 
 use super::PlanDefaults;
 use super::condition::Condition;
@@ -11,7 +10,8 @@ use super::prompts::PromptSelection;
 use super::setting::MethodSetting;
 
 /// The studies (ablations); each varies one option of Laban guidance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
 pub enum Study {
     /// Factors 0.5, 0.8, 1, 1.2 and 1.5 on every component.
     Interpolation,
@@ -28,7 +28,7 @@ pub enum Study {
     /// Updates a step: 1, 2, 4.
     Updates,
     /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
-    #[value(alias = "front")]
+    #[cfg_attr(feature = "command", value(alias = "front"))]
     ParetoFront,
     /// Updates of the finished motion, after guidance and without it.
     Finish,
@@ -39,6 +39,21 @@ pub enum Study {
 }
 
 impl Study {
+    /// All studies.
+    pub const ALL: [Study; 11] = [
+        Study::Interpolation,
+        Study::ParetoFront,
+        Study::Presets,
+        Study::LearningRate,
+        Study::Rise,
+        Study::Steps,
+        Study::Update,
+        Study::Updates,
+        Study::Finish,
+        Study::Divisor,
+        Study::Smoothing,
+    ];
+
     /// Returns the title of the study in the report.
     pub fn title(self) -> &'static str {
         match self {

@@ -1,12 +1,13 @@
 //! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
-use burn::tensor::Tensor;
-use lamogen::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
-use lamogen::motion::Joint;
-use lamogen::{
+use crate::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
+use crate::motion::Joint;
+use crate::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
     Scale, Smoothing, Tag,
 };
+use burn::tensor::Tensor;
+use lamogen_model::Denoiser;
 use lamogen_view::{LabanCurve, LabelledMotion, PlotAxis, PlotLine, curves, plot, strip};
 
 use super::document::ReportBlock;
@@ -21,13 +22,13 @@ const POSES: usize = 12;
 const TAGS: [Tag; 2] = [Tag::Strong, Tag::Far];
 
 /// Draws pictures of motions of the first sentence.
-pub struct ReportPictures<'a> {
+pub struct ReportPictures<'a, D> {
     plan: &'a EvalPlan,
-    runner: &'a EvalRunner<'a>,
+    runner: &'a EvalRunner<'a, D>,
 }
 
-impl<'a> ReportPictures<'a> {
-    pub fn new(plan: &'a EvalPlan, runner: &'a EvalRunner<'a>) -> Self {
+impl<'a, D: Denoiser> ReportPictures<'a, D> {
+    pub fn new(plan: &'a EvalPlan, runner: &'a EvalRunner<'a, D>) -> Self {
         ReportPictures { plan, runner }
     }
 
@@ -54,7 +55,7 @@ impl<'a> ReportPictures<'a> {
 
     /// Generates a motion.
     fn generate(&self, request: &Request) -> Result<Generation, ReportError> {
-        Ok(self.runner.source.model.generate(request)?)
+        Ok(self.runner.model.generate(request)?)
     }
 
     /// Draws the Laban series of a single motion.
@@ -119,7 +120,7 @@ impl<'a> ReportPictures<'a> {
                 }
             }
         }
-        let generations = self.runner.source.model.generate_all(&requests)?;
+        let generations = self.runner.model.generate_all(&requests)?;
         let blocks = TAGS.map(|tag| {
             let rows = labels.iter().zip(&generations);
             let rows = rows.filter(|((row_tag, _), _)| *row_tag == tag);
@@ -139,7 +140,7 @@ impl<'a> ReportPictures<'a> {
         let mut blocks = Vec::new();
         for component in [Component::Weight, Component::Shape] {
             let requests = INTERPOLATION.map(|factor| self.guided_request(component, factor));
-            let generations = self.runner.source.model.generate_all(&requests)?;
+            let generations = self.runner.model.generate_all(&requests)?;
             let labels =
                 INTERPOLATION.map(|factor| format!("{}, {component} × {factor}", self.caption()));
             let rows = labels.iter().zip(&generations);

@@ -12,10 +12,9 @@ mod prompts;
 mod setting;
 mod study;
 
-use clap::ValueEnum;
-use lamogen::{Guidance, Preset};
+use crate::{Guidance, Preset};
 
-use crate::arguments::{EvalArguments, PresetName};
+use super::EvaluationOptions;
 pub use condition::Condition;
 use condition::{factor_condition, tag_conditions};
 pub use method::Method;
@@ -65,8 +64,8 @@ impl PlanDefaults {
 
     /// Returns the setting of a method.
     pub fn method_setting(&self, method: Method, prompts: PromptSelection) -> MethodSetting {
-        let name = method.to_possible_value().expect("all have names");
-        self.laban_setting(name.get_name().to_owned(), prompts, |setting| {
+        let name = method.name().to_owned();
+        self.laban_setting(name, prompts, |setting| {
             setting.method = method;
             match method {
                 Method::Laban => {}
@@ -114,8 +113,8 @@ pub struct EvalPlan {
 
 impl EvalPlan {
     /// Makes the plan of some options. `preset` is that of the model, for options without a preset.
-    pub fn new(options: &EvalArguments, preset: Preset, prompts: usize) -> EvalPlan {
-        let preset = options.preset.map_or(preset, PresetName::preset);
+    pub fn new(options: &EvaluationOptions, preset: Preset, prompts: usize) -> EvalPlan {
+        let preset = options.preset.unwrap_or(preset);
         let defaults = PlanDefaults {
             preset,
             given_steps: options.steps,
@@ -130,7 +129,7 @@ impl EvalPlan {
         methods.retain(|setting| {
             setting.name == laban.name || !setting.generates_same_motions(&laban)
         });
-        let study_prompts = PromptSelection::spread(options.study_prompts as usize, prompts);
+        let study_prompts = PromptSelection::spread(options.study_prompts, prompts);
         let mut studies: Vec<(Study, Vec<(String, MethodSetting)>)> = Vec::new();
         for &study in &options.studies {
             if studies.iter().all(|(other, _)| *other != study) {
@@ -159,7 +158,7 @@ impl EvalPlan {
 
 #[cfg(test)]
 mod tests {
-    use lamogen::Tag;
+    use crate::Tag;
 
     use super::*;
 
@@ -172,9 +171,9 @@ mod tests {
     #[test]
     fn keys_differ_between_settings_and_between_options_of_one_name() {
         let selection = PromptSelection::spread(2, 2);
-        let studies = Study::value_variants().iter();
+        let studies = Study::ALL.iter();
         let rows = studies.flat_map(|&study| DEFAULTS.study_settings(study, selection));
-        let methods = Method::value_variants().iter();
+        let methods = [Method::Text].iter().chain(&Method::RIVALS);
         let methods = methods.map(|&method| DEFAULTS.method_setting(method, selection));
         let all: Vec<MethodSetting> = methods.chain(rows.map(|(_, setting)| setting)).collect();
         for (place, setting) in all.iter().enumerate() {

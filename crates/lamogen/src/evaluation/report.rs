@@ -5,13 +5,15 @@ mod studies;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use lamogen::motion::write_atomically;
-use lamogen::{COMPONENTS, Preset};
+use crate::motion::write_atomically;
+use crate::{COMPONENTS, Preset};
 use lamogen_eval::MetricError;
+use lamogen_model::Denoiser;
 use lamogen_view::PlotError;
 use serde_json::{Map, Value, json};
 
 use super::document::{ReportBlock, html, markdown};
+use super::error::EvaluationError;
 use super::measure::MeasurementTarget;
 use super::paper;
 use super::pictures::ReportPictures;
@@ -20,8 +22,6 @@ use super::runner::EvalRunner;
 use super::summary::{
     BodyMeans, EvalData, FigureCache, MeanEstimate, RealMotionFigures, SettingFigures,
 };
-use crate::failure::Failure;
-use crate::source::EMBEDDED;
 
 /// The names of the components in the tables.
 const NAMES: [&str; COMPONENTS] = ["Weight", "Time", "Flow", "Shape"];
@@ -41,10 +41,11 @@ pub struct Report {
 impl Report {
     /// Computes the figures and draws the pictures. `missing` is the number of motions that are not generated yet; the
     /// report states it.
-    pub fn new(
+    pub fn new<D: Denoiser>(
         plan: &EvalPlan,
         data: &EvalData<'_>,
-        runner: &EvalRunner<'_>,
+        runner: &EvalRunner<'_, D>,
+        title: &str,
         missing: usize,
     ) -> Result<Report, ReportError> {
         let mut cache = FigureCache::new(data);
@@ -52,10 +53,7 @@ impl Report {
         let figures = figures.map(|setting| cache.figures(setting).cloned());
         let figures = figures.collect::<Result<Vec<SettingFigures>, MetricError>>()?;
         let mut report = Report {
-            title: match runner.source.name.as_str() {
-                EMBEDDED => "Report on the embedded model".into(),
-                name => format!("Report on the model {name}"),
-            },
+            title: title.to_owned(),
             blocks: Vec::new(),
             figures,
             other_figures: Map::new(),
@@ -97,10 +95,11 @@ impl Report {
     }
 
     /// Writes `report.md` with its pictures in `pictures/`, `report.html` and `figures.json`.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, EvaluationError> {
         const PICTURES: &str = "pictures";
         let pictures = folder.join(PICTURES);
-        std::fs::create_dir_all(&pictures).map_err(|error| Failure::output(&pictures, error))?;
+        std::fs::create_dir_all(&pictures)
+            .map_err(|error| EvaluationError::output(&pictures, error))?;
         let text = markdown(&self.title, &self.blocks, PICTURES);
         let page = html(&self.title, &self.blocks);
         let mut figures = self.other_figures.clone();
@@ -129,7 +128,12 @@ impl Report {
     }
 
     /// Adds the introduction: what the report is about, and how motions were generated and measured.
-    fn add_introduction(&mut self, plan: &EvalPlan, runner: &EvalRunner<'_>, missing: usize) {
+    fn add_introduction<D: Denoiser>(
+        &mut self,
+        plan: &EvalPlan,
+        runner: &EvalRunner<'_, D>,
+        missing: usize,
+    ) {
         let prompts = runner.prompts.len();
         let repeats = match plan.repeats {
             1 => "one motion of each".into(),
@@ -137,7 +141,11 @@ impl Report {
                 "{repeats} motions of each, from {repeats} seeds; ± is the 95 % interval over these (in the table of control the deviation over motions)"
             ),
         };
-        let temporal_smoothing = match runner.source.temporal_smoothing_frames() {
+        let temporal_smoothing = match runner
+            .model
+            .temporal_smoothing()
+            .map(|smoothing| smoothing.frames)
+        {
             Some(1.0) => "predictions smoothed by a Gaussian of one frame".into(),
             Some(frames) => format!("predictions smoothed by a Gaussian of {frames} frames"),
             None => "predictions as they are".into(),
@@ -438,7 +446,7 @@ pub enum ReportError {
     #[error(transparent)]
     Picture(#[from] PlotError),
     #[error(transparent)]
-    Generate(#[from] lamogen::Error),
+    Generate(#[from] crate::Error),
 }
 
 /// The text of a table cell without a value.
@@ -465,9 +473,9 @@ fn format_mean(mean: Option<MeanEstimate>, digits: usize) -> String {
 }
 
 /// Writes a text file. An error leaves no incomplete file.
-fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+fn write_file(path: &Path, text: &str) -> Result<(), EvaluationError> {
     write_atomically(path, |file| file.write_all(text.as_bytes()))
-        .map_err(|error| Failure::output(path, error))
+        .map_err(|error| EvaluationError::output(path, error))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use lamogen::{COMPONENTS, Component, Tag};
+use crate::{COMPONENTS, Component, Tag};
 use lamogen_eval::{
     ChangeMatrix, ControlRange, Embeddings, Estimate, MatchingScore, MetricError, RetrievalBatches,
     diversity, fid, mean_distance,

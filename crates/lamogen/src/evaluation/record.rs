@@ -5,10 +5,10 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use lamogen::COMPONENTS;
+use crate::COMPONENTS;
 use serde::{Deserialize, Serialize};
 
-use crate::failure::{Failure, FailureCode};
+use super::error::{EvaluationError, EvaluationErrorKind};
 
 /// The key of a motion's record.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -106,8 +106,8 @@ pub struct RecordFile {
 impl RecordFile {
     /// Opens a record file, or makes one. An incomplete last line is removed. Only one process can open a file at a
     /// time.
-    pub fn open(path: &Path) -> Result<RecordFile, Failure> {
-        let failed = |error| Failure::output(path, error);
+    pub fn open(path: &Path) -> Result<RecordFile, EvaluationError> {
+        let failed = |error| EvaluationError::output(path, error);
         let mut file = OpenOptions::new()
             .create(true)
             .truncate(false)
@@ -119,7 +119,7 @@ impl RecordFile {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let message = format!("{}: another process generates into it", path.display());
-                return Err(Failure::new(FailureCode::Usage, message));
+                return Err(EvaluationError::new(EvaluationErrorKind::Options, message));
             }
             // Some file systems do not support locks.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
@@ -135,20 +135,26 @@ impl RecordFile {
     }
 
     /// Adds a record.
-    pub fn add(&mut self, record: &MotionRecord) -> Result<(), Failure> {
-        let mut line =
-            serde_json::to_string(record).map_err(|error| Failure::new(FailureCode::Run, error))?;
+    pub fn add(&mut self, record: &MotionRecord) -> Result<(), EvaluationError> {
+        let mut line = serde_json::to_string(record)
+            .map_err(|error| EvaluationError::new(EvaluationErrorKind::Generation, error))?;
         line.push('\n');
-        { self.file.write_all(line.as_bytes()) }.map_err(|error| Failure::output(&self.path, error))
+        { self.file.write_all(line.as_bytes()) }
+            .map_err(|error| EvaluationError::output(&self.path, error))
     }
 }
 
 /// Reads all records of some files.
-pub fn read_records(paths: &[PathBuf]) -> Result<HashMap<RecordKey, MotionOutcome>, Failure> {
+pub fn read_records(
+    paths: &[PathBuf],
+) -> Result<HashMap<RecordKey, MotionOutcome>, EvaluationError> {
     let mut all = HashMap::new();
     for path in paths {
         let file = File::open(path).map_err(|error| {
-            Failure::new(FailureCode::Input, format!("{}: {error}", path.display()))
+            EvaluationError::new(
+                EvaluationErrorKind::Input,
+                format!("{}: {error}", path.display()),
+            )
         })?;
         let (records, _) = parse_records(&file, path)?;
         all.extend(
@@ -161,8 +167,13 @@ pub fn read_records(paths: &[PathBuf]) -> Result<HashMap<RecordKey, MotionOutcom
 }
 
 /// Parses the records of a file. Returns them, and the place in bytes where the last complete one ends.
-fn parse_records(file: &File, path: &Path) -> Result<(Vec<MotionRecord>, u64), Failure> {
-    let failed = |error| Failure::new(FailureCode::Input, format!("{}: {error}", path.display()));
+fn parse_records(file: &File, path: &Path) -> Result<(Vec<MotionRecord>, u64), EvaluationError> {
+    let failed = |error| {
+        EvaluationError::new(
+            EvaluationErrorKind::Input,
+            format!("{}: {error}", path.display()),
+        )
+    };
     let mut reader = BufReader::new(file);
     let (mut records, mut end, mut line) = (Vec::new(), 0, Vec::new());
     while reader.read_until(b'\n', &mut line).map_err(failed)? > 0 {
@@ -173,7 +184,7 @@ fn parse_records(file: &File, path: &Path) -> Result<(Vec<MotionRecord>, u64), F
             _ => {
                 let line = records.len() + 1;
                 let message = format!("{}: line {line} is no record", path.display());
-                return Err(Failure::new(FailureCode::Input, message)
+                return Err(EvaluationError::new(EvaluationErrorKind::Input, message)
                     .hint("without that line its motion is generated again"));
             }
         }

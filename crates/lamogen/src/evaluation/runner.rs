@@ -1,22 +1,22 @@
 //! Generation and measurement of the planned motions.
 
-use lamogen::laban::LabanOptions;
-use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
+use crate::laban::LabanOptions;
+use crate::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
 use lamogen_eval::{Embeddings, Evaluator};
 
+use super::error::{EvaluationError, EvaluationErrorKind};
 use super::measure::MeasurementTarget;
 use super::plan::{Condition, EvalPrompt, PlannedMotion};
 use super::record::{
     BodyMeasurements, JointTurnMeasurements, MotionMeasurements, MotionOutcome, MotionRecord,
     TurnMeasurements,
 };
-use crate::failure::{Failure, FailureCode};
-use crate::generate_each::generate_each;
-use crate::source::ModelSource;
+use crate::{LaMoGen, PassError};
+use lamogen_model::Denoiser;
 
 /// Generates and measures motions.
-pub struct EvalRunner<'a> {
-    pub source: &'a ModelSource,
+pub struct EvalRunner<'a, D> {
+    pub model: &'a LaMoGen<D>,
     pub evaluator: &'a Evaluator,
     pub prompts: &'a [EvalPrompt],
     pub device: &'a Device,
@@ -37,14 +37,17 @@ struct MotionPair {
     baseline: Motion,
 }
 
-impl EvalRunner<'_> {
+impl<D: Denoiser> EvalRunner<'_, D> {
     /// Checks whether the model can run the requests of all planned motions.
-    pub fn check(&self, planned_motions: &[PlannedMotion<'_>]) -> Result<(), Failure> {
+    pub fn check(&self, planned_motions: &[PlannedMotion<'_>]) -> Result<(), EvaluationError> {
         for planned in planned_motions {
             let request = planned.request(&self.prompts[planned.prompt]);
-            self.source.model.check(&request).map_err(|problem| {
+            self.model.check(&request).map_err(|problem| {
                 let caption = self.prompts[planned.prompt].caption(planned.repeat);
-                Failure::new(FailureCode::Input, format!("{caption:?}: {problem}"))
+                EvaluationError::new(
+                    EvaluationErrorKind::Input,
+                    format!("{caption:?}: {problem}"),
+                )
             })?;
         }
         Ok(())
@@ -54,7 +57,7 @@ impl EvalRunner<'_> {
     pub fn records(
         &self,
         planned_motions: &[PlannedMotion<'_>],
-    ) -> Result<Vec<MotionRecord>, Failure> {
+    ) -> Result<Vec<MotionRecord>, EvaluationError> {
         let mut records = Vec::new();
         for (planned, pair) in planned_motions.iter().zip(self.generate(planned_motions)?) {
             let result = match pair.and_then(|pair| self.measure(&pair)) {
@@ -71,7 +74,7 @@ impl EvalRunner<'_> {
     fn generate(
         &self,
         planned_motions: &[PlannedMotion<'_>],
-    ) -> Result<Vec<Result<MotionPair, String>>, Failure> {
+    ) -> Result<Vec<Result<MotionPair, String>>, EvaluationError> {
         let prompt = |planned: &PlannedMotion<'_>| &self.prompts[planned.prompt];
         let requests_for = |planned: &PlannedMotion<'_>| -> Vec<Request> {
             let request = planned.request(prompt(planned));
@@ -82,8 +85,10 @@ impl EvalRunner<'_> {
             }
         };
         let requests: Vec<Request> = planned_motions.iter().flat_map(requests_for).collect();
-        let generations = generate_each(&self.source.model, &requests, &mut |_| ())?;
-        let mut generations = generations.into_iter();
+        let generations = self.model.generate_each(&requests, &mut |_| ())?;
+        let reason = |error: PassError| error.to_string();
+        let generations = generations.into_iter();
+        let mut generations = generations.map(|generation| generation.map_err(reason));
         let mut next = || generations.next().expect("as many motions as requests");
         let pair = |planned: &PlannedMotion<'_>| match planned.condition {
             Condition::Phrase(_) => {
@@ -187,6 +192,6 @@ fn to_f64(features: [f32; COMPONENTS]) -> [f64; COMPONENTS] {
 }
 
 /// Makes the failure of an evaluation that cannot be computed.
-pub fn evaluation_failure(error: impl ToString) -> Failure {
-    Failure::new(FailureCode::Run, error)
+pub fn evaluation_failure(error: impl ToString) -> EvaluationError {
+    EvaluationError::new(EvaluationErrorKind::Generation, error)
 }

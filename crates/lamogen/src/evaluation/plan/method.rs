@@ -1,9 +1,8 @@
 //! The methods that are compared.
 
-use clap::ValueEnum;
-
 /// A method that makes motions follow Laban tags.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
 pub enum Method {
     /// The sentence alone.
     Text,
@@ -22,6 +21,29 @@ pub enum Method {
 }
 
 impl Method {
+    /// All methods but the sentence alone, with which they are compared.
+    pub const RIVALS: [Method; 6] = [
+        Method::Laban,
+        Method::Embedding,
+        Method::Prompt,
+        Method::Raw,
+        Method::Classifier,
+        Method::Noise,
+    ];
+
+    /// Returns the name of the method, as records have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Text => "text",
+            Method::Laban => "laban",
+            Method::Embedding => "embedding",
+            Method::Prompt => "prompt",
+            Method::Raw => "raw",
+            Method::Classifier => "classifier",
+            Method::Noise => "noise",
+        }
+    }
+
     /// Returns the name of the method in the paper's tables.
     pub fn title(self) -> &'static str {
         match self {
