@@ -80,7 +80,7 @@ pub(crate) struct CameraView {
 
 impl CameraView {
     /// Returns the position of a point in the picture in pixels, and its distance towards the camera in metres.
-    pub fn to_pixels(&self, point: [f32; 3]) -> ([f32; 2], f32) {
+    pub fn project(&self, point: [f32; 3]) -> ([f32; 2], f32) {
         let projected = self.camera.project(point, self.target);
         let [x, y] = self.origin;
         (

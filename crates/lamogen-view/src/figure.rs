@@ -158,12 +158,12 @@ pub(crate) fn stick_figure(pose: &[[f32; 3]; JOINTS], view: &CameraView) -> Grou
         let joints = part.chains.concat();
         let distances = joints
             .iter()
-            .map(|(joint, _)| view.to_pixels(pose[joint.index()]).1);
+            .map(|(joint, _)| view.project(pose[joint.index()]).1);
         distances.sum::<f32>() / joints.len() as f32
     };
     let mut parts: Vec<(f32, &BodyPart)> = BODY.iter().map(|part| (nearness(part), part)).collect();
     parts.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-    let position = |joint: Joint| view.to_pixels(pose[joint.index()]).0;
+    let position = |joint: Joint| view.project(pose[joint.index()]).0;
     let mut group = Group::new()
         .set("stroke", "white")
         .set("stroke-width", 2.0 * OUTLINE)
@@ -175,7 +175,7 @@ pub(crate) fn stick_figure(pose: &[[f32; 3]; JOINTS], view: &CameraView) -> Grou
         }
         group = group.add(Path::new().set("d", path).set("fill", part.colour));
         if part.colour == TRUNK.colour {
-            let [x, y] = view.to_pixels(head_centre(pose)).0;
+            let [x, y] = view.project(head_centre(pose)).0;
             group = group.add(
                 Circle::new()
                     .set("cx", format!("{x:.1}"))
@@ -193,7 +193,7 @@ pub(crate) fn shadow(pose: &[[f32; 3]; JOINTS], view: &CameraView, colour: &str)
     let foreshortening = view.camera.foreshortening();
     // The shadow is drawn as seen from above and then foreshortened like the ground.
     let from_above = |[x, _, z]: [f32; 3]| {
-        let [x, y] = view.to_pixels([x, 0.0, z]).0;
+        let [x, y] = view.project([x, 0.0, z]).0;
         [x, y / foreshortening]
     };
     let mut path = String::new();

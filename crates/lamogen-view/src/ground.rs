@@ -28,7 +28,7 @@ pub(crate) fn ground_grid(view: &CameraView, radius: f32) -> Path {
             let [start, end] = [-half, half].map(|along| {
                 let along = view.target[1 - axis] + along;
                 let [x, z] = if axis == 0 { [at, along] } else { [along, at] };
-                view.to_pixels([x, 0.0, z]).0
+                view.project([x, 0.0, z]).0
             });
             if half > 0.0 {
                 write!(
