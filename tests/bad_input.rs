@@ -314,6 +314,10 @@ fn how_a_model_is_sampled_has_to_make_sense() {
         ),
         (json!({ "temporal_smoothing": -1 }), "sampling: "),
         (json!({ "text_scale": -2 }), "sampling: "),
+        (
+            json!({ "stand_in": "  " }),
+            "expected a sentence as stand_in, found an empty text",
+        ),
         (json!({ "smoothing": 1 }), "unknown field `smoothing`"),
     ] {
         let error = with(sampling).err().unwrap();

@@ -34,6 +34,14 @@ pub enum GuideError {
     #[error("loss term `{term}`: {reason}")]
     #[allow(missing_docs)]
     LossTerm { term: String, reason: String },
+    /// The loss of the motions that were to be guided on the rigid body is not finite.
+    #[error("on the rigid body, the loss of {value} is not finite; ask for a smaller change")]
+    Rig {
+        /// The value it belongs to: a Laban component, or a value of another [`LossTerm`](crate::LossTerm).
+        value: String,
+        /// The index of the motion in the batch.
+        motion: usize,
+    },
     /// The observer stopped the run.
     #[error("stopped by the observer after step {step} of {steps} of the {pass} pass", step = .0.index + 1, steps = .0.steps, pass = .0.pass)]
     Stopped(Box<StoppedPass>),
@@ -73,7 +81,7 @@ impl GuideError {
     /// Returns the index in the batch of the motion that caused the error, if a single motion caused it.
     pub fn motion(&self) -> Option<usize> {
         match self {
-            GuideError::NotFinite { motion, .. } => Some(*motion),
+            GuideError::NotFinite { motion, .. } | GuideError::Rig { motion, .. } => Some(*motion),
             _ => None,
         }
     }

@@ -7,7 +7,7 @@ use lamogen_body::{FitInput, FitObjective, FitProgress};
 use lamogen_laban::Goals;
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 
-use crate::error::{GuideError, Quantity};
+use crate::error::GuideError;
 use crate::guidance::Guidance;
 use crate::guided::{Comparisons, LabanComparison, Targets};
 use crate::loss_term::TermComparison;
@@ -116,12 +116,8 @@ impl<'a> Rig<'a> {
         let inputs = self.fit_inputs(motions);
         let fit = { self.guidance.fit }.run(&inputs, Some(&mut objective), on_progress);
         if let Some((motion, value)) = objective.non_finite {
-            return Err(GuideError::NotFinite {
-                quantity: Quantity::Loss,
+            return Err(GuideError::Rig {
                 value: targets.value_name(value),
-                index: 0,
-                steps: self.guidance.fit.goal_evaluations,
-                timestep: 0,
                 motion,
             });
         }

@@ -52,7 +52,8 @@ impl Goal {
             })
         };
         let lower = text.trim().to_lowercase();
-        let goal = match lower.split_once('=') {
+        let parts = lower.split_once('=');
+        let goal = match parts.map(|(key, value)| (key.trim_end(), value)) {
             Some(("peak", value)) => Goal::Peak(number("peak", value)?),
             Some(("mean", value)) => Goal::Mean(number("mean", value)?),
             None if lower == "any" => Goal::Any,
@@ -205,6 +206,8 @@ mod tests {
             let goal = Goal::parse(Component::Weight, text).unwrap();
             assert_eq!(goal.to_string(), text);
         }
+        let spaced = Goal::parse(Component::Weight, " Peak = 0.25 ").unwrap();
+        assert_eq!(spaced, Goal::Peak(0.25));
         for (text, part) in [
             (
                 "peak=-1",

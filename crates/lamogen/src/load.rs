@@ -104,6 +104,15 @@ impl LaMoGen<MotionDiffuse> {
             Some(name) => name.parse().map_err(|error: PresetError| problem(&error))?,
             None => Preset::Paper,
         };
+        if sampling
+            .stand_in
+            .as_deref()
+            .is_some_and(|text| text.trim().is_empty())
+        {
+            return Err(problem(
+                &"expected a sentence as stand_in, found an empty text",
+            ));
+        }
         let frames = sampling.temporal_smoothing.filter(|frames| *frames != 0.0);
         let temporal_smoothing = frames.map(|frames| TemporalSmoothing {
             frames,
