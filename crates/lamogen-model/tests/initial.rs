@@ -104,6 +104,79 @@ fn at_first_the_network_says_zero_whatever_it_sees() {
 }
 
 #[test]
+fn further_layers_change_nothing_at_first_and_then_learn() {
+    let device = Device::flex();
+    // Not the initial network, whose output is zero.
+    let shaken = burn::module::Module::map(
+        MotionDiffuse::initial(&config(), 3, &device),
+        &mut Shaken(0.0),
+    );
+    let batch = || {
+        let tokens = TensorData::new(vec![1, 2, 39, 0, 0, 0], [1, 6]);
+        let x_t: Vec<f32> = (0..30 * 20).map(|i| (i as f32).sin()).collect();
+        TrainingBatch {
+            tokens: Tensor::<2, Int>::from_data(tokens, &device),
+            captions: vec![0],
+            x_t: Tensor::from_data(TensorData::new(x_t, [1, 30, 20]), &device),
+            timesteps: vec![400],
+            laban: None,
+            sentences: None,
+            mask: FrameMask::new(&[30], 30, &device),
+        }
+    };
+    let output = |network: &MotionDiffuse| -> Vec<f32> {
+        network.predict(batch()).try_into_vec_as().unwrap()
+    };
+    let larger = shaken.clone().with_layers(5, 7);
+    assert_eq!(larger.config().num_layers, 5);
+    let before = output(&shaken);
+    assert!(before.iter().any(|x| x.abs() > 1e-3));
+    assert_eq!(before, output(&larger));
+    assert_eq!(numbers(&shaken), numbers(&shaken.clone().with_layers(2, 7)));
+
+    // It has the parameters of a network of five layers, and those that were there are what they were.
+    let five = ModelConfig {
+        num_layers: 5,
+        ..config()
+    };
+    let paths = |network: &MotionDiffuse| -> Vec<(String, usize)> {
+        let all = numbers(network).into_iter();
+        all.map(|(path, values)| (path, values.len())).collect()
+    };
+    assert_eq!(
+        paths(&larger),
+        paths(&MotionDiffuse::initial(&five, 1, &device))
+    );
+    let own = numbers(&shaken);
+    for (path, values) in numbers(&larger) {
+        match own.iter().find(|(own, _)| *own == path) {
+            Some((_, own)) if !path.starts_with("modulations") => {
+                assert_eq!(own, &values, "{path}");
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Adds small numbers to all weights.
+struct Shaken(f32);
+
+impl burn::module::ModuleMapper for Shaken {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        param.map(|tensor| {
+            let shape: [usize; D] = tensor.dims();
+            let count = shape.iter().product();
+            let noise = (0..count).map(|_| {
+                self.0 += 1.0;
+                0.05 * self.0.sin()
+            });
+            let noise = TensorData::new(noise.collect::<Vec<f32>>(), shape);
+            tensor.clone() + Tensor::from_data(noise, &tensor.device())
+        })
+    }
+}
+
+#[test]
 fn neighbouring_frames_are_alike_and_all_frames_differ() {
     let network = MotionDiffuse::initial(&config(), 3, &Device::flex());
     let all = numbers(&network);

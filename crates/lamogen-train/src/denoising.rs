@@ -175,11 +175,12 @@ impl<'a> DenoisingTask<'a> {
     }
 
     /// Begins with the weights of this network instead of random ones. The captions must be encoded by the network's tokenizer, and
-    /// the data normalised by its statistics ([`Dataset::with_normalization`]).
+    /// the data normalised by its statistics ([`Dataset::with_normalization`]). If the config has more layers, blocks are added that compute nothing
+    /// at first ([`MotionDiffuse::with_layers`]).
     ///
     /// # Errors
     ///
-    /// If the sizes or the prediction of the network are not those of the config.
+    /// If the other sizes or the prediction of the network are not those of the config.
     pub fn with_initial_network(mut self, network: MotionDiffuse) -> Result<Self, TrainError> {
         // The statistics with which the network was trained replace those that were measured here.
         if self.laban_is_measured {
@@ -188,6 +189,11 @@ impl<'a> DenoisingTask<'a> {
         // The sampling defaults are not compared, since they are not sizes.
         let sampling = network.config().sampling.clone();
         let sampling = self.config.model.sampling.take().or(sampling);
+        let layers = self.config.model.num_layers;
+        let network = match network.config().num_layers < layers {
+            true => network.with_layers(layers, self.config.optimization.seed),
+            false => network,
+        };
         let found = ModelConfig {
             sampling: None,
             ..network.config().clone()

@@ -363,6 +363,43 @@ fn a_term_of_ones_own_is_learned_like_the_losses_there_are() {
 }
 
 #[test]
+fn a_larger_network_goes_on_where_a_smaller_one_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = dataset(folder.path());
+    let tokens = tokens(&dataset, 12);
+    let device = Device::flex();
+    let small = config("sample");
+    let task = DenoisingTask::new(&dataset, &tokens, &small, &device).unwrap();
+    let mut trainer = Trainer::new(&task, &device);
+    for _ in 0..30 {
+        trainer.advance(Some(30)).unwrap();
+    }
+    let network = trainer.average().clone();
+    let before = task.validate(&network).unwrap();
+
+    let mut large = small.clone();
+    large.model.num_layers += 2;
+    let task = DenoisingTask::new(&dataset, &tokens, &large, &device).unwrap();
+    let task = task.with_initial_network(network.clone()).unwrap();
+    let mut trainer = Trainer::new(&task, &device);
+    let layers = trainer.average().config().num_layers;
+    assert_eq!(layers, small.model.num_layers + 2);
+    let begun = task.validate(trainer.average()).unwrap();
+    assert!((begun - before).abs() < 1e-6 * before, "{begun} {before}");
+    for _ in 0..60 {
+        trainer.advance(Some(60)).unwrap();
+    }
+    let after = task.validate(trainer.average()).unwrap();
+    assert!(after < before, "{before} to {after}");
+
+    // Fewer layers are another network.
+    let task = DenoisingTask::new(&dataset, &tokens, &small, &device).unwrap();
+    let error = task.with_initial_network(trainer.average().clone()).err();
+    let message = error.unwrap().to_string();
+    assert!(message.contains("num_layers"), "{message}");
+}
+
+#[test]
 fn a_run_leaves_a_model_that_can_be_loaded() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("run"));

@@ -1,6 +1,6 @@
 //! The modulation of the blocks by the condition: a scale and a shift for every stylization layer.
 
-use burn::module::Module;
+use burn::module::{Module, Param};
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
@@ -25,6 +25,24 @@ impl ModulationProjection {
             project: LinearConfig::new(condition, layers * 2 * latent).init(device),
             latent,
         }
+    }
+
+    /// Returns the projection with the further layers of a wider one after its own.
+    pub(super) fn extended(self, wider: ModulationProjection) -> Self {
+        let own = self.width();
+        let further = wider.width() - own;
+        let weight = wider.project.weight.val().narrow(1, own, further);
+        let bias = wider
+            .project
+            .bias
+            .map(|bias| bias.val().narrow(0, own, further));
+        let project = Linear {
+            weight: Param::from_tensor(Tensor::cat(vec![self.project.weight.val(), weight], 1)),
+            bias: { self.project.bias }
+                .zip(bias)
+                .map(|(own, further)| Param::from_tensor(Tensor::cat(vec![own.val(), further], 0))),
+        };
+        ModulationProjection { project, ..self }
     }
 
     /// Returns the number of scales and shifts of all layers together.

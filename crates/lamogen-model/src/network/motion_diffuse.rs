@@ -70,6 +70,37 @@ impl MotionDiffuse {
         &self.config
     }
 
+    /// Adds decoder blocks at the end, up to `layers` in all, for a training that goes on with a larger network. The new blocks have the weights of
+    /// [`initial`](MotionDiffuse::initial), whose output is zero, so that the network computes exactly what it computed before.
+    ///
+    /// # Panics
+    ///
+    /// If the network has more layers already.
+    pub fn with_layers(self, layers: usize, seed: u64) -> Self {
+        let own = self.config.num_layers;
+        assert!(
+            own <= layers,
+            "expected at least {own} layers, found {layers}"
+        );
+        if own == layers {
+            return self;
+        }
+        let config = ModelConfig {
+            num_layers: layers,
+            ..self.config.clone()
+        };
+        let fresh = MotionDiffuse::initial(&config, seed, &self.device());
+        let modulations = self.modulations.extended(fresh.modulations);
+        let mut blocks = self.blocks;
+        blocks.extend(fresh.blocks.into_iter().skip(own));
+        MotionDiffuse {
+            modulations,
+            blocks,
+            config,
+            ..self
+        }
+    }
+
     /// Runs the text encoder alone. Returns the sentence embedding and the token features.
     ///
     /// # Shapes
