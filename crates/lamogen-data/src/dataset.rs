@@ -1,6 +1,6 @@
 //! A data set in memory.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -115,13 +115,40 @@ impl Dataset {
                 || "other".into(),
                 |name| name.to_string_lossy().into_owned(),
             );
+            let trials: HashSet<String> = { joined.entries.iter() }
+                .filter_map(|entry| entry.trial.clone())
+                .collect();
+            // All names of the data set that are taken get the same prefix, so that variations find their originals.
+            let renamed = |entry: &Entry, prefix: &str| {
+                // The names of mirror images still begin with M.
+                match entry.name.strip_prefix('M').filter(|_| entry.mirror) {
+                    Some(name) => format!("M{prefix}_{name}"),
+                    None => format!("{prefix}_{}", entry.name),
+                }
+            };
+            let prefixes = (1..).map(|count| match count {
+                1 => folder.clone(),
+                count => format!("{folder}{count}"),
+            });
+            let is_free = |prefix: &String| {
+                let mut all = other.entries.iter();
+                all.all(|entry| !names.contains(&renamed(entry, prefix)))
+            };
+            let prefix = prefixes.into_iter().find(is_free).expect("a free prefix");
+            let new_names: HashMap<String, String> = { other.entries.iter() }
+                .filter(|entry| names.contains(&entry.name))
+                .map(|entry| (entry.name.clone(), renamed(entry, &prefix)))
+                .collect();
             for mut entry in other.entries {
-                if names.contains(&entry.name) {
-                    // The names of mirror images still begin with M.
-                    entry.name = match entry.name.strip_prefix('M').filter(|_| entry.mirror) {
-                        Some(name) => format!("M{folder}_{name}"),
-                        None => format!("{folder}_{}", entry.name),
-                    };
+                if let Some(name) = new_names.get(&entry.name) {
+                    entry.name.clone_from(name);
+                }
+                if let Some(name) = { entry.variation_of.as_ref() }.and_then(|of| new_names.get(of))
+                {
+                    entry.variation_of = Some(name.clone());
+                }
+                if let Some(trial) = entry.trial.as_mut().filter(|trial| trials.contains(*trial)) {
+                    *trial = format!("{prefix}_{trial}");
                 }
                 names.insert(entry.name.clone());
                 entry.clip += clips;

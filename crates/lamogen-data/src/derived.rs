@@ -31,14 +31,14 @@ impl Dataset {
     /// Adds a motion that was computed from the entry with the index `original`.
     ///
     /// It adds one entry for the original and one for every other entry with the same rows. The new entry's name is the
-    /// old one with `suffix`; its other fields are those that `change` returns. A motion with a number that 16 bits
+    /// old one with `suffix`; its other fields are those that `change` returns, and entries for which it returns none are left out. A motion with a number that 16 bits
     /// cannot hold is left out and listed as a problem.
     pub(crate) fn add_derived(
         &mut self,
         (original, by_rows): (usize, &EntriesByRows),
         rows: &[[f32; POSE_FEATURES]],
         suffix: &str,
-        change: impl Fn(&Entry) -> Entry,
+        change: impl Fn(&Entry) -> Option<Entry>,
     ) {
         let halves = match to_half(rows.as_flattened()) {
             Ok(halves) => halves,
@@ -53,12 +53,15 @@ impl Dataset {
         self.rows.push(&halves);
         for &index in &by_rows.0[&self.entries[original].rows()] {
             let entry = &self.entries[index];
+            let Some(changed) = change(entry) else {
+                continue;
+            };
             let derived = Entry {
                 name: format!("{}{suffix}", entry.name),
                 frames: rows.len(),
                 clip,
                 start,
-                ..change(entry)
+                ..changed
             };
             self.entries.push(derived);
         }

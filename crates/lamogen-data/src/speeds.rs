@@ -1,5 +1,7 @@
 //! Copies of motions that are faster or slower.
 
+use std::collections::HashSet;
+
 use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, POSE_FEATURES, encode_every_frame};
 use rayon::prelude::*;
 
@@ -33,11 +35,16 @@ impl Dataset {
             speeds.iter().all(|speed| (0.1..=10.0).contains(speed)),
             "expected speeds from 0.1 to 10, found {speeds:?}"
         );
+        // A part that is a whole clip has the rows of that clip, which are copied once for both.
+        let mut copied = HashSet::new();
         let originals: Vec<usize> = { self.indices(Split::Train) }
             .filter(|&index| {
                 let entry = &self.entries[index];
                 let is_original = !entry.mirror && entry.variation_of.is_none();
-                is_original && !mentions_speed(entry) && !self.leaves_the_ground(entry)
+                is_original
+                    && !mentions_speed(entry)
+                    && !self.leaves_the_ground(entry)
+                    && copied.insert(entry.rows())
             })
             .collect();
         let pairs: Vec<(usize, f32)> = { originals.iter() }
@@ -52,9 +59,11 @@ impl Dataset {
                 continue;
             }
             let suffix = format!("@{speed}");
-            self.add_derived((index, &by_rows), &rows, &suffix, |entry| Entry {
-                note: Some(format!("{speed} times as fast")),
-                ..entry.clone()
+            self.add_derived((index, &by_rows), &rows, &suffix, |entry| {
+                (!mentions_speed(entry)).then(|| Entry {
+                    note: Some(format!("{speed} times as fast")),
+                    ..entry.clone()
+                })
             });
         }
         self

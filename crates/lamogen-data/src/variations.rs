@@ -1,5 +1,8 @@
 //! Variations: computed motions that do the same as a recorded motion in another manner.
 
+use std::collections::HashMap;
+use std::ops::Range;
+
 use lamogen_motion::POSE_FEATURES;
 
 use crate::dataset::Dataset;
@@ -34,7 +37,8 @@ impl Dataset {
         variations: impl IntoIterator<Item = MotionVariation>,
     ) -> Self {
         let by_rows = EntriesByRows::of(&self.entries);
-        let mut counts = vec![0; self.entries.len()];
+        // Entries with the same rows get the variations of each other.
+        let mut counts: HashMap<Range<usize>, usize> = HashMap::new();
         for MotionVariation { entry, rows, note } in variations {
             let original = &self.entries[entry];
             assert!(
@@ -48,13 +52,16 @@ impl Dataset {
                 "rows of a variation of `{}`",
                 original.name
             );
-            counts[entry] += 1;
-            let suffix = format!("~{}", counts[entry]);
-            self.add_derived((entry, &by_rows), &rows, &suffix, |entry| Entry {
-                variation_of: Some(entry.name.clone()),
-                note: Some(note.clone()),
-                captions: entry.captions[..1].to_vec(),
-                ..entry.clone()
+            let count = counts.entry(original.rows()).or_default();
+            *count += 1;
+            let suffix = format!("~{count}");
+            self.add_derived((entry, &by_rows), &rows, &suffix, |entry| {
+                Some(Entry {
+                    variation_of: Some(entry.name.clone()),
+                    note: Some(note.clone()),
+                    captions: entry.captions[..1].to_vec(),
+                    ..entry.clone()
+                })
             });
         }
         self

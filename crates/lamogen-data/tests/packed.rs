@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use common::{clip, error, open, rows, write};
@@ -475,6 +476,93 @@ fn variations_are_entries_of_their_own_and_do_not_count_in_the_statistics() {
     // Computed again, the statistics are still those of the originals.
     let [with, without] = [read, data].map(|data| Dataset::join(vec![data]).unwrap());
     assert_eq!((with.mean(), with.std()), (without.mean(), without.std()));
+}
+
+#[test]
+fn data_sets_with_the_same_names_are_joined_and_variations_keep_their_originals() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, out, varied] = ["source", "out", "varied"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&source).unwrap();
+    humanml3d(&source);
+    let data = packed(&source, &out, &PackOptions::default());
+    let variation = MotionVariation {
+        entry: 0,
+        rows: vec![[2.0; POSE_FEATURES]; data.entries()[0].frames],
+        note: "Weight times 2".into(),
+    };
+    data.with_variations([variation])
+        .save(&varied, false)
+        .unwrap();
+    // Three data sets whose folders and entries have the same names.
+    let joined = Dataset::join(vec![open(&varied), open(&varied), open(&varied)]).unwrap();
+    let names: HashSet<&str> = joined.entries().iter().map(|e| &*e.name).collect();
+    assert_eq!(names.len(), joined.entries().len());
+    assert!(names.contains("varied_000001~1") && names.contains("Mvaried2_000001~1"));
+    for entry in joined.entries() {
+        let original = entry.variation_of.as_deref();
+        assert!(
+            original.is_none_or(|original| names.contains(original)),
+            "{}",
+            entry.name
+        );
+        if entry.name == "varied2_000001~1" {
+            assert_eq!(original, Some("varied2_000001"));
+        }
+    }
+    // Recordings of different data sets are different ones.
+    let trials: HashSet<&str> = { joined.entries().iter() }
+        .filter_map(|entry| entry.trial.as_deref())
+        .collect();
+    let alone = open(&varied);
+    let own: HashSet<String> = { alone.entries().iter() }
+        .filter_map(|entry| entry.trial.clone())
+        .collect();
+    assert_eq!(trials.len(), 3 * own.len());
+}
+
+#[test]
+fn a_part_that_is_the_whole_clip_is_copied_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("source");
+    std::fs::create_dir(&source).unwrap();
+    let texts = "somebody swings the arms##0.0#0.0\nthe arms swing##0.0#4.0\n\
+                 the arms swing quickly##0.0#4.0\n";
+    clip(&source, "000001", &swinging(80, false), texts);
+    write(&source, "train.txt", "000001");
+    let data = packed(&source, &folder.path().join("out"), &PackOptions::default());
+    let names: Vec<&str> = data.entries().iter().map(|e| &*e.name).collect();
+    assert!(names.contains(&"A_000001"), "{names:?}");
+    let copies = data
+        .clone()
+        .with_speeds(&[0.8], &lamogen_data::LoadOptions::default());
+    let copied = copies.entries()[data.entries().len()..].iter();
+    let copied: Vec<&str> = copied.map(|entry| &*entry.name).collect();
+    let distinct: HashSet<&&str> = copied.iter().collect();
+    assert_eq!(distinct.len(), copied.len(), "{copied:?}");
+    assert!(copied.contains(&"000001@0.8"), "{copied:?}");
+    for entry in &copies.entries()[data.entries().len()..] {
+        assert!(
+            !entry.captions[0].text.contains("quickly"),
+            "{}",
+            entry.name
+        );
+    }
+
+    let of = |entry: usize| MotionVariation {
+        entry,
+        rows: vec![[2.0; POSE_FEATURES]; data.entries()[entry].frames],
+        note: "Weight times 2".into(),
+    };
+    let same_rows: Vec<usize> = (0..data.entries().len())
+        .filter(|&place| {
+            let entry = &data.entries()[place];
+            !entry.mirror && entry.frames == data.entries()[0].frames
+        })
+        .collect();
+    assert!(same_rows.len() > 1, "{names:?}");
+    let with = data.clone().with_variations(same_rows.into_iter().map(of));
+    let all: HashSet<&str> = with.entries().iter().map(|e| &*e.name).collect();
+    assert_eq!(all.len(), with.entries().len());
 }
 
 /// Returns HumanML3D's rows of somebody who stands on both feet and swings the arms.
