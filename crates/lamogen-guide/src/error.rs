@@ -33,7 +33,12 @@ pub enum GuideError {
     /// The values or the target of a loss term are invalid.
     #[error("loss term `{term}`: {reason}")]
     #[allow(missing_docs)]
-    LossTerm { term: String, reason: String },
+    LossTerm {
+        term: String,
+        reason: String,
+        /// The index in the batch of the motion that caused it, if a single motion did.
+        motion: Option<usize>,
+    },
     /// The loss of the motions that were to be guided on the rigid body is not finite.
     #[error("on the rigid body, the loss of {value} is not finite; ask for a smaller change")]
     Rig {
@@ -82,6 +87,7 @@ impl GuideError {
     pub fn motion(&self) -> Option<usize> {
         match self {
             GuideError::NotFinite { motion, .. } | GuideError::Rig { motion, .. } => Some(*motion),
+            GuideError::LossTerm { motion, .. } => *motion,
             _ => None,
         }
     }

@@ -3,6 +3,7 @@
 use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
     COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanOptions, LabanTarget,
+    LossDivisor,
 };
 
 use crate::guidance::Guidance;
@@ -13,7 +14,8 @@ use crate::loss_term::{LossTarget, LossTerm};
 pub struct LabanTerm {
     features: LabanFeatures,
     goals: Vec<[Goal; COMPONENTS]>,
-    guidance: Guidance,
+    divisor: LossDivisor,
+    emphasis: [f32; COMPONENTS],
 }
 
 impl LabanTerm {
@@ -42,7 +44,8 @@ impl LabanTerm {
         LabanTerm {
             features: LabanFeatures::new(&options, frames, lengths, device),
             goals,
-            guidance: guidance.clone(),
+            divisor: guidance.divisor,
+            emphasis: guidance.emphasis,
         }
     }
 }
@@ -61,10 +64,7 @@ impl LossTerm for LabanTerm {
     }
 
     fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget {
-        let Guidance {
-            divisor, emphasis, ..
-        } = self.guidance;
-        let target = LabanTarget::new(baseline, lengths, &self.goals, divisor, emphasis);
+        let target = LabanTarget::new(baseline, lengths, &self.goals, self.divisor, self.emphasis);
         LossTarget {
             values: target.features(),
             weight: target.weight(),

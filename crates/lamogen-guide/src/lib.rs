@@ -25,6 +25,7 @@ mod classifier_free;
 mod error;
 mod guidance;
 mod guided;
+mod host;
 mod laban_term;
 mod loss_term;
 mod noise;

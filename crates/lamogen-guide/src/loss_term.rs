@@ -9,8 +9,10 @@ use std::fmt;
 use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor};
+use lamogen_motion::frame_mask;
 
 use crate::error::GuideError;
+use crate::host::first_non_finite;
 
 /// One term of a loss: values that are measured on motions, the values to reach, and the weight of each difference.
 ///
@@ -189,6 +191,10 @@ impl PreparedTerm {
     /// # Errors
     ///
     /// If the term's values or its target are of the wrong shape, or its target or weight is not finite.
+    ///
+    /// # Panics
+    ///
+    /// If a length is 0 or beyond the frames of the joints.
     pub fn new(
         term: Arc<dyn LossTerm>,
         joints: Tensor<4>,
@@ -203,6 +209,7 @@ impl PreparedTerm {
             Err(GuideError::LossTerm {
                 term: term.name(),
                 reason: format!("expected {what} of the shape {expected}, found {found:?}"),
+                motion: None,
             })
         };
         if shape[..2] != [batch, frames] || shape[2] == 0 {
@@ -223,27 +230,22 @@ impl PreparedTerm {
                     found,
                 );
             }
-            let marks: Vec<f32> = (tensor.clone() * 0.0)
-                .try_into_vec_as()
-                .expect("floats convert to f32");
-            if marks.iter().any(|mark| !mark.is_finite()) {
+            if let Some(motion) = first_non_finite(tensor) {
                 return Err(GuideError::LossTerm {
                     term: term.name(),
                     reason: format!("expected {what} of finite numbers, found infinities or NaN"),
+                    // One row for all motions is no motion's.
+                    motion: (found[0] == batch).then_some(motion),
                 });
             }
         }
-        let mask = lengths.iter().flat_map(|&length| {
-            (0..frames).map(move |frame| if frame < length { 1.0 } else { 0.0 })
-        });
-        let mask: Vec<f32> = mask.collect();
-        let mask = Tensor::<1>::from_data(&mask[..], &device).reshape([batch, frames, 1]);
-        // The product with ones broadcasts target and weights to the shape of the values.
-        let ones = Tensor::<3>::ones(shape, &device);
-        let weight = weight.to_device(&device) * mask * importance.sqrt();
+        let weight = (weight.to_device(&device) * importance.sqrt()).expand(shape);
         Ok(PreparedTerm {
-            target: values.to_device(&device) * ones.clone(),
-            weight: weight * ones,
+            target: values.to_device(&device).expand(shape),
+            weight: match frame_mask(lengths, frames, &device) {
+                Some(mask) => weight * mask,
+                None => weight,
+            },
             lengths: lengths.to_vec(),
             baseline,
             term,

@@ -10,6 +10,7 @@ use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 use crate::error::GuideError;
 use crate::guidance::Guidance;
 use crate::guided::{Comparisons, LabanComparison, Targets};
+use crate::host::to_host;
 use crate::loss_term::TermComparison;
 
 /// The factor on the emphasis of components that shall change, and on the loss of other terms, relative to the
@@ -207,9 +208,4 @@ impl FitObjective for LossObjective<'_> {
             })
             .collect()
     }
-}
-
-/// Copies a tensor to main memory.
-fn to_host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.try_into_vec_as().expect("floats convert to f32")
 }

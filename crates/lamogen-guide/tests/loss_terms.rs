@@ -238,6 +238,37 @@ fn the_error_of_a_non_finite_loss_names_its_value() {
     );
 }
 
+/// Wants the second motion's hands infinitely far apart.
+#[derive(Debug)]
+struct SecondTooFar;
+
+impl LossTerm for SecondTooFar {
+    fn name(&self) -> String {
+        "second".into()
+    }
+
+    fn measure(&self, joints: Tensor<4>, lengths: &[usize]) -> Tensor<3> {
+        HandDistance::default().measure(joints, lengths)
+    }
+
+    fn target(&self, baseline: Tensor<3>, _lengths: &[usize]) -> LossTarget {
+        let values = Tensor::<1>::from_floats([1.0, f32::INFINITY], &baseline.device());
+        LossTarget {
+            values: values.reshape([2, 1, 1]),
+            ..LossTarget::constant(&[0.0], 1.0, &baseline.device())
+        }
+    }
+}
+
+#[test]
+fn a_target_that_is_not_finite_is_one_motions_fault() {
+    let guidance = Guidance {
+        loss_terms: LossTerms::default().with(Arc::new(SecondTooFar)),
+        ..Guidance::fast()
+    };
+    assert_eq!(guided(&guidance).unwrap_err().motion(), Some(1));
+}
+
 #[test]
 fn lists_are_equal_if_they_hold_the_same_terms() {
     let term: Arc<dyn LossTerm> = Arc::new(HandDistance::default());

@@ -8,6 +8,7 @@ use lamogen_motion::{Normalization, joints};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
+use crate::host::{first_non_finite, to_host};
 use crate::laban_term::LabanTerm;
 use crate::loss_term::{PreparedTerm, TermComparison};
 
@@ -165,7 +166,7 @@ impl Targets {
 
     /// Compares finished motions with all targets.
     pub(crate) fn compare(self, joints: &Tensor<4>) -> Comparisons {
-        let laban = self.laban.into_iter().map(|(end_effectors, term)| {
+        let mut laban = self.laban.into_iter().map(|(end_effectors, term)| {
             let compared = term.compare(joints.clone());
             LabanComparison {
                 end_effectors,
@@ -174,7 +175,6 @@ impl Targets {
                 guided: compared.guided,
             }
         });
-        let mut laban = laban;
         let others = self.others.into_iter();
         Comparisons {
             whole: laban.next().expect("the whole body is a term"),
@@ -317,18 +317,4 @@ fn leaf_gradient(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
         false => None,
     };
     gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
-}
-
-/// Returns the index of the first motion with a number that is infinite or NaN.
-fn first_non_finite<const D: usize>(rows: &Tensor<D>) -> Option<usize> {
-    let motions = rows.dims()[0];
-    let rows = rows.clone().reshape([motions as i64, -1]);
-    // A product with 0 is 0 for finite numbers and NaN for all others.
-    let marks = to_host((rows * 0.0).sum_dim(1));
-    marks.iter().position(|mark| !mark.is_finite())
-}
-
-/// Copies a tensor to main memory.
-fn to_host(tensor: Tensor<2>) -> Vec<f32> {
-    tensor.try_into_vec_as().expect("floats convert to f32")
 }
