@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::GlbError;
-use super::meshopt;
+use super::meshopt::{self, CompressedView, MAX_DECODED_BYTES};
 use super::reduction::{CompressedViews, reduce_to_animation};
 
 /// The parts of a glTF file that animate its nodes.
@@ -74,6 +74,13 @@ impl GltfFile {
 
     /// Decodes all compressed views.
     fn decode_views(&mut self, compressed: &CompressedViews) -> Result<(), FormatProblem> {
+        let lengths = compressed.values().map(CompressedView::decoded_length);
+        let total = lengths.sum::<Option<usize>>();
+        if total.is_none_or(|total| total > MAX_DECODED_BYTES) {
+            return Err(format!(
+                "expected at most {MAX_DECODED_BYTES} bytes in all decompressed buffer views, found more"
+            ));
+        }
         for (&index, view) in compressed {
             let buffer = self.buffers.get(view.buffer);
             let bytes = buffer.and_then(|bytes| {
@@ -258,7 +265,7 @@ impl GltfFile {
     }
 }
 
-/// Returns the bytes from `offset` on, up to `length` bytes or to the end; `None` if there are too sparse_count.
+/// Returns the bytes from `offset` on, up to `length` bytes or to the end; `None` if there are too few.
 fn slice(bytes: &[u8], offset: u64, length: Option<u64>) -> Option<&[u8]> {
     let rest = bytes.get(usize::try_from(offset).ok()?..)?;
     match length {

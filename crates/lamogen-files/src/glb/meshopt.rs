@@ -30,23 +30,27 @@ pub(super) struct CompressedView {
     filter: Option<String>,
 }
 
-/// The most bytes that one view may have when it is decoded: keyframes of a hundred joints over an hour.
-const MAX_DECODED_BYTES: usize = 1 << 28;
+/// The most bytes that all views of a file may have when they are decoded: keyframes of a hundred joints over an hour.
+pub(super) const MAX_DECODED_BYTES: usize = 1 << 28;
 
 /// The elements of a group, whose deltas are stored with the same number of bits.
 const GROUP: usize = 16;
 
 impl CompressedView {
+    /// Returns the number of bytes of the view when it is decoded; `None` if these are too many.
+    pub(super) fn decoded_length(&self) -> Option<usize> {
+        let length = self.byte_stride.checked_mul(self.count);
+        length.filter(|length| *length <= MAX_DECODED_BYTES)
+    }
+
     /// Decodes the bytes of the view.
     pub(super) fn decode(&self, bytes: &[u8]) -> Result<Vec<u8>, FormatProblem> {
-        let length = { self.byte_stride.checked_mul(self.count) }
-            .filter(|length| *length <= MAX_DECODED_BYTES)
-            .ok_or_else(|| {
-                format!(
-                    "expected at most {MAX_DECODED_BYTES} bytes when it is decompressed, found {} elements of {} bytes",
-                    self.count, self.byte_stride
-                )
-            })?;
+        let length = self.decoded_length().ok_or_else(|| {
+            format!(
+                "expected at most {MAX_DECODED_BYTES} bytes when it is decompressed, found {} elements of {} bytes",
+                self.count, self.byte_stride
+            )
+        })?;
         let stride = self.byte_stride;
         let mut elements = match &*self.mode {
             "ATTRIBUTES" if (4..=256).contains(&stride) && stride.is_multiple_of(4) => {

@@ -12,7 +12,7 @@ fn errors_say_why_a_file_cannot_be_read() {
         &[(0, "translation", "LINEAR", way)],
     );
     assert!(read_json(&fine).is_ok());
-    let cases: [(&str, Json, &str); 18] = [
+    let cases: [(&str, Json, &str); 19] = [
         ("/asset/version", json!("1.0"), "version 1.0"),
         ("/nodes/0/children", json!([1]), "below itself"),
         ("/nodes/1/children", json!([0, 0]), "one parent"),
@@ -55,6 +55,13 @@ fn errors_say_why_a_file_cannot_be_read() {
                 "buffer": 0, "byteLength": 8000, "byteStride": 12, "count": 2, "mode": "ATTRIBUTES"
             } }),
             "bufferViews[1]: expected its buffer to be longer",
+        ),
+        (
+            "/bufferViews/1/extensions",
+            json!({ "KHR_meshopt_compression": {
+                "buffer": 0, "byteLength": 8, "byteStride": 256, "count": 1 << 21, "mode": "ATTRIBUTES"
+            } }),
+            "bytes in all decompressed buffer views",
         ),
         (
             "/extensionsRequired",
