@@ -48,6 +48,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use burn::tensor::Device;
 use lamogen_data::{Checksum, Dataset, Entry, Split};
 use lamogen_eval::{Embeddings, Evaluator};
 use lamogen_guide::Preset;
@@ -191,22 +192,25 @@ pub fn evaluate<D: Denoiser>(
         return Err(EvaluationError::output(folder, reason));
     }
     remove_stale_temporaries(folder);
-    let (prompts, real) = load_prompts(model.model, evaluator, dataset, options, observer)?;
     let device = model.model.network().device();
-    let plan = EvalPlan::new(options, model.model.preset(), prompts.len());
-    let runner = EvalRunner {
-        model: model.model,
+    let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
+    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
+    let run = check_run(
+        model,
         evaluator,
-        prompts: &prompts,
-        device: &device,
-        measure: options.measure,
-    };
-    let all: Vec<PlannedMotion<'_>> = plan.planned_motions().collect();
-    // All that can be wrong with a sentence is better known before the first motion.
-    runner.check(&all)?;
-    let texts = embed_captions(&runner, options.repeats)?;
-    let identity = run_identity(&plan, &runner, &model.fingerprint, &real);
-    if !is_begun(folder, options, &identity)? {
+        (&sentences, &device),
+        (folder, &plan),
+        options,
+    )?;
+    let CheckedRun {
+        runner,
+        all,
+        texts,
+        identity,
+        is_begun,
+    } = run;
+    let (prompts, real) = &sentences;
+    if !is_begun {
         begin_folder(folder, &identity)?;
     }
     if !options.merge {
@@ -223,9 +227,9 @@ pub fn evaluate<D: Denoiser>(
     } else {
         let data = EvalData {
             records: &records,
-            prompts: &prompts,
+            prompts,
             texts: &texts,
-            real: &real,
+            real,
             repeats: options.repeats,
         };
         if missing > 0 {
@@ -258,25 +262,22 @@ pub fn estimate<D: Denoiser>(
     options: &EvaluationOptions,
     observer: &mut dyn EvaluationObserver,
 ) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
-    let (prompts, real) = load_prompts(model.model, evaluator, dataset, options, observer)?;
     let device = model.model.network().device();
-    let plan = EvalPlan::new(options, model.model.preset(), prompts.len());
-    let runner = EvalRunner {
-        model: model.model,
+    let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
+    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
+    let run = check_run(
+        model,
         evaluator,
-        prompts: &prompts,
-        device: &device,
-        measure: options.measure,
-    };
-    let all: Vec<PlannedMotion<'_>> = plan.planned_motions().collect();
-    runner.check(&all)?;
-    embed_captions(&runner, options.repeats)?;
-    let identity = run_identity(&plan, &runner, &model.fingerprint, &real);
-    let records = match is_begun(folder, options, &identity)? {
+        (&sentences, &device),
+        (folder, &plan),
+        options,
+    )?;
+    let CheckedRun { runner, all, .. } = &run;
+    let records = match run.is_begun {
         true => read_records(&record_files(folder)?)?,
         false => HashMap::new(),
     };
-    let missing = missing_motions(&all, &records);
+    let missing = missing_motions(all, &records);
     let mut estimates = Vec::new();
     for setting in &plan.settings {
         let of_setting = missing.iter();
@@ -295,6 +296,47 @@ pub fn estimate<D: Denoiser>(
         });
     }
     Ok(estimates)
+}
+
+/// An evaluation of which everything has been checked that can be wrong before the first motion.
+struct CheckedRun<'a, D> {
+    runner: EvalRunner<'a, D>,
+    /// All motions of the plan.
+    all: Vec<PlannedMotion<'a>>,
+    /// The evaluator's embeddings of the captions of every repeat.
+    texts: Vec<Embeddings>,
+    /// What records of this run are known by.
+    identity: Value,
+    /// Whether the folder has records of this run.
+    is_begun: bool,
+}
+
+/// Checks sentences, captions and folder, before anything is generated.
+fn check_run<'a, D: Denoiser>(
+    model: &EvaluatedModel<'a, D>,
+    evaluator: &'a Evaluator,
+    ((prompts, real), device): (&'a (Vec<EvalPrompt>, RealMotions), &'a Device),
+    (folder, plan): (&Path, &'a EvalPlan),
+    options: &EvaluationOptions,
+) -> Result<CheckedRun<'a, D>, EvaluationError> {
+    let runner = EvalRunner {
+        model: model.model,
+        evaluator,
+        prompts,
+        device,
+        measure: options.measure,
+    };
+    let all: Vec<PlannedMotion<'a>> = plan.planned_motions().collect();
+    runner.check(&all)?;
+    let texts = embed_captions(&runner, options.repeats)?;
+    let identity = run_identity(plan, &runner, &model.fingerprint, real);
+    Ok(CheckedRun {
+        is_begun: is_begun(folder, options, &identity)?,
+        runner,
+        all,
+        texts,
+        identity,
+    })
 }
 
 /// Returns the planned motions without a record.
