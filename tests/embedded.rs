@@ -1,6 +1,6 @@
 //! What tags do to the motions of the embedded model.
 
-use lamogen::files::{WriteOptions, write};
+use lamogen::files::{ReadOptions, WriteOptions, read, write};
 use lamogen::motion::{BoneDrift, Jitter, JointTurning, RestPose};
 use lamogen::{
     Body, Component, Device, Finish, Generation, Guidance, Joint, LaMoGen, LabanOptions,
@@ -275,6 +275,9 @@ fn the_licence_is_shown() {
     let file = std::fs::read(path).unwrap();
     let text = String::from_utf8_lossy(&file);
     assert!(text.contains("Made with a model under CC-BY-4.0"));
+    // A converted file keeps it.
+    let again = read(folder.path().join("jump.glb"), &ReadOptions::default()).unwrap();
+    assert_eq!(again.motion.copyright(), Some(&*licence.notice()));
 }
 
 #[test]

@@ -45,7 +45,8 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
     match extension(path).as_deref() {
         Some("bvh") => bvh::read(path, options),
         Some("glb" | "gltf") => {
-            let (clip, other_animations) = glb::read(path, options.animation.as_deref())?;
+            let (clip, other_animations, copyright) =
+                glb::read(path, options.animation.as_deref())?;
             let options = ReadOptions {
                 up: options.up.or(Some(UpAxis::Y)),
                 frames_per_second: None,
@@ -53,6 +54,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
             };
             let imported = import(&clip, &options, path)?;
             Ok(ImportedMotion {
+                motion: imported.motion.with_copyright(copyright),
                 other_animations,
                 ..imported
             })

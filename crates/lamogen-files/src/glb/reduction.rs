@@ -111,8 +111,12 @@ pub(super) fn reduce_to_animation(
             ],
         )
     };
+    let mut asset = keep_fields(&document["asset"], &["version"]);
+    if document["asset"]["copyright"].is_string() {
+        asset["copyright"] = document["asset"]["copyright"].clone();
+    }
     let mut root = json!({
-        "asset": keep_fields(&document["asset"], &["version"]),
+        "asset": asset,
         "nodes": list("nodes").iter().map(node).collect::<Vec<_>>(),
         "animations": reduced_animations,
         "accessors": accessors,

@@ -14,8 +14,8 @@ use clip::build_clip;
 /// The most keyframes in all curves together, and the most values of a clip. A motion of half an hour needs this many.
 const MAX_VALUES: u64 = 1 << 24;
 
-/// Reads an animation of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip and the
-/// names of the other animations.
+/// Reads an animation of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip, the
+/// names of the other animations, and the file's copyright.
 ///
 /// All nodes are read; those without a name are called, for example, `node 7`. The clip starts at the first keyframe. Its
 /// frames are the keyframes if these lie on a regular grid, and otherwise 120 frames per second; if a curve is not linear,
@@ -26,7 +26,10 @@ const MAX_VALUES: u64 = 1 << 24;
 ///
 /// If the file cannot be read, is not glTF 2, is damaged or has no animation, or needs a feature that is not supported:
 /// compressed keyframes, buffers from a network, child nodes of a node that changes its size.
-pub(crate) fn read(path: &Path, animation: Option<&str>) -> Result<(Clip, Vec<String>), GlbError> {
+pub(crate) fn read(
+    path: &Path,
+    animation: Option<&str>,
+) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
     let bytes = std::fs::read(path).map_err(|reason| GlbError::Io {
         path: path.to_owned(),
         reason,
@@ -39,7 +42,7 @@ fn read_bytes(
     bytes: &[u8],
     path: &Path,
     animation: Option<&str>,
-) -> Result<(Clip, Vec<String>), GlbError> {
+) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
     let file = GltfFile::parse(bytes, path, animation)?;
     let format_error = |reason| GlbError::Format {
         path: path.to_owned(),
@@ -65,7 +68,7 @@ fn read_bytes(
         .map(|animation| animation.name.clone().unwrap_or("without a name".into()))
         .collect();
     let clip = build_clip(&file, chosen).map_err(format_error)?;
-    Ok((clip, others))
+    Ok((clip, others, file.root.asset.copyright))
 }
 
 #[cfg(test)]

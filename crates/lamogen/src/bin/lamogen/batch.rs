@@ -375,8 +375,7 @@ impl BatchRunner<'_> {
         );
         facts.insert("id".into(), item.id.as_str().into());
         facts.insert("batch".into(), self.identity(item));
-        let licence = self.source.model.licence();
-        let scene = Scene::from_generation(&item.line.prompt, generation, facts, licence);
+        let scene = Scene::from_generation(&item.line.prompt, generation, facts);
         // The JSON file marks the motion as finished, so it is written last. An old one from a run with other options
         // is removed first, since it would mark the motion as finished while its files are being written.
         let record = self.output(item, OutputFormat::Json).path;

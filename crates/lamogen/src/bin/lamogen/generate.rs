@@ -94,8 +94,7 @@ impl Sample<'_> {
             &options.pass,
             source,
         );
-        let licence = source.model.licence();
-        let scene = Scene::from_generation(&options.prompt, generation, facts, licence);
+        let scene = Scene::from_generation(&options.prompt, generation, facts);
         for output in self.outputs {
             output.write(&scene, &options.writing, console)?;
         }

@@ -207,7 +207,6 @@ fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat
         },
         glb: GlbOptions {
             name: scene.title.clone(),
-            copyright: scene.copyright.clone(),
             notes: scene.glb_notes(),
             ..GlbOptions::default()
         },

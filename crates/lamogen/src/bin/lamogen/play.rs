@@ -32,7 +32,6 @@ pub fn run(options: &PlayArguments, console: &Console) -> Result<(), Failure> {
         free: [false; COMPONENTS],
         parts: Vec::new(),
         facts: Map::new(),
-        copyright: None,
     };
     let path = match &options.out {
         Some(path) if path.extension().is_none_or(|ending| ending != "html") => {

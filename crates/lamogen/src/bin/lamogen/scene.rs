@@ -8,7 +8,7 @@ use lamogen::files::ImportedMotion;
 use lamogen::motion::{JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
-    Licence, Motion, PartLaban,
+    Motion, PartLaban,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -75,8 +75,6 @@ pub struct Scene {
     pub parts: Vec<PartLaban>,
     /// Facts that the JSON contains beside the motions.
     pub facts: Map<String, Value>,
-    /// The terms under which the motion may be used.
-    pub copyright: Option<String>,
 }
 
 /// Colours of motions that are neither baseline nor guided, as red, green and blue.
@@ -88,7 +86,6 @@ impl Scene {
         title: &str,
         generation: Generation,
         facts: Map<String, Value>,
-        licence: Option<&Licence>,
     ) -> Scene {
         let scale = generation.goals.to_string();
         let is_guided = !generation.loss.is_empty();
@@ -117,7 +114,6 @@ impl Scene {
             free: Component::ALL.map(|component| generation.goals.is_free(component)),
             parts: generation.parts,
             facts,
-            copyright: licence.map(Licence::notice),
         }
     }
 
@@ -146,17 +142,18 @@ impl Scene {
             free: [false; COMPONENTS],
             parts: Vec::new(),
             facts: facts.as_object().cloned().unwrap_or_default(),
-            copyright: None,
         }
     }
 
     /// Replaces the main motion by another one, and measures that.
     pub fn replace_main(&mut self, motion: Motion, device: &Device) {
+        let copyright = self.main().motion.copyright().map(str::to_owned);
         let label = self
             .motions
             .pop()
             .map_or(String::new(), |scene_motion| scene_motion.label);
         let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
+        let motion = motion.with_copyright(copyright);
         self.motions.push(SceneMotion::new(label, motion, laban));
     }
 

@@ -84,7 +84,7 @@ fn read_json(json: &Json) -> Result<Clip, GlbError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.gltf");
     std::fs::write(&path, json.to_string()).unwrap();
-    read(&path, None).map(|(clip, _)| clip)
+    read(&path, None).map(|(clip, ..)| clip)
 }
 
 fn two_nodes() -> Json {

@@ -24,7 +24,7 @@ fn a_long_motion_keeps_its_frames() {
     let path = folder.path().join("long.glb");
     let rotations = lamogen_motion::Rotations::of(&example::motion(12_000));
     write(&path, &rotations, &GlbOptions::default()).unwrap();
-    let (clip, _) = read(&path, None).unwrap();
+    let (clip, ..) = read(&path, None).unwrap();
     assert_eq!(clip.frames, 12_000);
     let gap = largest_gap(&clip, &rotations.joints());
     assert!(gap < 1e-4, "{gap}");
@@ -58,7 +58,7 @@ fn buffers_may_be_in_separate_files() {
     let error = read(&path, None).err().unwrap().to_string();
     assert!(error.contains("the numbers.bin"), "{error}");
     std::fs::write(folder.path().join("the numbers.bin"), &bytes[28 + length..]).unwrap();
-    let (clip, _) = read(&path, None).unwrap();
+    let (clip, ..) = read(&path, None).unwrap();
     assert!(largest_gap(&clip, &example::rotations().joints()) < 1e-4);
     // Folders, devices and pipes are not read, and no file outside the folder of the glTF file.
     for (uri, part) in [
