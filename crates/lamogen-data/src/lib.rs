@@ -43,6 +43,18 @@ pub use problems::{Problem, ProblemKind, Problems};
 pub use split::{Split, SplitError};
 pub use variations::MotionVariation;
 
+/// Entry points for the fuzz targets in `fuzz/`.
+#[doc(hidden)]
+pub mod fuzzing {
+    /// Parses a text as a file of captions in each of its forms.
+    pub fn parse_captions(text: &str) {
+        let _ = crate::humanml3d::text::parse(text);
+        let _ = crate::more_captions::parse(text);
+        let _ = crate::pack::listing::parse(text);
+        let _ = text.lines().map(crate::packed::parse_entry).count();
+    }
+}
+
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -13,7 +13,7 @@ use crate::sides::swap_sides;
 /// A line of the file: a motion's name and its further captions.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct MotionCaptions {
+pub(crate) struct MotionCaptions {
     name: String,
     captions: Vec<String>,
 }
@@ -71,7 +71,7 @@ impl Dataset {
 }
 
 /// Parses the lines. The error is the number of the first invalid line, counted from 1, and what is wrong with it.
-fn parse(text: &str) -> Result<Vec<MotionCaptions>, (usize, String)> {
+pub(crate) fn parse(text: &str) -> Result<Vec<MotionCaptions>, (usize, String)> {
     let mut lines: Vec<MotionCaptions> = Vec::new();
     let mut first_lines: HashMap<String, usize> = HashMap::new();
     for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {

@@ -15,6 +15,10 @@ use crate::names::UnknownSkeleton;
 /// The reason why a file cannot be read as a motion.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("{path}: {reason}")]
+    #[allow(missing_docs)]
+    Io { path: PathBuf, reason: io::Error },
     /// The extension of the file's name belongs to no known format.
     #[error("{path}: expected a name that ends in .bvh, .glb, .gltf or .npy, found {found}")]
     #[allow(missing_docs)]

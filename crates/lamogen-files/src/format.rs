@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, describe_placeholder_at};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, describe_placeholder_at, placeholder};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
@@ -28,25 +28,75 @@ use crate::units::{Unit, UpAxis};
 /// the size of a human; or the motion is longer than an hour.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
-    if let Some(rate) = options.frames_per_second
-        && !(1e-3..=1e4).contains(&rate)
-    {
-        return Err(ReadError::FrameRate {
-            path: path.to_owned(),
-            found: rate,
-        });
-    }
+    check_frame_rate(path, options)?;
     if let Some(problem) = describe_placeholder_at(path) {
         return Err(ReadError::Placeholder {
             path: path.to_owned(),
             problem,
         });
     }
+    let extension = extension(path);
+    if !matches!(extension.as_deref(), Some("bvh" | "glb" | "gltf" | "npy")) {
+        return Err(ReadError::Ending {
+            path: path.to_owned(),
+            found: describe(extension.as_deref()),
+        });
+    }
+    let bytes = std::fs::read(path).map_err(|reason| ReadError::Io {
+        path: path.to_owned(),
+        reason,
+    })?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    read_format(&bytes, path, Some(folder), options)
+}
+
+/// Reads a motion from the bytes of a file, in the same way as [`read`] reads it from a file. `name` selects the format by
+/// its extension and is used in error messages; no file is opened. A glTF must therefore contain its buffers.
+///
+/// # Errors
+///
+/// In the same cases as [`read`], or if a glTF refers to another file.
+pub fn read_bytes(
+    bytes: &[u8],
+    name: impl AsRef<Path>,
+    options: &ReadOptions,
+) -> Result<ImportedMotion, ReadError> {
+    let name = name.as_ref();
+    check_frame_rate(name, options)?;
+    if let Some(problem) = placeholder(bytes) {
+        return Err(ReadError::Placeholder {
+            path: name.to_owned(),
+            problem,
+        });
+    }
+    read_format(bytes, name, None, options)
+}
+
+/// Refuses a frame rate that no recording has.
+fn check_frame_rate(path: &Path, options: &ReadOptions) -> Result<(), ReadError> {
+    match options.frames_per_second {
+        Some(rate) if !(1e-3..=1e4).contains(&rate) => Err(ReadError::FrameRate {
+            path: path.to_owned(),
+            found: rate,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Reads a motion from the bytes of a file in the format of its extension. `folder` has the other files to which a glTF
+/// may refer.
+fn read_format(
+    bytes: &[u8],
+    path: &Path,
+    folder: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<ImportedMotion, ReadError> {
     match extension(path).as_deref() {
-        Some("bvh") => bvh::read(path, options),
+        // Bytes that are not UTF-8 occur in joint names of old files.
+        Some("bvh") => bvh::read_text(&String::from_utf8_lossy(bytes), options, path),
         Some("glb" | "gltf") => {
             let (clip, other_animations, copyright) =
-                glb::read(path, options.animation.as_deref())?;
+                glb::read(bytes, path, folder, options.animation.as_deref())?;
             let options = ReadOptions {
                 up: options.up.or(Some(UpAxis::Y)),
                 frames_per_second: None,
@@ -59,7 +109,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
                 ..imported
             })
         }
-        Some("npy") => npy::read(path, options),
+        Some("npy") => npy::read(bytes, path, options),
         found => Err(ReadError::Ending {
             path: path.to_owned(),
             found: describe(found),

@@ -29,7 +29,7 @@ mod similar_names;
 mod units;
 
 pub use error::{ReadError, WriteError};
-pub use format::{WriteOptions, read, write};
+pub use format::{WriteOptions, read, read_bytes, write};
 pub use import::{ImportedMotion, ReadOptions};
 pub use mapping::{JointMapping, MappingError};
 pub use names::UnknownSkeleton;

@@ -14,8 +14,12 @@ use crate::units::{Unit, UpAxis};
 ///
 /// An array states neither unit, axes nor frame rate. By default they are those of HumanML3D: metres, Y up, 20 frames per
 /// second.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
-    let array = npy::read(path)?;
+pub(crate) fn read(
+    bytes: &[u8],
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<ImportedMotion, ReadError> {
+    let array = npy::read_bytes(bytes, path)?;
     if array.is_integer && options.unit.is_none() {
         return Err(ReadError::Integers {
             path: path.to_owned(),
@@ -205,7 +209,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npy");
         npy::write(&path, values, shape).unwrap();
-        read(&path, &ReadOptions::default()).map_err(|error| error.to_string())
+        crate::read(&path, &ReadOptions::default()).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -268,7 +272,7 @@ mod tests {
                     animation: animation.map(str::to_owned),
                     ..ReadOptions::default()
                 };
-                read(&path, &options)
+                crate::read(&path, &options)
             };
             let first = of(None).unwrap();
             assert_eq!(first.motion, expected);
@@ -295,7 +299,7 @@ mod tests {
         file.extend(header.as_bytes());
         file.extend((0..66i32).flat_map(|number| (1000 * number).to_le_bytes()));
         std::fs::write(&path, file).unwrap();
-        let message = read(&path, &ReadOptions::default())
+        let message = crate::read(&path, &ReadOptions::default())
             .unwrap_err()
             .to_string();
         assert!(
@@ -306,7 +310,7 @@ mod tests {
             unit: Some(Unit::Millimetre),
             ..ReadOptions::default()
         };
-        let motion = read(&path, &options).unwrap().motion;
+        let motion = crate::read(&path, &options).unwrap().motion;
         assert_eq!(motion.joints()[0][21], [63.0, 64.0, 65.0]);
     }
 

@@ -12,6 +12,8 @@ use crate::schedule::TRAINING_STEPS;
 
 /// The body on which motions are measured, guided and returned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Body {
     /// A rigid body that the network's motion is fitted to. Its bones keep their lengths, its feet do not slide while
     /// they stand, and files hold exactly its rotations. See [`Rig`](crate::Rig).
@@ -160,6 +162,8 @@ pub struct Guidance {
 
 /// Guidance options together with the number of DDIM steps that they were chosen for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Preset {
     /// The paper's numbers: 1000 steps, learning rate 0.005, loss relative to each frame.
     Paper,

@@ -1,7 +1,7 @@
 //! Reads NumPy's `.npy` files as `f32` and writes them whole or not at all.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use half::f16;
@@ -85,7 +85,8 @@ fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
             problem,
         });
     }
-    let npy = NpyFile::new(reader).map_err(malformed)?;
+    let header = read_header(&mut reader).map_err(malformed)?;
+    let npy = NpyFile::new(header.chain(reader)).map_err(malformed)?;
     let shape: Vec<usize> = npy.shape().iter().map(|&n| n as usize).collect();
     let order = npy.order();
     let (values, is_integer) = read_numbers(npy).map_err(|found| match found {
@@ -116,6 +117,48 @@ fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Array, NpyError> {
         shape,
         is_integer,
     })
+}
+
+/// The length of the longest header that is read, in bytes. NumPy writes some 100 bytes.
+const MAX_HEADER_LENGTH: usize = 1 << 16;
+
+/// The deepest nesting of brackets in a header: a dictionary, a list of fields, a field, and its shape. The time that a header
+/// takes to parse doubles with every level.
+const MAX_HEADER_NESTING: usize = 4;
+
+/// Reads the bytes before the numbers of an array, and checks that they can be parsed in a short time.
+fn read_header(reader: &mut impl Read) -> io::Result<io::Cursor<Vec<u8>>> {
+    let invalid = |problem: String| io::Error::new(io::ErrorKind::InvalidData, problem);
+    // NumPy's format: a magic string of six bytes, two bytes of version, the length in two or four bytes, the header.
+    let mut bytes = vec![0; 8];
+    reader.read_exact(&mut bytes)?;
+    let length_bytes = if bytes[6] == 1 { 2 } else { 4 };
+    let mut length = [0; 4];
+    reader.read_exact(&mut length[..length_bytes])?;
+    bytes.extend(&length[..length_bytes]);
+    let length = u32::from_le_bytes(length) as usize;
+    if length > MAX_HEADER_LENGTH {
+        return Err(invalid(format!(
+            "expected a header of at most {MAX_HEADER_LENGTH} bytes, found one of {length}"
+        )));
+    }
+    let start = bytes.len();
+    bytes.resize(start + length, 0);
+    reader.read_exact(&mut bytes[start..])?;
+    let mut depth = 0usize;
+    for byte in &bytes[start..] {
+        match byte {
+            b'{' | b'[' | b'(' => depth += 1,
+            b'}' | b']' | b')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if depth > MAX_HEADER_NESTING {
+            return Err(invalid(format!(
+                "expected a header of at most {MAX_HEADER_NESTING} nested brackets, found more"
+            )));
+        }
+    }
+    Ok(io::Cursor::new(bytes))
 }
 
 /// Why the numbers of an array cannot be read.
@@ -246,6 +289,23 @@ mod tests {
         assert_eq!(array.shape, [3, 2]);
         assert_eq!(array.values, [1.0, -2.5, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn headers_that_would_take_long_are_refused() {
+        for (header, expected) in [
+            (format!("{{'descr': {}", "{".repeat(60)), "nested brackets"),
+            (" ".repeat(70_000), "65536 bytes"),
+        ] {
+            let mut file = b"\x93NUMPY\x02\x00".to_vec();
+            file.extend((header.len() as u32).to_le_bytes());
+            file.extend(header.as_bytes());
+            let message = read_bytes(&file, "a.npy").unwrap_err().to_string();
+            assert!(
+                message.contains("a.npy") && message.contains(expected),
+                "{message}"
+            );
+        }
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde_json::Value;
+
 use crate::TokenizerError;
 
 /// A tokenizer that its file describes. The file's padding and truncation are not used.
@@ -24,6 +26,7 @@ impl FileTokenizer {
             path: path.clone(),
             problem,
         };
+        check_templates(json).map_err(format_error)?;
         let mut inner = tokenizers::Tokenizer::from_bytes(json)
             .map_err(|error| format_error(error.to_string()))?;
         // A user's "<|endoftext|>" is treated as text, because as a token it would end the prompt early.
@@ -92,4 +95,43 @@ impl FileTokenizer {
     pub(crate) fn end(&self) -> u32 {
         self.end
     }
+}
+
+/// Checks that the templates of a file name only the text and special tokens that they describe. The library takes other
+/// templates, and panics when it uses them.
+fn check_templates(json: &[u8]) -> Result<(), String> {
+    let file: Value = serde_json::from_slice(json).map_err(|error| error.to_string())?;
+    file.get("post_processor").map_or(Ok(()), check_template)
+}
+
+/// Checks a post-processor, and those within it.
+fn check_template(processor: &Value) -> Result<(), String> {
+    if let Some(processors) = processor.get("processors").and_then(Value::as_array) {
+        processors.iter().try_for_each(check_template)?;
+    }
+    let Some(pieces) = processor.get("single").and_then(Value::as_array) else {
+        return Ok(());
+    };
+    for piece in pieces {
+        // The fields of a piece may have names or be an array in their order.
+        let id = |kind: &str| {
+            piece
+                .get(kind)
+                .and_then(|piece| piece.get("id").or(piece.get(0)))
+        };
+        if let Some(id) = id("SpecialToken").and_then(Value::as_str)
+            && processor
+                .get("special_tokens")
+                .and_then(|all| all.get(id))
+                .is_none()
+        {
+            return Err(format!(
+                "post_processor: expected {id:?} among the special_tokens, found it only in the template"
+            ));
+        }
+        if id("Sequence").is_some_and(|id| id != "A") {
+            return Err("post_processor: expected the sequence A in the template of a single text, found another".into());
+        }
+    }
+    Ok(())
 }

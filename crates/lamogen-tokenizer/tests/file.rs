@@ -95,3 +95,38 @@ fn a_prompt_without_tokens_is_refused() {
     let message = tokenizer().encode("  ").unwrap_err().to_string();
     assert!(message.contains("no token"), "{message}");
 }
+
+#[test]
+fn templates_with_tokens_that_they_do_not_describe_are_refused() {
+    let json = String::from_utf8(JSON.to_vec()).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(file["post_processor"]["type"], "TemplateProcessing");
+    for (piece, expected) in [
+        (
+            serde_json::json!({ "SpecialToken": { "id": "[X]", "type_id": 0 } }),
+            "[X]",
+        ),
+        (serde_json::json!({ "SpecialToken": ["[X]", 0] }), "[X]"),
+        (
+            serde_json::json!({ "Sequence": { "id": "B", "type_id": 0 } }),
+            "sequence A",
+        ),
+    ] {
+        let mut file = file.clone();
+        file["post_processor"]["single"] = serde_json::json!([piece]);
+        let in_sequence =
+            serde_json::json!({ "type": "Sequence", "processors": [file["post_processor"]] });
+        for processor in [file["post_processor"].clone(), in_sequence] {
+            file["post_processor"] = processor;
+            let json = serde_json::to_vec(&file).unwrap();
+            let message = Tokenizer::from_json(&json, "tokenizer.json", VOCABULARY, CONTEXT)
+                .err()
+                .unwrap()
+                .to_string();
+            assert!(
+                message.contains("post_processor") && message.contains(expected),
+                "{message}"
+            );
+        }
+    }
+}

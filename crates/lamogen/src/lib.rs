@@ -42,6 +42,8 @@
 //! - `compact`: the embedded model.
 //! - `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda`, `rocm`: the backends that compute ([`DeviceName`]). A program
 //!   may have any number of them. `flex` computes on the CPU in pure Rust.
+//! - `json`: requests as JSON ([`JsonRequest`]), in the form of the lines of `lamogen batch`.
+//! - `evaluation`: the paper's tables for any network.
 //! - `command`: the dependencies of the program `lamogen`; programs that use the library leave it out.
 
 mod device;
@@ -50,9 +52,13 @@ mod error;
 pub mod evaluation;
 mod generation;
 mod groups;
+#[cfg(feature = "json")]
+mod json_request;
 mod licence;
 mod load;
 mod request;
+#[cfg(feature = "json")]
+mod requested_goals;
 mod run;
 
 pub use device::{DeviceError, DeviceName};
@@ -61,8 +67,12 @@ pub use error::{
     UnfinishedRequest,
 };
 pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress, TermValues};
+#[cfg(feature = "json")]
+pub use json_request::{JsonRequest, JsonRequestError};
 pub use licence::Licence;
 pub use request::{Length, Request};
+#[cfg(feature = "json")]
+pub use requested_goals::RequestedGoals;
 
 pub use burn::tensor::{Device, Tensor};
 pub use lamogen_guide::{

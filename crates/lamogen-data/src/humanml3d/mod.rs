@@ -7,7 +7,7 @@
 //! Mean.npy, Std.npy               statistics, [263]; computed if the files are missing
 //! ```
 
-mod text;
+pub(crate) mod text;
 
 use std::collections::{HashMap, HashSet};
 use std::io;

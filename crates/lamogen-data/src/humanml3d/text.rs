@@ -8,14 +8,14 @@ use crate::entry::Caption;
 
 /// A line of a caption file: a caption and the part of the motion that it describes.
 #[derive(Debug, PartialEq)]
-pub(super) struct CaptionLine {
+pub(crate) struct CaptionLine {
     pub caption: Caption,
     /// The frames that the caption describes; `None` for the whole motion.
     pub part: Option<Range<usize>>,
 }
 
 /// Parses the lines of a caption file. The error says which line is invalid and why.
-pub(super) fn parse(text: &str) -> Result<Vec<CaptionLine>, String> {
+pub(crate) fn parse(text: &str) -> Result<Vec<CaptionLine>, String> {
     let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
     lines
         .filter(|(_, line)| !line.trim().is_empty())

@@ -10,7 +10,7 @@ use crate::split::Split;
 
 /// A motion file, or a part of one, with its description.
 #[derive(Debug, PartialEq)]
-pub(super) struct ListedMotion {
+pub(crate) struct ListedMotion {
     /// The file, as a path within the folder, with slashes.
     pub file: String,
     /// The start of the part in seconds; `None` if the file's start is meant.
@@ -22,7 +22,7 @@ pub(super) struct ListedMotion {
 
 /// The description of a listed motion: its captions and labels.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct MotionDescription {
+pub(crate) struct MotionDescription {
     pub captions: Vec<String>,
     pub split: Option<Split>,
     pub content: Option<String>,
@@ -60,7 +60,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<ListedMotion>, DataError> {
     })
 }
 
-fn parse(text: &str) -> Result<Vec<ListedMotion>, (usize, String)> {
+pub(crate) fn parse(text: &str) -> Result<Vec<ListedMotion>, (usize, String)> {
     let mut motions: Vec<ListedMotion> = Vec::new();
     let mut indices: HashMap<(String, Option<u64>, Option<u64>), usize> = HashMap::new();
     let mut splits: BTreeMap<String, Split> = BTreeMap::new();

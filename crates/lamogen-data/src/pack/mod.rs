@@ -1,6 +1,6 @@
 //! Packing data sets and motion files into the packed form.
 
-mod listing;
+pub(crate) mod listing;
 mod motions;
 
 use std::collections::HashSet;

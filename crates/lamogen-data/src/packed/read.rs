@@ -62,11 +62,7 @@ fn read_entries(
             continue;
         }
         let line_name = || format!("{CAPTIONS}, line {}", index + 1);
-        let entry = match serde_json::from_str::<EntryLine>(&line) {
-            Ok(line) => line.into_entry(),
-            Err(error) => Err(error.to_string()),
-        };
-        let entry = match entry {
+        let entry = match parse_entry(&line) {
             Ok(entry) => entry,
             Err(reason) => {
                 problems.add(line_name(), ProblemKind::Line, reason);
@@ -83,6 +79,12 @@ fn read_entries(
         }
     }
     Ok(entries)
+}
+
+/// Parses a line of `captions.jsonl`.
+pub(crate) fn parse_entry(line: &str) -> Result<Entry, String> {
+    let line: EntryLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
+    line.into_entry()
 }
 
 /// Checks that an entry has captions, a length within the limits, and finite rows within its clip.

@@ -1,15 +1,10 @@
 //! A cursor that reads a BVH text word by word and knows the line numbers for error messages.
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// The reason why a BVH cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum BvhError {
-    /// The file cannot be opened or read.
-    #[error("{path}: {reason}")]
-    #[allow(missing_docs)]
-    Io { path: PathBuf, reason: io::Error },
     /// A line does not follow the BVH format.
     #[error("{path}, line {line}: expected {expected}, found {found}")]
     #[allow(missing_docs)]

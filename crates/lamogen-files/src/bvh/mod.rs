@@ -26,20 +26,7 @@ pub fn read_text(
     path: impl AsRef<Path>,
 ) -> Result<ImportedMotion, ReadError> {
     let path = path.as_ref();
-    import_bvh(&read::parse(text, path)?, options, path)
-}
-
-/// Reads a motion from a BVH file.
-pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<ImportedMotion, ReadError> {
-    import_bvh(&read::read(path)?, options, path)
-}
-
-/// Converts a parsed BVH to a motion.
-fn import_bvh(
-    bvh: &read::ParsedBvh,
-    options: &ReadOptions,
-    path: &Path,
-) -> Result<ImportedMotion, ReadError> {
+    let bvh = read::parse(text, path)?;
     Ok(ImportedMotion {
         announced_frames: Some(bvh.announced_frames).filter(|n| *n != bvh.clip.frames),
         ..import(&bvh.clip, options, path)?

@@ -50,10 +50,12 @@ impl GltfFile {
     /// Parses the bytes of a `.glb` or `.gltf` file, as far as an animation needs them: the one of the given name, or else
     /// the first one. The bytes themselves show which of the two kinds of files it is.
     ///
-    /// Buffers may be in the file itself or in files beside it, but not in a network.
+    /// Buffers may be in the file itself or, if there is a `folder`, in other files of it, but not in a network. `path` is
+    /// used only in error messages.
     pub(super) fn parse(
         bytes: &[u8],
         path: &Path,
+        folder: Option<&Path>,
         animation: Option<&str>,
     ) -> Result<GltfFile, GlbError> {
         let format_error = |reason| GlbError::Format {
@@ -67,7 +69,7 @@ impl GltfFile {
             buffers: Vec::new(),
             decoded: HashMap::new(),
         };
-        file.load_buffers(path, chunk)?;
+        file.load_buffers(path, folder, chunk)?;
         file.decode_views(&compressed).map_err(format_error)?;
         Ok(file)
     }
@@ -98,7 +100,12 @@ impl GltfFile {
     }
 
     /// Loads the bytes of all buffers. `chunk` is the binary chunk of a GLB file.
-    fn load_buffers(&mut self, path: &Path, chunk: Option<&[u8]>) -> Result<(), GlbError> {
+    fn load_buffers(
+        &mut self,
+        path: &Path,
+        folder: Option<&Path>,
+        chunk: Option<&[u8]>,
+    ) -> Result<(), GlbError> {
         let mut remaining = MAX_BYTES;
         for (index, buffer) in self.root.buffers.iter().enumerate() {
             let format_error = |reason| GlbError::Format {
@@ -120,7 +127,12 @@ impl GltfFile {
                     Some(data) => decode_data_uri(data).map_err(format_error)?,
                     None => {
                         let relative = relative_path(uri).map_err(format_error)?;
-                        let side = path.parent().unwrap_or(Path::new("")).join(relative);
+                        let folder = folder.ok_or_else(|| {
+                            format_error(format!(
+                                "expected its bytes in this file, found the other file {uri:?}"
+                            ))
+                        })?;
+                        let side = folder.join(relative);
                         read_side_file(&side, length)
                             .map_err(|reason| GlbError::Io { path: side, reason })?
                     }

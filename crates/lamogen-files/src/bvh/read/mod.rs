@@ -25,15 +25,6 @@ pub(crate) struct ParsedBvh {
 /// The longest allowed time between two frames, in seconds.
 const MAX_FRAME_TIME: f64 = 10.0;
 
-/// Reads a BVH file. Bytes that are not UTF-8, as in joint names of old files, are replaced.
-pub(crate) fn read(path: &Path) -> Result<ParsedBvh, BvhError> {
-    let bytes = std::fs::read(path).map_err(|reason| BvhError::Io {
-        path: path.to_owned(),
-        reason,
-    })?;
-    parse(&String::from_utf8_lossy(&bytes), path)
-}
-
 /// Parses the text of a BVH file. `path` is used only in error messages.
 pub(crate) fn parse(text: &str, path: &Path) -> Result<ParsedBvh, BvhError> {
     let text = text.trim_start_matches('\u{feff}');

@@ -260,7 +260,9 @@ fn errors_name_the_line_and_what_was_expected_and_found() {
             assert!(message.contains(part), "{part:?} is not in {message:?}");
         }
     }
-    let message = read(Path::new("no/such.bvh")).unwrap_err().to_string();
+    let message = crate::read("no/such.bvh", &crate::ReadOptions::default())
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("no/such.bvh"), "{message}");
 }
 

@@ -14,7 +14,7 @@ use clip::build_clip;
 /// The most keyframes in all curves together, and the most values of a clip. A motion of half an hour needs this many.
 const MAX_VALUES: u64 = 1 << 24;
 
-/// Reads an animation of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip, the
+/// Reads an animation from the bytes of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip, the
 /// names of the other animations, and the file's copyright.
 ///
 /// All nodes are read; those without a name are called, for example, `node 7`. The clip starts at the first keyframe. Its
@@ -24,26 +24,15 @@ const MAX_VALUES: u64 = 1 << 24;
 ///
 /// # Errors
 ///
-/// If the file cannot be read, is not glTF 2, is damaged or has no animation, or needs a feature that is not supported:
+/// If another file cannot be read, or the file is not glTF 2, is damaged or has no animation, or needs a feature that is not supported:
 /// compressed keyframes, buffers from a network, child nodes of a node that changes its size.
 pub(crate) fn read(
-    path: &Path,
-    animation: Option<&str>,
-) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
-    let bytes = std::fs::read(path).map_err(|reason| GlbError::Io {
-        path: path.to_owned(),
-        reason,
-    })?;
-    read_bytes(&bytes, path, animation)
-}
-
-/// Reads an animation from the bytes of a file, like [`read`].
-fn read_bytes(
     bytes: &[u8],
     path: &Path,
+    folder: Option<&Path>,
     animation: Option<&str>,
 ) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
-    let file = GltfFile::parse(bytes, path, animation)?;
+    let file = GltfFile::parse(bytes, path, folder, animation)?;
     let format_error = |reason| GlbError::Format {
         path: path.to_owned(),
         reason,

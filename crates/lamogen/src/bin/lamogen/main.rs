@@ -22,7 +22,6 @@ mod devices;
 mod eval;
 mod failure;
 mod generate;
-mod goals;
 mod help;
 mod laban;
 mod model;

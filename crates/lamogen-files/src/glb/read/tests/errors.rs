@@ -97,14 +97,38 @@ fn errors_say_why_a_file_cannot_be_read() {
         (b"{}", "its JSON"),
     ] {
         std::fs::write(&path, bytes).unwrap();
-        let message = read(&path, None).err().unwrap().to_string();
+        let message = read_file(&path, None).err().unwrap().to_string();
         assert!(
             message.contains("x.glb") && message.contains(expected),
             "{message}"
         );
     }
-    let error = read(&folder.path().join("none.glb"), None).err().unwrap();
-    assert!(matches!(error, GlbError::Io { .. }));
+}
+
+#[test]
+fn bytes_refer_to_no_other_file() {
+    let text = json!({
+        "asset": { "version": "2.0" },
+        "nodes": [{ "name": "Hips" }],
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
+            "samplers": [{ "input": 0, "output": 1 }],
+        }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 1, "type": "SCALAR", "min": [0.0], "max": [0.0] },
+            { "bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3" },
+        ],
+        "bufferViews": [{ "buffer": 0, "byteLength": 12 }],
+        "buffers": [{ "uri": "other.bin", "byteLength": 12 }],
+    });
+    let options = crate::ReadOptions::default();
+    let message = crate::read_bytes(text.to_string().as_bytes(), "a.gltf", &options)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("other.bin") && message.contains("in this file"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -116,7 +140,7 @@ fn damaged_files_never_panic_or_grow() {
     };
     let whole = glb::bytes(&rotations, &options).unwrap();
     let attempt = |bytes: &[u8]| {
-        if let Ok((clip, ..)) = read_bytes(bytes, Path::new("damaged.glb"), None) {
+        if let Ok((clip, ..)) = read(bytes, Path::new("damaged.glb"), None, None) {
             let end = clip.frames as f64 * clip.seconds_per_frame;
             assert_eq!(clip.positions(end).len(), clip.nodes.len());
         }

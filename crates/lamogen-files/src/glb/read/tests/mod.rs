@@ -34,7 +34,7 @@ fn write_and_read(options: &GlbOptions) -> Clip {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.glb");
     write(&path, &example::rotations(), options).unwrap();
-    read(&path, None).unwrap().0
+    read_file(&path, None).unwrap().0
 }
 
 /// Returns a glTF document with one animation of the given keyframes, whose bytes are embedded in a data URI.
@@ -80,11 +80,24 @@ fn document(nodes: Json, times: &[f32], curves: &[(usize, &str, &str, &[f32])]) 
     })
 }
 
+/// Reads an animation of a file, as [`crate::read()`] does.
+fn read_file(
+    path: &Path,
+    animation: Option<&str>,
+) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
+    read(
+        &std::fs::read(path).unwrap(),
+        path,
+        path.parent(),
+        animation,
+    )
+}
+
 fn read_json(json: &Json) -> Result<Clip, GlbError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.gltf");
     std::fs::write(&path, json.to_string()).unwrap();
-    read(&path, None).map(|(clip, ..)| clip)
+    read_file(&path, None).map(|(clip, ..)| clip)
 }
 
 fn two_nodes() -> Json {

@@ -24,7 +24,7 @@ fn a_long_motion_keeps_its_frames() {
     let path = folder.path().join("long.glb");
     let rotations = lamogen_motion::Rotations::of(&example::motion(12_000));
     write(&path, &rotations, &GlbOptions::default()).unwrap();
-    let (clip, ..) = read(&path, None).unwrap();
+    let (clip, ..) = read_file(&path, None).unwrap();
     assert_eq!(clip.frames, 12_000);
     let gap = largest_gap(&clip, &rotations.joints());
     assert!(gap < 1e-4, "{gap}");
@@ -55,10 +55,10 @@ fn buffers_may_be_in_separate_files() {
     let mut json: Json = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     json["buffers"][0]["uri"] = json!("the%20numbers.bin");
     std::fs::write(&path, json.to_string()).unwrap();
-    let error = read(&path, None).err().unwrap().to_string();
+    let error = read_file(&path, None).err().unwrap().to_string();
     assert!(error.contains("the numbers.bin"), "{error}");
     std::fs::write(folder.path().join("the numbers.bin"), &bytes[28 + length..]).unwrap();
-    let (clip, ..) = read(&path, None).unwrap();
+    let (clip, ..) = read_file(&path, None).unwrap();
     assert!(largest_gap(&clip, &example::rotations().joints()) < 1e-4);
     // Folders, devices and pipes are not read, and no file outside the folder of the glTF file.
     for (uri, part) in [
@@ -70,7 +70,7 @@ fn buffers_may_be_in_separate_files() {
     ] {
         json["buffers"][0]["uri"] = json!(uri);
         std::fs::write(&path, json.to_string()).unwrap();
-        let error = read(&path, None).err().unwrap().to_string();
+        let error = read_file(&path, None).err().unwrap().to_string();
         assert!(error.contains(part), "{error}");
     }
 }
@@ -84,8 +84,8 @@ fn animations_are_chosen_by_name() {
         ..GlbOptions::default()
     };
     write(&path, &example::rotations(), &options).unwrap();
-    assert!(read(&path, Some("jump")).is_ok());
-    let error = read(&path, Some("walk")).err().unwrap().to_string();
+    assert!(read_file(&path, Some("jump")).is_ok());
+    let error = read_file(&path, Some("walk")).err().unwrap().to_string();
     assert!(
         error.contains("\"walk\"") && error.contains("\"jump\""),
         "{error}"

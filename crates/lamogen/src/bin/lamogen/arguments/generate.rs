@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lamogen::laban::GoalError;
-use lamogen::{Component, Goal, PartScale, Scale};
+use lamogen::{Component, Goal, PartScale, RequestedGoals, Scale};
 
 use super::shared::{ModelArguments, PassArguments, WritingArguments};
-use crate::goals::RequestedGoals;
 use crate::output::OutputFile;
 
 /// The text below the options in the help.

@@ -6,7 +6,6 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use lamogen::files::{Unit, UpAxis};
 use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, TemporalSmoothing};
-use serde::{Deserialize, Serialize};
 
 use crate::output::OutputFormat;
 
@@ -92,8 +91,7 @@ impl PassArguments {
 }
 
 /// The value of `--preset`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum PresetName {
     Precise,
     Fast,
@@ -108,11 +106,19 @@ impl PresetName {
             PresetName::Paper => Preset::Paper,
         }
     }
+
+    /// Returns the name of a preset.
+    pub fn of(preset: Preset) -> PresetName {
+        match preset {
+            Preset::Precise => PresetName::Precise,
+            Preset::Fast => PresetName::Fast,
+            Preset::Paper => PresetName::Paper,
+        }
+    }
 }
 
 /// The value of `--body`: the body of the motion that is measured, guided and written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BodyName {
     Rig,
     Network,
@@ -134,7 +140,7 @@ impl BodyName {
         }
     }
 
-    fn body(self) -> Body {
+    pub fn body(self) -> Body {
         match self {
             BodyName::Rig => Body::Rig,
             BodyName::Network => Body::Network,

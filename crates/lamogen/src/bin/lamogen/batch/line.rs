@@ -3,60 +3,10 @@
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use lamogen::laban::GoalError;
-use lamogen::{
-    COMPONENTS, Component, Device, Factor, Goal, Goals, PartScale, Preset, Request, Scale,
-};
+use lamogen::{Device, Goals, JsonRequest, Preset, Request};
 use lamogen_data::Checksum;
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
-use crate::goals::RequestedGoals;
-use crate::report::component_key;
-
-/// A request as the file states it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RequestLine {
-    pub prompt: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    id: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    weight: Option<GoalText>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    time: Option<GoalText>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    flow: Option<GoalText>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    shape: Option<GoalText>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    scale: Option<[f32; 4]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    like: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    part: Vec<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    seconds: Option<f32>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    seed: Option<u64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    steps: Option<usize>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    preset: Option<PresetName>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    emphasis: Option<f32>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    body: Option<BodyName>,
-}
-
-/// A goal in the syntax of the command line, or a plain number.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a number, a word or keys such as \"0:1 1:1.5\"")]
-enum GoalText {
-    Number(f32),
-    Text(String),
-}
 
 /// A request of a batch.
 #[derive(Clone, Debug)]
@@ -65,16 +15,12 @@ pub struct BatchItem {
     pub number: usize,
     /// The name of the output files.
     pub id: String,
-    pub line: RequestLine,
-    requested_goals: RequestedGoals,
+    pub line: JsonRequest,
     /// The goals, after [`BatchItem::resolve_goals`].
     goals: Option<Goals>,
     /// The checksum of the motion file that has the Laban features to reach.
     like_checksum: Option<String>,
 }
-
-/// The length of the longest id in characters.
-const MAX_ID_LENGTH: usize = 100;
 
 /// Parses the requests of a file. Returns them, and the number of each wrong line with the reason. `endings` are the
 /// file name extensions of the files that are written for each request.
@@ -117,99 +63,27 @@ pub fn parse_items(text: &str, endings: &[&str]) -> (Vec<BatchItem>, Vec<(usize,
     (items, wrong)
 }
 
-/// Returns the first field that cannot be read; the errors of serde do not name it.
-fn find_wrong_field(text: &str) -> Option<String> {
-    let fields: Map<String, Value> = serde_json::from_str(text).ok()?;
-    let is_wrong = |(name, value): &(String, Value)| {
-        let mut alone = Map::from_iter([("prompt".to_owned(), "a".into())]);
-        alone.insert(name.clone(), value.clone());
-        serde_json::from_value::<RequestLine>(alone.into()).is_err()
-    };
-    let (name, _) = fields.into_iter().find(is_wrong)?;
-    Some(name)
-}
-
 /// Parses one line.
 fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
-    if !text.starts_with('{') {
-        let start: String = text.chars().take(20).collect();
-        return Err(format!(
-            "expected a JSON object {{\"prompt\": …}}, found {start}"
-        ));
-    }
-    let line: RequestLine = serde_json::from_str(text).map_err(|error| {
-        // The number of the line is added later; serde counts each line as the first.
-        let reason = error.to_string().replace("at line 1 column", "at column");
-        match find_wrong_field(text) {
-            Some(field) if !reason.contains(&format!("`{field}`")) => format!("{field}: {reason}"),
-            _ => reason,
-        }
-    })?;
-    let id = match &line.id {
-        Some(id) => {
-            let is_allowed = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-            let is_valid = !id.is_empty()
-                && id.len() <= MAX_ID_LENGTH
-                && !id.starts_with('.')
-                && id.chars().all(is_allowed);
-            if !is_valid {
-                return Err(format!(
-                    "expected an id of up to {MAX_ID_LENGTH} letters A to Z and a to z, digits, - _ and . (not first), found {id:?}"
-                ));
-            }
-            id.clone()
-        }
-        None => format!("line-{number:05}"),
-    };
-    let requested_goals = line.requested_goals()?;
+    let line = JsonRequest::parse(text).map_err(|error| error.to_string())?;
     Ok(BatchItem {
         number,
-        id,
+        id: { line.id.clone() }.unwrap_or_else(|| format!("line-{number:05}")),
         line,
-        requested_goals,
         goals: None,
         like_checksum: None,
     })
-}
-
-impl RequestLine {
-    /// Parses the goals that the line states.
-    fn requested_goals(&self) -> Result<RequestedGoals, String> {
-        let goals = [&self.weight, &self.time, &self.flow, &self.shape];
-        if self.scale.is_some() && goals.iter().any(|goal| goal.is_some()) {
-            return Err("expected a scale or factors of components, found both".into());
-        }
-        if self.scale.is_some() && self.like.is_some() {
-            return Err("expected a scale or a motion to be like, found both".into());
-        }
-        let mut parsed = [const { None }; COMPONENTS];
-        for (component, text) in Component::ALL.into_iter().zip(goals) {
-            let goal = text.as_ref().map(|text| match text {
-                GoalText::Number(number) => Ok(Factor::constant(*number)?.into()),
-                GoalText::Text(text) => Goal::parse(component, text),
-            });
-            parsed[component.index()] = goal
-                .transpose()
-                .map_err(|error| format!("{}: {error}", component_key(component)))?;
-        }
-        let parts = self.part.iter().map(|part| part.parse());
-        let parts: Result<Vec<PartScale>, GoalError> = parts.collect();
-        let scale = self.scale.map(Scale::new).transpose();
-        Ok(RequestedGoals {
-            goals: parsed,
-            scale: scale.map_err(|error| error.to_string())?,
-            like: self.like.clone(),
-            parts: parts.map_err(|error| format!("part: {error}"))?,
-        })
-    }
 }
 
 impl BatchItem {
     /// Combines the goals of the request, and reads the motion file with the features to reach, if the request names
     /// one.
     pub fn resolve_goals(&mut self, device: &Device) -> Result<(), String> {
-        let goals = self.requested_goals.resolve(device);
-        self.goals = goals.map_err(|failure| failure.message)?;
+        let requested = self.line.requested_goals();
+        let requested = requested.map_err(|error| error.to_string())?;
+        self.goals = requested
+            .resolve(device)
+            .map_err(|error| error.to_string())?;
         Ok(())
     }
 
@@ -253,22 +127,21 @@ impl BatchItem {
     pub fn pass(&self, defaults: &PassArguments) -> PassArguments {
         PassArguments {
             steps: self.line.steps.or(defaults.steps),
-            preset: self.line.preset.or(defaults.preset),
+            preset: self.line.preset.map(PresetName::of).or(defaults.preset),
             emphasis: self.line.emphasis.or(defaults.emphasis),
-            body: self.line.body.or(defaults.body),
+            body: self.line.body.map(BodyName::of).or(defaults.body),
         }
     }
 
     /// Makes the request. `defaults` are the options of the command line, and `preset` is that of the model.
     pub fn request(&self, defaults: &PassArguments, preset: Preset) -> Request {
-        let mut request = Request::new(&self.line.prompt).seed(self.seed());
-        if let Some(seconds) = self.line.seconds {
-            request = request.seconds(seconds);
-        }
-        if let Some(goals) = &self.goals {
-            request = request.scale(goals.clone());
-        }
-        self.pass(defaults).apply(request, preset)
+        let pass = self.pass(defaults);
+        let mut line = self.line.clone();
+        line.steps = pass.steps;
+        line.preset = pass.preset.map(PresetName::preset);
+        line.emphasis = pass.emphasis;
+        line.body = pass.body.map(BodyName::body);
+        line.request_with(self.goals.clone(), preset)
     }
 }
 

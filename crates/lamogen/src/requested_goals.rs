@@ -1,15 +1,14 @@
-//! The goals of a motion, as the options of the command line and the lines of a batch state them.
+//! The goals of a motion, as a user states them.
 
 use std::path::PathBuf;
 
-use lamogen::files::{ReadOptions, read};
-use lamogen::{
-    COMPONENTS, Component, Device, Goal, Goals, LabanOptions, LabanSeries, PartScale, Scale,
+use burn::tensor::Device;
+use lamogen_files::{ReadError, ReadOptions, read};
+use lamogen_laban::{
+    COMPONENTS, Component, Goal, Goals, LabanOptions, LabanSeries, PartScale, Scale,
 };
 
-use crate::failure::Failure;
-
-/// The goals that a user states.
+/// The goals that a user states in JSON or on a command line: factors, a motion file to be like, parts of the body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RequestedGoals {
     /// The goals of single components, in the order of the components.
@@ -25,7 +24,11 @@ pub struct RequestedGoals {
 impl RequestedGoals {
     /// Combines the goals, and reads the motion file if there is one. Returns `None` if no goal is stated. Goals of
     /// single components replace those of the motion file.
-    pub fn resolve(&self, device: &Device) -> Result<Option<Goals>, Failure> {
+    ///
+    /// # Errors
+    ///
+    /// If the motion file cannot be read.
+    pub fn resolve(&self, device: &Device) -> Result<Option<Goals>, ReadError> {
         if *self == RequestedGoals::default() {
             return Ok(None);
         }

@@ -1,0 +1,3 @@
+//! The fuzz targets of lamogen.
+
+pub mod targets;
