@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use lamogen_motion::{
-    FOOT_CONTACT_JOINTS, FRAMES_PER_SECOND, FeatureGroup, JOINTS, Joint, POSE_FEATURES,
+    FOOT_CONTACT_JOINTS, FRAMES_PER_SECOND, FeatureGroup, JOINTS, Joint, Motion, POSE_FEATURES,
 };
 
 /// Limits of height and speed within which the ankle or the ball of a foot stands. A contact begins within the first
@@ -52,6 +52,14 @@ pub struct FootContact {
     pub until: usize,
     /// The position at which the joint stands, in metres.
     pub position: [f64; 3],
+}
+
+/// Finds when the feet of a motion stand: where an ankle or the ball of a foot is low and slow.
+pub fn foot_contacts(motion: &Motion) -> Vec<FootContact> {
+    let poses: Vec<[DVec3; JOINTS]> = { motion.joints().iter() }
+        .map(|pose| pose.map(|place| DVec3::from(place.map(f64::from))))
+        .collect();
+    find_contacts(&poses, None, crate::ground(motion))
 }
 
 /// Finds the contacts of ankles and balls of the feet with the ground.

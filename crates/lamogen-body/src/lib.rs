@@ -23,6 +23,7 @@ mod pose;
 mod snaps;
 mod track;
 
+pub use contacts::{FootContact, foot_contacts};
 pub use fit::{FitInput, FitObjective, FitProgress, FitResult, ground};
 pub use kinematics::{Kinematics, LinearizedKinematics};
 pub use options::{FitError, FitOptions};

@@ -26,6 +26,7 @@ mod npy;
 mod plausibility;
 mod schemes;
 mod similar_names;
+mod skeleton;
 mod units;
 
 pub use error::{ReadError, WriteError};
@@ -34,6 +35,7 @@ pub use import::{ImportedMotion, ReadOptions};
 pub use mapping::{JointMapping, MappingError};
 pub use names::UnknownSkeleton;
 pub use plausibility::ImportNotice;
+pub use skeleton::{SkeletonError, SkeletonJoints, SkeletonNode, find_joints};
 pub use units::{Unit, UnitError, UpAxis, UpAxisError};
 
 #[cfg(doctest)]

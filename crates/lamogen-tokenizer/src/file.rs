@@ -26,7 +26,7 @@ impl FileTokenizer {
             path: path.clone(),
             problem,
         };
-        check_templates(json).map_err(format_error)?;
+        check_file(json).map_err(format_error)?;
         let mut inner = tokenizers::Tokenizer::from_bytes(json)
             .map_err(|error| format_error(error.to_string()))?;
         // A user's "<|endoftext|>" is treated as text, because as a token it would end the prompt early.
@@ -97,11 +97,36 @@ impl FileTokenizer {
     }
 }
 
-/// Checks that the templates of a file name only the text and special tokens that they describe. The library takes other
-/// templates, and panics when it uses them.
-fn check_templates(json: &[u8]) -> Result<(), String> {
+/// Checks what the library takes from a file without a check of its own, and panics on later: templates of special tokens,
+/// and merges of parts of words.
+fn check_file(json: &[u8]) -> Result<(), String> {
     let file: Value = serde_json::from_slice(json).map_err(|error| error.to_string())?;
+    file.get("model").map_or(Ok(()), check_merges)?;
     file.get("post_processor").map_or(Ok(()), check_template)
+}
+
+/// Checks that the second part of every merge begins as continued words do.
+fn check_merges(model: &Value) -> Result<(), String> {
+    let prefix = model
+        .get("continuing_subword_prefix")
+        .and_then(Value::as_str);
+    let merges = model.get("merges").and_then(Value::as_array);
+    let (Some(prefix), Some(merges)) = (prefix, merges) else {
+        return Ok(());
+    };
+    for (index, merge) in merges.iter().enumerate() {
+        // A pair is an array of two texts, or a text with a space between them.
+        let second = match merge.as_str() {
+            Some(pair) => pair.split_once(' ').map(|(_, second)| second),
+            None => merge.get(1).and_then(Value::as_str),
+        };
+        if let Some(second) = second.filter(|second| !second.starts_with(prefix)) {
+            return Err(format!(
+                "model.merges[{index}]: expected a second part that begins with {prefix:?}, found {second:?}"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Checks a post-processor, and those within it.

@@ -130,3 +130,21 @@ fn templates_with_tokens_that_they_do_not_describe_are_refused() {
         }
     }
 }
+
+#[test]
+fn merges_that_do_not_continue_a_word_are_refused() {
+    let mut file: serde_json::Value = serde_json::from_slice(JSON).unwrap();
+    file["model"]["continuing_subword_prefix"] = "##".into();
+    for merges in [serde_json::json!([["a", "b"]]), serde_json::json!(["a b"])] {
+        file["model"]["merges"] = merges;
+        let json = serde_json::to_vec(&file).unwrap();
+        let message = Tokenizer::from_json(&json, "tokenizer.json", VOCABULARY, CONTEXT)
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(
+            message.contains("merges[0]") && message.contains("\"b\""),
+            "{message}"
+        );
+    }
+}

@@ -87,6 +87,7 @@ pub use lamogen_laban::{
 pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 
 pub use lamogen_body as body;
+pub use lamogen_character as character;
 pub use lamogen_files as files;
 pub use lamogen_guide as guide;
 pub use lamogen_laban as laban;

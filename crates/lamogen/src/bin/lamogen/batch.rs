@@ -34,6 +34,7 @@ const MAX_LISTED: usize = 10;
 /// Runs `lamogen batch`.
 pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     let mut items = read_items(options, console)?;
+    options.writing.check(&options.format)?;
     for notice in options.writing.unused_option_notices(&options.format) {
         console.notice(notice);
     }
@@ -61,6 +62,8 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
         options,
         source: &source,
         console,
+        character_checksum: { options.writing.onto.onto.as_ref() }
+            .and_then(|path| line::file_checksum(path)),
     };
     let mut checksums = HashMap::new();
     for item in &mut items {
@@ -205,6 +208,8 @@ struct BatchRunner<'a> {
     options: &'a BatchArguments,
     source: &'a ModelSource,
     console: &'a Console,
+    /// The checksum of the file of the character that the motions are put on.
+    character_checksum: Option<String>,
 }
 
 impl BatchRunner<'_> {
@@ -219,7 +224,7 @@ impl BatchRunner<'_> {
         let pass = item.pass(&self.options.pass);
         let formats = self.options.format.iter().map(|format| format.ending());
         let writing = &self.options.writing;
-        json!({
+        let mut identity = json!({
             "request": item.line,
             "model": self.source.name,
             "weights": self.source.checksum(),
@@ -232,12 +237,25 @@ impl BatchRunner<'_> {
             "text_scale": self.source.model.text_scale(),
             "stand_in": self.source.model.stand_in(&item.line.prompt),
             "formats": formats.collect::<Vec<_>>(),
-            "fps": writing.fps,
+            "fps": writing.fps.unwrap_or(20.0),
             "bvh_unit": writing.bvh_unit.to_string(),
             "bvh_names": writing.bvh_names.name(),
             "gif_width": writing.gif_width,
             "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
-        })
+        });
+        if let Some(character) = &self.character_checksum {
+            let onto = &writing.onto;
+            identity["onto"] = json!({
+                "character": character,
+                "fps": writing.fps,
+                "animation_name": onto.animation_name,
+                "replace_animations": onto.replace_animations,
+                "node": onto.character,
+                "names": onto.onto_names,
+                "free_feet": onto.free_feet,
+            });
+        }
+        identity
     }
 
     /// Returns the file of an item in a format.

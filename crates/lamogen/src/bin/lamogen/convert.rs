@@ -17,6 +17,7 @@ use crate::source::open_device;
 /// Runs `lamogen convert`.
 pub fn run(options: &ConvertArguments, console: &Console) -> Result<(), Failure> {
     options.to.check()?;
+    options.writing.check(&[options.to.format])?;
     for notice in options.writing.unused_option_notices(&[options.to.format]) {
         console.notice(notice);
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use lamogen::character::CharacterError;
 use lamogen::files::{MappingError, ReadError, WriteError};
 use lamogen::{DeviceError, Error, LoadError};
 use lamogen_data::DataError;
@@ -132,6 +133,24 @@ impl From<VariationError> for Failure {
             VariationError::Io { .. } => FailureCode::Output,
         };
         Failure::new(code, error)
+    }
+}
+
+impl From<CharacterError> for Failure {
+    fn from(error: CharacterError) -> Self {
+        let failure = |code| Failure::new(code, &error);
+        match &error {
+            CharacterError::Container { .. } | CharacterError::Node { .. } => {
+                failure(FailureCode::Usage)
+            }
+            CharacterError::SideFiles { .. } => failure(FailureCode::Usage)
+                .hint("write into that folder, or export the character as .glb"),
+            CharacterError::Skeleton { .. } => {
+                failure(FailureCode::Input).hint("--onto-names names a mapping file")
+            }
+            CharacterError::Write { .. } => failure(FailureCode::Output),
+            _ => failure(FailureCode::Input),
+        }
     }
 }
 

@@ -18,6 +18,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     let seeds = seeds(options)?;
     let outputs = sample_files(options, &seeds)?;
     let formats: Vec<OutputFormat> = options.out.iter().map(|output| output.format).collect();
+    options.writing.check(&formats)?;
     for notice in options.writing.unused_option_notices(&formats) {
         console.notice(notice);
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::ValueEnum;
+use lamogen::character::{Character, RetargetOptions, SaveOptions};
 use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
 use lamogen::files::{WriteOptions, csv};
@@ -20,6 +21,10 @@ use crate::scene::{Scene, SceneMotion, seconds};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OutputFormat {
     Glb,
+    /// A character in the container of VRM.
+    Vrm,
+    /// A character as JSON.
+    Gltf,
     Bvh,
     Npy,
     #[value(name = "features.npy")]
@@ -52,6 +57,8 @@ impl OutputFormat {
     pub fn ending(self) -> &'static str {
         match self {
             OutputFormat::Glb => "glb",
+            OutputFormat::Vrm => "vrm",
+            OutputFormat::Gltf => "gltf",
             OutputFormat::Bvh => "bvh",
             OutputFormat::Npy => "npy",
             OutputFormat::Features => "features.npy",
@@ -143,6 +150,11 @@ impl OutputFile {
     ) -> Result<(), Failure> {
         let path = &self.path;
         match self.format {
+            OutputFormat::Glb | OutputFormat::Vrm | OutputFormat::Gltf
+                if let Some(character) = writing.onto.open()? =>
+            {
+                return self.write_onto(&character, scene, writing);
+            }
             OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Npy | OutputFormat::Features => {
                 let options = write_options(scene, writing, self.format);
                 let scene_motion = scene.main();
@@ -195,6 +207,32 @@ impl OutputFile {
     }
 }
 
+impl OutputFile {
+    /// Writes the file of a character with the motion as one more animation.
+    fn write_onto(
+        &self,
+        character: &Character,
+        scene: &Scene,
+        writing: &WritingArguments,
+    ) -> Result<(), Failure> {
+        let mut options = RetargetOptions {
+            plant_feet: !writing.onto.free_feet,
+            ..RetargetOptions::default()
+        };
+        if let Some(rate) = writing.fps {
+            options.frames_per_second = rate;
+        }
+        let name = writing.onto.animation_name.as_ref();
+        let animation = character
+            .animate(&scene.main().motion, &options)
+            .named(name.unwrap_or(&scene.title));
+        let options = SaveOptions {
+            replace_animations: writing.onto.replace_animations,
+        };
+        Ok(character.save(&self.path, &[animation], &options)?)
+    }
+}
+
 /// Returns the options of writing a motion file.
 fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat) -> WriteOptions {
     let mut options = WriteOptions {
@@ -214,7 +252,7 @@ fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat
     };
     // NumPy arrays keep the frame rate of the motion.
     if matches!(format, OutputFormat::Glb | OutputFormat::Bvh) {
-        options.frames_per_second = writing.fps;
+        options.frames_per_second = writing.fps.unwrap_or(options.frames_per_second);
     }
     options
 }

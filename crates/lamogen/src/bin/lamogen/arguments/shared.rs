@@ -4,9 +4,11 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use lamogen::files::{Unit, UpAxis};
+use lamogen::character::{Character, CharacterOptions};
+use lamogen::files::{JointMapping, Unit, UpAxis};
 use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, TemporalSmoothing};
 
+use crate::failure::{Failure, FailureCode};
 use crate::output::OutputFormat;
 
 /// The model, its sampling options, and the device that it runs on.
@@ -151,9 +153,9 @@ impl BodyName {
 /// The options of writing motion files.
 #[derive(Args, Clone)]
 pub struct WritingArguments {
-    /// Frames a second of .bvh and .glb.
-    #[arg(long, default_value_t = 20.0, value_parser = parse_fps)]
-    pub fps: f32,
+    /// Frames a second of .bvh and .glb; usually 20, and 30 on a character.
+    #[arg(long, value_parser = parse_fps)]
+    pub fps: Option<f32>,
     /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
     #[arg(long, default_value = "cm")]
     pub bvh_unit: Unit,
@@ -163,16 +165,89 @@ pub struct WritingArguments {
     /// Width of .gif in pixels; usually 320 a motion.
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(160..=4096))]
     pub gif_width: Option<u32>,
+    #[command(flatten)]
+    pub onto: OntoArguments,
+}
+
+/// The options of writing motions onto a character.
+#[derive(Args, Clone)]
+pub struct OntoArguments {
+    /// Character that .glb, .gltf and .vrm put the motion on: a .glb, .gltf or .vrm with a skin. The file that is written is this
+    /// file with one more animation.
+    #[arg(long, value_name = "FILE")]
+    pub onto: Option<PathBuf>,
+    /// Name of the animation; usually the sentence.
+    #[arg(long, value_name = "NAME", requires = "onto")]
+    pub animation_name: Option<String>,
+    /// Drop the animations that the character's file has.
+    #[arg(long, requires = "onto")]
+    pub replace_animations: bool,
+    /// Node at or above the character's skeleton, if its file has several.
+    #[arg(long, value_name = "NODE", requires = "onto")]
+    pub character: Option<String>,
+    /// Mapping file for a character with unknown names, as --names is for motions.
+    #[arg(long, value_name = "MAPPING", requires = "onto")]
+    pub onto_names: Option<PathBuf>,
+    /// Let feet slide as they do when the character has other proportions than the motion's body.
+    #[arg(long, requires = "onto")]
+    pub free_feet: bool,
+}
+
+impl OntoArguments {
+    /// Reads the character, if there is one.
+    pub fn open(&self) -> Result<Option<Character>, Failure> {
+        let Some(path) = &self.onto else {
+            return Ok(None);
+        };
+        let mapping = self
+            .onto_names
+            .as_ref()
+            .map(JointMapping::read)
+            .transpose()?;
+        let options = CharacterOptions {
+            mapping,
+            root: self.character.clone(),
+        };
+        Ok(Some(Character::open(path, &options)?))
+    }
 }
 
 impl WritingArguments {
+    /// Checks that the options fit the formats, and that the character can be read. Commands call this before their work.
+    pub fn check(&self, formats: &[OutputFormat]) -> Result<(), Failure> {
+        let for_characters = [OutputFormat::Vrm, OutputFormat::Gltf];
+        let needs = formats
+            .iter()
+            .find(|format| for_characters.contains(format));
+        match (&self.onto.onto, needs) {
+            (None, Some(format)) => {
+                let message = format!(
+                    "expected a character for .{}, found none: --onto names its file",
+                    format.ending()
+                );
+                Err(Failure::new(FailureCode::Usage, message))
+            }
+            _ => self.onto.open().map(drop),
+        }
+    }
+
     /// Returns a notice for each option that was given and has no effect on files of these formats.
     pub fn unused_option_notices(&self, formats: &[OutputFormat]) -> Vec<String> {
         let given = [
             (
                 "--fps",
-                self.fps != 20.0,
-                &[OutputFormat::Bvh, OutputFormat::Glb][..],
+                self.fps.is_some(),
+                &[
+                    OutputFormat::Bvh,
+                    OutputFormat::Glb,
+                    OutputFormat::Gltf,
+                    OutputFormat::Vrm,
+                ][..],
+            ),
+            (
+                "--onto",
+                self.onto.onto.is_some(),
+                &[OutputFormat::Glb, OutputFormat::Gltf, OutputFormat::Vrm],
             ),
             (
                 "--bvh-unit",

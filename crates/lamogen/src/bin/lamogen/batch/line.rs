@@ -1,7 +1,7 @@
 //! The lines of a file of requests.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lamogen::{Device, Goals, JsonRequest, Preset, Request};
 use lamogen_data::Checksum;
@@ -75,6 +75,13 @@ fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
     })
 }
 
+/// Computes the checksum of a file; `None` if it cannot be read.
+pub fn file_checksum(path: &Path) -> Option<String> {
+    let mut sum = Checksum::new(0);
+    sum.add(&std::fs::read(path).ok()?);
+    Some(format!("{:016x}", sum.value()))
+}
+
 impl BatchItem {
     /// Combines the goals of the request, and reads the motion file with the features to reach, if the request names
     /// one.
@@ -94,11 +101,7 @@ impl BatchItem {
         let Some(path) = &self.line.like else {
             return;
         };
-        let checksum = checksums.entry(path.clone()).or_insert_with(|| {
-            let mut sum = Checksum::new(0);
-            sum.add(&std::fs::read(path).ok()?);
-            Some(format!("{:016x}", sum.value()))
-        });
+        let checksum = { checksums.entry(path.clone()) }.or_insert_with(|| file_checksum(path));
         self.like_checksum = checksum.clone();
     }
 

@@ -1,0 +1,396 @@
+//! A glTF file whose parts are kept as they are: only what is added changes its text.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::value::{RawValue, to_raw_value};
+use serde_json::{Value, json};
+
+use crate::error::CharacterError;
+
+/// The fields of a JSON object in their order, with the text of each value.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RawObject(Vec<(String, Box<RawValue>)>);
+
+impl<'de> Deserialize<'de> for RawObject {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Fields;
+        impl<'de> Visitor<'de> for Fields {
+            type Value = RawObject;
+
+            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                formatter.write_str("a JSON object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RawObject, A::Error> {
+                let mut fields = Vec::new();
+                while let Some(field) = map.next_entry()? {
+                    fields.push(field);
+                }
+                Ok(RawObject(fields))
+            }
+        }
+        deserializer.deserialize_map(Fields)
+    }
+}
+
+impl RawObject {
+    /// Returns the text of a value.
+    fn get(&self, name: &str) -> Option<&RawValue> {
+        let field = self.0.iter().find(|(field, _)| field == name);
+        field.map(|(_, value)| &**value)
+    }
+
+    /// Replaces a value, or appends it.
+    fn set(&mut self, name: &str, value: Box<RawValue>) {
+        match self.0.iter_mut().find(|(field, _)| field == name) {
+            Some((_, old)) => *old = value,
+            None => self.0.push((name.to_owned(), value)),
+        }
+    }
+
+    /// Removes a value.
+    fn remove(&mut self, name: &str) {
+        self.0.retain(|(field, _)| field != name);
+    }
+
+    /// Returns the object as text.
+    fn text(&self) -> String {
+        let fields = self.0.iter().map(|(name, value)| {
+            let name = serde_json::to_string(name).expect("text is JSON");
+            format!("{name}:{}", value.get())
+        });
+        format!("{{{}}}", fields.collect::<Vec<_>>().join(","))
+    }
+
+    /// Returns the items of an array as text; none if there is no array.
+    fn items(&self, name: &str) -> Vec<Box<RawValue>> {
+        let array = self.get(name);
+        array
+            .and_then(|array| serde_json::from_str(array.get()).ok())
+            .unwrap_or_default()
+    }
+
+    /// Replaces an array.
+    fn set_items(&mut self, name: &str, items: &[Box<RawValue>]) {
+        let items: Vec<&str> = items.iter().map(|item| item.get()).collect();
+        let text = format!("[{}]", items.join(","));
+        let value = RawValue::from_string(text).expect("an array of JSON values is JSON");
+        self.set(name, value);
+    }
+}
+
+/// A glTF file.
+#[derive(Clone, Debug)]
+pub(crate) struct GltfDocument {
+    path: PathBuf,
+    root: RawObject,
+    /// The parts of the JSON that are read.
+    value: Value,
+    /// The bytes of the whole file.
+    bytes: Vec<u8>,
+    /// Whether the file is a `.glb`, and the range of its binary chunk in the bytes if it has one.
+    chunk: Option<std::ops::Range<usize>>,
+    is_binary: bool,
+}
+
+/// The type of the chunk of JSON in a GLB file.
+const JSON_CHUNK: &[u8] = b"JSON";
+/// The type of the binary chunk.
+const BINARY_CHUNK: &[u8] = b"BIN\0";
+
+impl GltfDocument {
+    /// Parses the bytes of a `.glb`, `.vrm` or `.gltf` file.
+    pub(crate) fn parse(bytes: Vec<u8>, path: &Path) -> Result<GltfDocument, CharacterError> {
+        let format_error = |reason: String| CharacterError::Format {
+            path: path.to_owned(),
+            reason,
+        };
+        let is_binary = bytes.starts_with(b"glTF");
+        let (json, chunk) = match is_binary {
+            true => split_chunks(&bytes).map_err(format_error)?,
+            false => (0..bytes.len(), None),
+        };
+        let text = std::str::from_utf8(&bytes[json])
+            .map_err(|_| format_error("expected glTF, found bytes that are no text".into()))?;
+        let text = text
+            .trim_start_matches('\u{feff}')
+            .trim_end_matches(['\0', ' ']);
+        let not_json = |error: serde_json::Error| format_error(format!("not glTF: {error}"));
+        let root: RawObject = serde_json::from_str(text).map_err(not_json)?;
+        let value: Value = serde_json::from_str(text).map_err(not_json)?;
+        let version = value.pointer("/asset/version").and_then(Value::as_str);
+        if !version.is_some_and(|version| version.starts_with("2.")) {
+            let found = version.unwrap_or("none");
+            return Err(format_error(format!(
+                "expected glTF of version 2, found version {found}"
+            )));
+        }
+        Ok(GltfDocument {
+            path: path.to_owned(),
+            root,
+            value,
+            bytes,
+            chunk,
+            is_binary,
+        })
+    }
+
+    /// Returns the path of the file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns a part of the JSON.
+    pub(crate) fn value(&self, name: &str) -> &Value {
+        &self.value[name]
+    }
+
+    /// Returns the names of the file's animations.
+    pub(crate) fn animation_names(&self) -> Vec<String> {
+        let animations = self.value["animations"].as_array();
+        let names = animations.into_iter().flatten();
+        names
+            .map(|animation| animation["name"].as_str().unwrap_or("").to_owned())
+            .collect()
+    }
+
+    /// Writes the file with further animations. `replace` drops those that it has; their keyframes stay in the buffers.
+    pub(crate) fn write(
+        &self,
+        path: &Path,
+        animations: &[AnimationData],
+        replace: bool,
+    ) -> Result<(), CharacterError> {
+        let wants_binary = !path
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"));
+        if wants_binary != self.is_binary {
+            return Err(CharacterError::Container {
+                path: path.to_owned(),
+                expected: if self.is_binary {
+                    ".glb or .vrm"
+                } else {
+                    ".gltf"
+                },
+                character: self.path.clone(),
+            });
+        }
+        if !self.is_binary && !self.is_beside(path) {
+            return Err(CharacterError::SideFiles {
+                path: path.to_owned(),
+                character: self.path.clone(),
+            });
+        }
+        let mut root = self.root.clone();
+        if replace {
+            root.remove("animations");
+        }
+        let old_chunk = self.chunk.clone().unwrap_or(0..0);
+        // A view's offset counts from the start of the buffer, and floats are aligned to four bytes.
+        let has_chunk_buffer = self.is_binary && { self.value["buffers"].get(0) }
+            .is_some_and(|buffer| buffer["uri"].is_null());
+        let start = if has_chunk_buffer { old_chunk.len() } else { 0 };
+        let mut data = vec![0; start.next_multiple_of(4) - start];
+        let mut buffers = root.items("buffers");
+        let buffer = if has_chunk_buffer { 0 } else { buffers.len() };
+        for animation in animations {
+            animation.append(&mut root, buffer, start, &mut data);
+        }
+        let total = start + data.len();
+        if has_chunk_buffer {
+            let mut first: RawObject = serde_json::from_str(buffers[0].get()).unwrap_or_default();
+            first.set(
+                "byteLength",
+                to_raw_value(&total).expect("a number is JSON"),
+            );
+            buffers[0] = RawValue::from_string(first.text()).expect("an object is JSON");
+        } else {
+            let uri = format!(
+                "data:application/octet-stream;base64,{}",
+                STANDARD.encode(&data)
+            );
+            let new = json!({ "byteLength": data.len(), "uri": uri });
+            buffers.push(to_raw_value(&new).expect("an object is JSON"));
+        }
+        root.set_items("buffers", &buffers);
+        let json = root.text();
+        let write = |file: &mut dyn Write| -> std::io::Result<()> {
+            if !self.is_binary {
+                return file.write_all(json.as_bytes());
+            }
+            let json_length = json.len().next_multiple_of(4);
+            let chunk_length = match has_chunk_buffer {
+                true => total.next_multiple_of(4),
+                false => old_chunk.len(),
+            };
+            let chunk_header = if chunk_length > 0 { 8 } else { 0 };
+            let length = 12 + 8 + json_length + chunk_header + chunk_length;
+            let number = |value: usize| (value as u32).to_le_bytes();
+            file.write_all(b"glTF")?;
+            file.write_all(&number(2))?;
+            file.write_all(&number(length))?;
+            file.write_all(&number(json_length))?;
+            file.write_all(JSON_CHUNK)?;
+            file.write_all(json.as_bytes())?;
+            file.write_all(&b"   "[..json_length - json.len()])?;
+            if chunk_length == 0 {
+                return Ok(());
+            }
+            file.write_all(&number(chunk_length))?;
+            file.write_all(BINARY_CHUNK)?;
+            file.write_all(&self.bytes[old_chunk.clone()])?;
+            if has_chunk_buffer {
+                file.write_all(&data)?;
+                file.write_all(&[0; 3][..chunk_length - total])?;
+            }
+            Ok(())
+        };
+        if self.is_binary && self.bytes.len() + data.len() + json.len() > u32::MAX as usize {
+            return Err(CharacterError::Format {
+                path: path.to_owned(),
+                reason: "expected at most 4 GiB, found more".into(),
+            });
+        }
+        lamogen_io::write_atomically(path, |mut file| write(&mut file)).map_err(|reason| {
+            CharacterError::Write {
+                path: path.to_owned(),
+                reason,
+            }
+        })
+    }
+
+    /// Whether a path is in the folder of this file, or this file refers to no other file.
+    fn is_beside(&self, path: &Path) -> bool {
+        let uris = ["buffers", "images"].into_iter().flat_map(|name| {
+            let items = self.value[name].as_array();
+            items
+                .into_iter()
+                .flatten()
+                .filter_map(|item| item["uri"].as_str())
+        });
+        let has_files = uris.filter(|uri| !uri.starts_with("data:")).count() > 0;
+        let folder = |path: &Path| {
+            let folder = path
+                .parent()
+                .filter(|folder| !folder.as_os_str().is_empty());
+            folder.unwrap_or(Path::new(".")).canonicalize().ok()
+        };
+        !has_files || folder(path) == folder(&self.path)
+    }
+}
+
+/// A channel of an animation: the node it moves, and its keyframes.
+#[derive(Clone, Debug)]
+pub(crate) enum Channel {
+    Rotation(usize, Vec<[f32; 4]>),
+    Translation(usize, Vec<[f32; 3]>),
+}
+
+/// An animation to write: its name, the times of its keyframes, and its channels.
+#[derive(Clone, Debug)]
+pub(crate) struct AnimationData {
+    pub(crate) name: String,
+    pub(crate) copyright: Option<String>,
+    pub(crate) times: Vec<f32>,
+    pub(crate) channels: Vec<Channel>,
+}
+
+impl AnimationData {
+    /// Adds the animation to a document, and its keyframes to the data, which is in a buffer from `start` on.
+    fn append(&self, root: &mut RawObject, buffer: usize, start: usize, data: &mut Vec<u8>) {
+        let mut views = root.items("bufferViews");
+        let mut accessors = root.items("accessors");
+        let mut animations = root.items("animations");
+        let raw = |value: &Value| to_raw_value(value).expect("an object is JSON");
+        let mut add = |numbers: &mut dyn Iterator<Item = f32>,
+                       kind: &str,
+                       count,
+                       bounds: Option<[f32; 2]>| {
+            let before = data.len();
+            data.extend(numbers.flat_map(f32::to_le_bytes));
+            views.push(raw(&json!({
+                "buffer": buffer, "byteOffset": start + before, "byteLength": data.len() - before,
+            })));
+            let mut accessor = json!({
+                "bufferView": views.len() - 1, "componentType": 5126, "count": count, "type": kind,
+            });
+            if let Some([least, greatest]) = bounds {
+                accessor["min"] = json!([least]);
+                accessor["max"] = json!([greatest]);
+            }
+            accessors.push(raw(&accessor));
+            accessors.len() - 1
+        };
+        let count = self.times.len();
+        let bounds = [self.times[0], self.times[count - 1]];
+        let input = add(
+            &mut self.times.iter().copied(),
+            "SCALAR",
+            count,
+            Some(bounds),
+        );
+        let (mut samplers, mut channels) = (Vec::new(), Vec::new());
+        for channel in &self.channels {
+            let (node, path, output) = match channel {
+                Channel::Rotation(node, values) => {
+                    let numbers = &mut values.as_flattened().iter().copied();
+                    (node, "rotation", add(numbers, "VEC4", count, None))
+                }
+                Channel::Translation(node, values) => {
+                    let numbers = &mut values.as_flattened().iter().copied();
+                    (node, "translation", add(numbers, "VEC3", count, None))
+                }
+            };
+            samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
+            channels.push(json!({
+                "sampler": samplers.len() - 1, "target": { "node": node, "path": path },
+            }));
+        }
+        let mut animation = json!({
+            "name": self.name, "channels": channels, "samplers": samplers,
+        });
+        if let Some(copyright) = &self.copyright {
+            animation["extras"] = json!({ "copyright": copyright });
+        }
+        animations.push(raw(&animation));
+        root.set_items("bufferViews", &views);
+        root.set_items("accessors", &accessors);
+        root.set_items("animations", &animations);
+    }
+}
+
+/// The ranges of the JSON and of the binary chunk of a GLB file.
+type Chunks = (std::ops::Range<usize>, Option<std::ops::Range<usize>>);
+
+/// Finds the chunks of a GLB file.
+fn split_chunks(bytes: &[u8]) -> Result<Chunks, String> {
+    let number = |at: usize| {
+        let bytes = bytes.get(at..at + 4)?;
+        Some(u32::from_le_bytes(bytes.try_into().ok()?) as usize)
+    };
+    let cut = || String::from("expected a whole GLB file, found one that is cut short");
+    let version = number(4).ok_or_else(cut)?;
+    if version != 2 {
+        return Err(format!(
+            "expected GLB of version 2, found version {version}"
+        ));
+    }
+    let chunk = |at: usize, kind: &[u8]| -> Option<std::ops::Range<usize>> {
+        let start = at + 8;
+        let end = start.checked_add(number(at)?)?;
+        (bytes.get(at + 4..start)? == kind && end <= bytes.len()).then_some(start..end)
+    };
+    let json = chunk(12, JSON_CHUNK).ok_or_else(cut)?;
+    let next = json.end.next_multiple_of(4);
+    match bytes.len() > next + 8 {
+        true if bytes.get(next + 4..next + 8) == Some(BINARY_CHUNK) => {
+            let binary = chunk(next, BINARY_CHUNK).ok_or_else(cut)?;
+            Ok((json, Some(binary)))
+        }
+        _ => Ok((json, None)),
+    }
+}

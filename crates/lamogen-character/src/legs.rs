@@ -1,0 +1,277 @@
+//! Feet that stand: the legs of a character bend so that its feet keep their places.
+
+use glam::{DQuat, DVec3};
+use lamogen_body::foot_contacts;
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
+
+use crate::retarget::{CharacterPose, Retargeter};
+
+/// The joints of a leg: hip, knee, ankle and the ball of the foot.
+const LEGS: [[Joint; 4]; 2] = [
+    [
+        Joint::LeftHip,
+        Joint::LeftKnee,
+        Joint::LeftAnkle,
+        Joint::LeftFoot,
+    ],
+    [
+        Joint::RightHip,
+        Joint::RightKnee,
+        Joint::RightAnkle,
+        Joint::RightFoot,
+    ],
+];
+
+/// The time over which a foot is drawn to and from its place, in seconds.
+const BLEND_SECONDS: f64 = 0.25;
+/// The part of its length to which a leg is stretched at most.
+const MAX_STRETCH: f64 = 0.9999;
+/// The time over which the pelvis sinks for a foot that it is too high for, in seconds.
+const SINK_SECONDS: f64 = 0.2;
+
+/// The places of a leg's nodes in the skeleton.
+struct LegNodes {
+    hip: usize,
+    knee: usize,
+    ankle: usize,
+    ball: Option<usize>,
+}
+
+/// Bends the legs so that feet that stand in the motion neither slide nor sink.
+///
+/// While a foot stands, the joint that stands keeps its mean position along the ground. Over the time before and after, the
+/// foot is drawn to this position. The foot keeps its rotation. No foot sinks below where it is in the rest pose. If a leg
+/// is too short, the pelvis sinks.
+pub(crate) fn plant_feet(
+    retargeter: &Retargeter<'_>,
+    motion: &Motion,
+    poses: &mut [CharacterPose],
+) {
+    let skeleton = retargeter.skeleton;
+    let rate = f64::from(retargeter.rotations.frames_per_second());
+    let contacts = foot_contacts(motion);
+    let legs: Vec<(LegNodes, Vec<DVec3>)> = LEGS
+        .into_iter()
+        .filter_map(|[hip, knee, ankle, ball]| {
+            let nodes = LegNodes {
+                hip: skeleton.joint(hip)?,
+                knee: skeleton.joint(knee)?,
+                ankle: skeleton.joint(ankle)?,
+                ball: skeleton.joint(ball),
+            };
+            let mut stands: Vec<Stand> = Vec::new();
+            for contact in &contacts {
+                let joint = match contact.joint {
+                    joint if joint == ankle => nodes.ankle,
+                    joint if joint == ball => nodes.ball.unwrap_or(nodes.ankle),
+                    _ => continue,
+                };
+                let frame = |frame: usize| frame as f64 / f64::from(FRAMES_PER_SECOND) * rate;
+                let from = frame(contact.from).ceil() as usize;
+                let until = (frame(contact.until - 1).floor() as usize + 1).min(poses.len());
+                if from < until {
+                    stands.push(Stand::new(poses, joint, from..until));
+                }
+            }
+            let shifts = shifts(retargeter, &nodes, &stands, poses, rate);
+            Some((nodes, shifts))
+        })
+        .collect();
+    let sinks = sinks(&legs, poses, rate);
+    for (frame, pose) in poses.iter_mut().enumerate() {
+        let sink = DVec3::Y * sinks[frame];
+        let mut world: Vec<Option<DQuat>> = vec![None; pose.rotations.len()];
+        for place in retargeter.driven_places() {
+            world[place] = Some(pose.rotations[place]);
+        }
+        for (nodes, shifts) in &legs {
+            let [hip, knee, ankle] =
+                [nodes.hip, nodes.knee, nodes.ankle].map(|place| pose.positions[place]);
+            let target = ankle + shifts[frame];
+            if (target - ankle).length() < 1e-9 && sinks[frame] > -1e-9 {
+                continue;
+            }
+            let [thigh, shin] = bend([hip + sink, knee + sink, ankle + sink], target);
+            world[nodes.hip] = Some(thigh * pose.rotations[nodes.hip]);
+            world[nodes.knee] = Some(shin * pose.rotations[nodes.knee]);
+        }
+        let pelvis = skeleton.joint(Joint::Pelvis).expect("a pelvis");
+        let place = pose.positions[pelvis] + sink;
+        *pose = retargeter.place_nodes(&world, place);
+    }
+}
+
+/// A time in which a joint of a foot stands.
+struct Stand {
+    joint: usize,
+    frames: std::ops::Range<usize>,
+    /// The mean position along the ground.
+    place: DVec3,
+}
+
+impl Stand {
+    fn new(poses: &[CharacterPose], joint: usize, frames: std::ops::Range<usize>) -> Stand {
+        let positions = poses[frames.clone()]
+            .iter()
+            .map(|pose| pose.positions[joint]);
+        let place = positions.sum::<DVec3>() / frames.len() as f64;
+        Stand {
+            joint,
+            frames,
+            place,
+        }
+    }
+}
+
+/// Returns how far a foot is moved at every frame, so that it stands where it stands and sinks nowhere.
+fn shifts(
+    retargeter: &Retargeter<'_>,
+    nodes: &LegNodes,
+    stands: &[Stand],
+    poses: &[CharacterPose],
+    rate: f64,
+) -> Vec<DVec3> {
+    // The ball says where a foot is while it stands, and the ankle where only the heel does.
+    let known: Vec<Option<DVec3>> = (0..poses.len())
+        .map(|frame| {
+            let stands = stands.iter().filter(|stand| stand.frames.contains(&frame));
+            let stand = stands.min_by_key(|stand| Some(stand.joint) != nodes.ball)?;
+            let mut shift = stand.place - poses[frame].positions[stand.joint];
+            shift.y = 0.0;
+            Some(shift)
+        })
+        .collect();
+    let reach = BLEND_SECONDS * rate;
+    let mut shifts: Vec<DVec3> = (0..poses.len())
+        .map(|frame| {
+            if let Some(shift) = known[frame] {
+                return shift;
+            }
+            let before = (0..frame)
+                .rev()
+                .find_map(|at| Some((frame - at, known[at]?)));
+            let after = (frame + 1..poses.len()).find_map(|at| Some((at - frame, known[at]?)));
+            let faded = |neighbour: Option<(usize, DVec3)>| {
+                let (distance, shift) = neighbour?;
+                Some((distance, shift * fade(distance as f64 / reach)))
+            };
+            match (faded(before), faded(after)) {
+                (None, None) => DVec3::ZERO,
+                (Some((_, shift)), None) | (None, Some((_, shift))) => shift,
+                (Some((before, first)), Some((after, second))) => {
+                    // In a short step one place is left for the other; in a long one the foot is free between them.
+                    let part = before as f64 / (before + after) as f64;
+                    first * (1.0 - smooth(part)) + second * smooth(part)
+                }
+            }
+        })
+        .collect();
+    let rest = |place: usize| retargeter.skeleton.nodes[place].world_position.y;
+    for (shift, pose) in shifts.iter_mut().zip(poses) {
+        let joints = [Some(nodes.ankle), nodes.ball].into_iter().flatten();
+        // The ankle of a foot that points down is higher than in the rest pose, so the lowest joint decides.
+        let depth = joints
+            .map(|place| rest(place) - pose.positions[place].y)
+            .fold(0.0, f64::max);
+        shift.y = depth;
+    }
+    smooth_heights(&mut shifts, poses, rate);
+    shifts
+}
+
+/// Lets the heights of shifts begin and end softly without lowering them.
+fn smooth_heights(shifts: &mut [DVec3], poses: &[CharacterPose], rate: f64) {
+    let reach = (SINK_SECONDS * rate / 2.0).round() as usize;
+    let heights: Vec<f64> = shifts.iter().map(|shift| shift.y).collect();
+    for (frame, height) in soften(&heights, reach)
+        .into_iter()
+        .enumerate()
+        .take(poses.len())
+    {
+        shifts[frame].y = height;
+    }
+}
+
+/// Returns a smooth curve that is nowhere below the values.
+fn soften(values: &[f64], reach: usize) -> Vec<f64> {
+    let around = |frame: usize| frame.saturating_sub(reach)..(frame + reach + 1).min(values.len());
+    let largest: Vec<f64> = (0..values.len())
+        .map(|frame| values[around(frame)].iter().copied().fold(0.0, f64::max))
+        .collect();
+    (0..values.len())
+        .map(|frame| {
+            let range = around(frame);
+            largest[range.clone()].iter().sum::<f64>() / range.len() as f64
+        })
+        .collect()
+}
+
+/// Returns how far the pelvis moves up at every frame, which is 0 or less: no leg has to be longer than it is.
+fn sinks(legs: &[(LegNodes, Vec<DVec3>)], poses: &[CharacterPose], rate: f64) -> Vec<f64> {
+    let depths = poses.iter().enumerate().map(|(frame, pose)| {
+        let depth = |(nodes, shifts): &(LegNodes, Vec<DVec3>)| {
+            let [hip, knee, ankle] =
+                [nodes.hip, nodes.knee, nodes.ankle].map(|place| pose.positions[place]);
+            let length = MAX_STRETCH * (hip.distance(knee) + knee.distance(ankle));
+            let target = ankle + shifts[frame];
+            let mut along = target - hip;
+            let height = -along.y;
+            along.y = 0.0;
+            // How high the hip may be above the foot.
+            let highest = (length * length - along.length_squared()).max(0.0).sqrt();
+            match shifts[frame].length() > 1e-9 && height > 0.0 {
+                true => (height - highest).max(0.0),
+                false => 0.0,
+            }
+        };
+        legs.iter().map(depth).fold(0.0, f64::max)
+    });
+    let depths: Vec<f64> = depths.collect();
+    let reach = (SINK_SECONDS * rate / 2.0).round() as usize;
+    soften(&depths, reach)
+        .into_iter()
+        .map(|depth| -depth)
+        .collect()
+}
+
+/// Returns 1 at 0, 0 from 1 on, and a smooth curve between.
+fn fade(distance: f64) -> f64 {
+    1.0 - smooth(distance.min(1.0))
+}
+
+/// Returns a curve from 0 to 1 that begins and ends level.
+fn smooth(part: f64) -> f64 {
+    part * part * (3.0 - 2.0 * part)
+}
+
+/// Bends a leg so that its ankle comes to a target. Returns the rotations of thigh and shin in the world.
+///
+/// The knee stays in the plane of hip, knee and ankle, turned with the line from hip to ankle.
+fn bend([hip, knee, ankle]: [DVec3; 3], target: DVec3) -> [DQuat; 2] {
+    let (thigh, shin) = (knee - hip, ankle - knee);
+    let (upper, lower) = (thigh.length(), shin.length());
+    let (Some(old), Some(new)) = (
+        (ankle - hip).try_normalize(),
+        (target - hip).try_normalize(),
+    ) else {
+        return [DQuat::IDENTITY; 2];
+    };
+    let swing = DQuat::from_rotation_arc(old, new);
+    let distance = (target - hip).length();
+    let distance = distance.clamp(
+        (upper - lower).abs() * 1.0001,
+        MAX_STRETCH * (upper + lower),
+    );
+    // The part of the thigh across the line from hip to ankle is the direction in which the knee bends.
+    let across = swing * (thigh - old * thigh.dot(old));
+    let across = match across.length() > 1e-6 * upper {
+        true => across.normalize(),
+        false => swing * old.any_orthonormal_vector(),
+    };
+    let along = (upper * upper - lower * lower + distance * distance) / (2.0 * distance);
+    let out = (upper * upper - along * along).max(0.0).sqrt();
+    let new_knee = hip + new * along + across * out;
+    let new_ankle = hip + new * distance;
+    let arc = |from: DVec3, to: DVec3| DQuat::from_rotation_arc(from.normalize(), to.normalize());
+    [arc(thigh, new_knee - hip), arc(shin, new_ankle - new_knee)]
+}

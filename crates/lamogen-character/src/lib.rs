@@ -1,0 +1,26 @@
+//! Puts human motion on rigged characters: glTF and VRM files with a skin.
+//!
+//! ```text
+//! hero.glb ──Character::open──▶ skeleton: rest pose, joints by their names or a VRM's map
+//!                                   │
+//! Motion ──rotations relative to the rest pose, in the body's frame──▶ retarget ──▶ CharacterAnimation
+//!                                   │                                                    │
+//!                                   └── feet that stand: two-bone IK of the legs         ▼
+//! hero_jump.glb ◀──the same file, byte for byte, and one more animation──────── Character::save
+//! ```
+
+mod character;
+mod document;
+mod error;
+mod legs;
+mod retarget;
+mod skeleton;
+mod vrm;
+
+pub use character::{BoneTrack, Character, CharacterAnimation, CharacterOptions, SaveOptions};
+pub use error::CharacterError;
+pub use retarget::RetargetOptions;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
