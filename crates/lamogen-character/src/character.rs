@@ -8,6 +8,7 @@ use lamogen_motion::{Joint, Motion};
 
 use crate::document::{AnimationData, Channel, GltfDocument};
 use crate::error::CharacterError;
+use crate::hands::relaxed_fingers;
 use crate::retarget::{CharacterPose, RetargetOptions, Retargeter};
 use crate::skeleton::CharacterSkeleton;
 
@@ -159,11 +160,20 @@ impl Character {
         let nodes = &self.skeleton.nodes;
         let mut places: Vec<usize> = retargeter.driven_places().collect();
         places.sort_unstable();
-        let bones = places.into_iter().map(|place| BoneTrack {
+        let track = |place: usize, rotations: Vec<[f32; 4]>| BoneTrack {
             name: nodes[place].name.clone(),
             node: nodes[place].index,
-            rotations: self.local_rotations(place, &poses),
-        });
+            rotations,
+        };
+        let mut bones: Vec<BoneTrack> = { places.into_iter() }
+            .map(|place| track(place, self.local_rotations(place, &poses)))
+            .collect();
+        if options.relax_hands {
+            for (place, rotation) in relaxed_fingers(&self.skeleton) {
+                let rotation = rotation.as_quat().normalize().to_array();
+                bones.push(track(place, vec![rotation; poses.len()]));
+            }
+        }
         let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
         let pelvis_positions = poses.iter().map(|pose| {
             let place = pose.positions[pelvis];
@@ -179,7 +189,7 @@ impl Character {
         CharacterAnimation {
             name: "motion".to_owned(),
             frames_per_second: options.frames_per_second,
-            bones: bones.collect(),
+            bones,
             pelvis: nodes[pelvis].name.clone(),
             pelvis_node: nodes[pelvis].index,
             pelvis_positions: pelvis_positions.collect(),

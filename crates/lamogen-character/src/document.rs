@@ -326,25 +326,38 @@ impl AnimationData {
             accessors.len() - 1
         };
         let count = self.times.len();
-        let bounds = [self.times[0], self.times[count - 1]];
-        let input = add(
-            &mut self.times.iter().copied(),
-            "SCALAR",
-            count,
-            Some(bounds),
-        );
+        let mut times = |count: usize| {
+            let bounds = [self.times[0], self.times[count - 1]];
+            let numbers = &mut self.times[..count].iter().copied();
+            add(numbers, "SCALAR", count, Some(bounds))
+        };
+        // What does not move has a single keyframe.
+        let inputs = [times(1), times(count)];
         let (mut samplers, mut channels) = (Vec::new(), Vec::new());
         for channel in &self.channels {
-            let (node, path, output) = match channel {
+            let (node, path, keyframes, output) = match channel {
                 Channel::Rotation(node, values) => {
-                    let numbers = &mut values.as_flattened().iter().copied();
-                    (node, "rotation", add(numbers, "VEC4", count, None))
+                    let moves = values.iter().any(|value| *value != values[0]);
+                    let keyframes = if moves { count } else { 1 };
+                    let numbers = &mut values[..keyframes].as_flattened().iter().copied();
+                    (
+                        node,
+                        "rotation",
+                        keyframes,
+                        add(numbers, "VEC4", keyframes, None),
+                    )
                 }
                 Channel::Translation(node, values) => {
                     let numbers = &mut values.as_flattened().iter().copied();
-                    (node, "translation", add(numbers, "VEC3", count, None))
+                    (
+                        node,
+                        "translation",
+                        count,
+                        add(numbers, "VEC3", count, None),
+                    )
                 }
             };
+            let input = inputs[usize::from(keyframes == count)];
             samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
             channels.push(json!({
                 "sampler": samplers.len() - 1, "target": { "node": node, "path": path },

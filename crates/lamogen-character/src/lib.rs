@@ -12,6 +12,7 @@
 mod character;
 mod document;
 mod error;
+mod hands;
 mod legs;
 mod retarget;
 mod skeleton;

@@ -15,6 +15,8 @@ pub struct RetargetOptions {
     /// Whether feet that stand in the motion are held in their place on the character, by bending its legs. The default
     /// is true.
     pub plant_feet: bool,
+    /// Whether straight fingers are bent as those of a relaxed hand. The default is true.
+    pub relax_hands: bool,
 }
 
 impl Default for RetargetOptions {
@@ -22,6 +24,7 @@ impl Default for RetargetOptions {
         RetargetOptions {
             frames_per_second: 30.0,
             plant_feet: true,
+            relax_hands: true,
         }
     }
 }

@@ -137,7 +137,7 @@ impl CharacterSkeleton {
     }
 
     /// Returns a node and the nodes above it.
-    fn ancestors(&self, place: usize) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn ancestors(&self, place: usize) -> impl Iterator<Item = usize> + '_ {
         ancestors(&self.nodes, place)
     }
 

@@ -129,7 +129,14 @@ impl TestCharacter {
             };
             let forearm = add(&format!("{side}ForeArm"), Some(above), along(0.28));
             let hand = add(&format!("{side}Hand"), Some(forearm), along(0.53));
-            add(&format!("{side}HandIndex1"), Some(hand), along(0.6));
+            for (finger, place) in ["Index", "Middle", "Ring", "Pinky"].into_iter().enumerate() {
+                let mut above = hand;
+                for (bone, length) in [0.6, 0.63, 0.655].into_iter().enumerate() {
+                    let front = DVec3::new(0.0, 0.0, 0.03 - 0.02 * finger as f64);
+                    let name = format!("{side}Hand{place}{}", bone + 1);
+                    above = add(&name, Some(above), along(length) + front);
+                }
+            }
             let hip = DVec3::new(0.09 * sign, hip_height - 0.06, 0.0);
             let thigh = add(&format!("{side}UpLeg"), Some(hips), hip);
             let knee = DVec3::new(0.09 * sign, 0.48 * legs, 0.01);
@@ -421,6 +428,7 @@ fn limbs_in_the_written_file_point_where_those_of_the_motion_point() {
         let options = RetargetOptions {
             frames_per_second: 20.0,
             plant_feet: false,
+            ..RetargetOptions::default()
         };
         let animation = hero.animate(&motion, &options).named("move");
         let out = folder.path().join("out.glb");
@@ -466,6 +474,7 @@ fn the_pelvis_moves_by_the_ratio_of_the_legs_and_stands_at_its_own_height() {
         let options = RetargetOptions {
             frames_per_second: 20.0,
             plant_feet: false,
+            ..RetargetOptions::default()
         };
         let animation = hero.animate(&motion, &options);
         let positions = hero.joint_positions(&animation);
@@ -715,4 +724,99 @@ fn files_that_are_no_characters_are_errors_that_say_why() {
     };
     let message = Character::open(&path, &options).err().unwrap().to_string();
     assert!(message.contains("Nobody"), "{message}");
+}
+
+#[test]
+fn straight_fingers_bend_towards_the_palm() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hero.glb");
+    let rest = RestPose::humanml3d();
+    let still = vec![[[0.0, 0.0, 0.0, 1.0]; JOINTS]; 4];
+    let rotations = Rotations::new(rest, vec![[0.0, 0.93, 0.0]; 4], still, 20.0);
+    let motion = Motion::from_rotations(rotations).unwrap();
+    for own_axes in [false, true] {
+        let test = TestCharacter {
+            own_axes,
+            ..TestCharacter::default()
+        };
+        test.write(&path);
+        let hero = Character::open(&path, &CharacterOptions::default()).unwrap();
+        let out = folder.path().join("out.glb");
+        let tip_heights = |relax_hands: bool| {
+            let options = RetargetOptions {
+                relax_hands,
+                ..RetargetOptions::default()
+            };
+            let animation = hero.animate(&motion, &options).named("still");
+            hero.save(&out, &[animation], &SaveOptions::default())
+                .unwrap();
+            ["LeftHandIndex", "LeftHandPinky", "RightHandMiddle"].map(|finger| {
+                let place = |bone: u32| node_position(&out, &format!("mixamorig:{finger}{bone}"));
+                place(3).y - place(1).y
+            })
+        };
+        // In the T-pose of the motion the palms look down.
+        for height in tip_heights(true) {
+            assert!((-0.05..-0.015).contains(&height), "{height}");
+        }
+        for height in tip_heights(false) {
+            assert!(height.abs() < 1e-4, "{height}");
+        }
+    }
+}
+
+/// Returns the position of a node in the first frame of the last animation of a file.
+fn node_position(path: &Path, name: &str) -> DVec3 {
+    let (document, buffers) = {
+        let bytes = std::fs::read(path).unwrap();
+        let file = gltf::Gltf::from_slice(&bytes).unwrap();
+        (file.document, vec![file.blob.unwrap()])
+    };
+    let animation = document.animations().last().unwrap();
+    let pose = |node: &gltf::Node<'_>| {
+        let (translation, rotation, scale) = node.transform().decomposed();
+        let mut translation = DVec3::from(translation.map(f64::from));
+        let mut rotation = DQuat::from_array(rotation.map(f64::from));
+        for channel in animation
+            .channels()
+            .filter(|channel| channel.target().node().index() == node.index())
+        {
+            match channel
+                .reader(|buffer| Some(&buffers[buffer.index()]))
+                .read_outputs()
+                .unwrap()
+            {
+                gltf::animation::util::ReadOutputs::Translations(mut values) => {
+                    translation = DVec3::from(values.next().unwrap().map(f64::from));
+                }
+                gltf::animation::util::ReadOutputs::Rotations(values) => {
+                    let value = values.into_f32().next().unwrap();
+                    rotation = DQuat::from_array(value.map(f64::from));
+                }
+                _ => {}
+            }
+        }
+        DMat4::from_scale_rotation_translation(
+            DVec3::from(scale.map(f64::from)),
+            rotation,
+            translation,
+        )
+    };
+    fn search(
+        node: gltf::Node<'_>,
+        above: DMat4,
+        name: &str,
+        pose: &dyn Fn(&gltf::Node<'_>) -> DMat4,
+    ) -> Option<DVec3> {
+        let world = above * pose(&node);
+        match node.name() == Some(name) {
+            true => Some(world.w_axis.truncate()),
+            false => node
+                .children()
+                .find_map(|child| search(child, world, name, pose)),
+        }
+    }
+    let roots = document.default_scene().unwrap().nodes();
+    let found = { roots }.find_map(|node| search(node, DMat4::IDENTITY, name, &pose));
+    found.unwrap()
 }

@@ -17,7 +17,7 @@ use crate::units::{Unit, UpAxis};
 /// | name ends in | read as |
 /// |---|---|
 /// | `.bvh` | BVH |
-/// | `.glb`, `.gltf` | glTF, with Y up unless the options name another axis |
+/// | `.glb`, `.gltf`, `.vrm` | glTF, with Y up unless the options name another axis |
 /// | `.npy` | joints `(frames, 22, 3)` or `(frames, 66)`, or pose features `(frames, 263)`, as HumanML3D stores them |
 ///
 /// Between the frames of the file, rotations are interpolated along the shortest arc.
@@ -36,7 +36,10 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
         });
     }
     let extension = extension(path);
-    if !matches!(extension.as_deref(), Some("bvh" | "glb" | "gltf" | "npy")) {
+    if !matches!(
+        extension.as_deref(),
+        Some("bvh" | "glb" | "gltf" | "vrm" | "npy")
+    ) {
         return Err(ReadError::Ending {
             path: path.to_owned(),
             found: describe(extension.as_deref()),
@@ -94,7 +97,7 @@ fn read_format(
     match extension(path).as_deref() {
         // Bytes that are not UTF-8 occur in joint names of old files.
         Some("bvh") => bvh::read_text(&String::from_utf8_lossy(bytes), options, path),
-        Some("glb" | "gltf") => {
+        Some("glb" | "gltf" | "vrm") => {
             let (clip, other_animations, copyright) =
                 glb::read(bytes, path, folder, options.animation.as_deref())?;
             let options = ReadOptions {

@@ -35,7 +35,8 @@
 //!
 //! The parts are crates of their own, re-exported here: [`motion`] (the body, its features, `.npy`), [`laban`] (Weight,
 //! Time, Flow, Shape, tags and goals), [`model`] (the network, its text encoder, checkpoints), [`guide`] (sampling and
-//! guidance), [`body`] (rigid bones) and [`files`] (BVH, GLB, CSV, other skeletons).
+//! guidance), [`body`] (rigid bones), [`files`] (BVH, GLB, CSV, other skeletons) and [`character`] (motions on your own
+//! characters).
 //!
 //! # Features
 //!
@@ -98,6 +99,11 @@ pub use lamogen_motion as motion;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The program of `docs/characters.md`, compiled with the doc tests.
+#[cfg(all(doctest, feature = "compact"))]
+#[doc = include_str!("../../../docs/characters.md")]
+struct CharactersPage;
 
 /// The programs of `docs/own-goal.md`, compiled with the doc tests.
 #[cfg(all(doctest, feature = "compact"))]

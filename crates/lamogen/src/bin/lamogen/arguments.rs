@@ -28,8 +28,8 @@ pub use model::ModelCommand;
 pub use pack::PackArguments;
 pub use play::PlayArguments;
 pub use shared::{
-    BodyName, BvhNaming, ModelArguments, MotionReadingArguments, PassArguments, PresetName,
-    StreamFormat, TemporalSmoothingChoice, WritingArguments,
+    BodyName, BvhNaming, HandsName, ModelArguments, MotionReadingArguments, PassArguments,
+    PresetName, StreamFormat, TemporalSmoothingChoice, WritingArguments,
 };
 pub use train::TrainArguments;
 pub use vary::VaryArguments;

@@ -18,7 +18,7 @@ use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Generation, Request};
 use serde_json::{Value, json};
 
-use crate::arguments::BatchArguments;
+use crate::arguments::{BatchArguments, HandsName};
 use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
 use crate::generate::generation_facts;
@@ -253,6 +253,7 @@ impl BatchRunner<'_> {
                 "node": onto.character,
                 "names": onto.onto_names,
                 "free_feet": onto.free_feet,
+                "relax_hands": onto.hands == HandsName::Relax,
             });
         }
         identity

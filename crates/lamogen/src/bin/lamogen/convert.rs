@@ -36,7 +36,12 @@ pub fn run(options: &ConvertArguments, console: &Console) -> Result<(), Failure>
         bar.finish_and_clear();
         file.scene.replace_main(motion, &open_device(None)?);
     }
-    options.to.write(&file.scene, &options.writing, console)?;
+    let mut writing = options.writing.clone();
+    if let Some(stem) = options.source.file_stem() {
+        let name = || stem.to_string_lossy().into_owned();
+        writing.onto.animation_name.get_or_insert_with(name);
+    }
+    options.to.write(&file.scene, &writing, console)?;
     let motion = &file.scene.main().motion;
     if console.json {
         let (from, to) = (

@@ -11,7 +11,7 @@ use lamogen::files::glb::GlbOptions;
 use lamogen::files::{WriteOptions, csv};
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
-use crate::arguments::{BvhNaming, WritingArguments};
+use crate::arguments::{BvhNaming, HandsName, WritingArguments};
 use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
 use crate::report;
@@ -217,6 +217,7 @@ impl OutputFile {
     ) -> Result<(), Failure> {
         let mut options = RetargetOptions {
             plant_feet: !writing.onto.free_feet,
+            relax_hands: writing.onto.hands == HandsName::Relax,
             ..RetargetOptions::default()
         };
         if let Some(rate) = writing.fps {

@@ -191,6 +191,16 @@ pub struct OntoArguments {
     /// Let feet slide as they do when the character has other proportions than the motion's body.
     #[arg(long, requires = "onto")]
     pub free_feet: bool,
+    /// What becomes of straight fingers: bent as those of a relaxed hand, or kept as they are.
+    #[arg(long, value_enum, default_value = "relax", requires = "onto")]
+    pub hands: HandsName,
+}
+
+/// The value of `--hands`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum HandsName {
+    Relax,
+    Keep,
 }
 
 impl OntoArguments {
