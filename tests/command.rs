@@ -603,3 +603,121 @@ fn what_is_strange_or_unused_is_said() {
     ));
     assert_eq!(number(&slow, "/frames"), 119.0);
 }
+
+#[test]
+fn motions_are_put_on_a_character_whose_file_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // A rig that lamogen wrote is a character, too.
+    succeeds(folder, &[&JUMP[..], &["--out", "hero.glb"]].concat());
+    let animations = |name: &str| {
+        let file = gltf_json(&std::fs::read(folder.join(name)).unwrap());
+        let animations = file["animations"].as_array().unwrap();
+        let names = animations
+            .iter()
+            .map(|animation| animation["name"].as_str().unwrap().to_owned());
+        names.collect::<Vec<_>>()
+    };
+    let onto = [
+        "--onto",
+        "hero.glb",
+        "--weight",
+        "strong",
+        "--out",
+        "hero_jump.glb",
+        "--out",
+        "jump.bvh",
+    ];
+    succeeds(folder, &[&JUMP[..], &onto].concat());
+    assert_eq!(
+        animations("hero_jump.glb"),
+        ["a person jumps", "a person jumps"]
+    );
+    let convert = [
+        "convert",
+        "jump.bvh",
+        "--onto",
+        "hero.glb",
+        "--replace-animations",
+        "hero.vrm",
+    ];
+    succeeds(folder, &convert);
+    assert_eq!(animations("hero.vrm"), ["jump"]);
+    // What is read back is the motion: the same features, although the body stands at its own height.
+    let laban = |name: &str| json(&succeeds(folder, &["laban", name, "--json", "--quiet"]));
+    let [before, after] = ["jump.bvh", "hero.vrm"].map(laban);
+    for component in ["weight", "time", "flow", "shape"] {
+        let find = |value: &Value| number(value, &format!("/motions/0/laban/{component}/mean"));
+        let [before, after] = [find(&before), find(&after)];
+        assert!(
+            (after / before - 1.0).abs() < 0.05,
+            "{component}: {before}, {after}"
+        );
+    }
+    let jobs = requests(
+        folder,
+        &["{\"prompt\": \"a person walks\", \"id\": \"w\", \"steps\": 4}"],
+    );
+    let jobs = jobs.to_str().unwrap();
+    let batch = [
+        "batch", jobs, "--out", "motions", "--format", "vrm", "--onto", "hero.glb", "--quiet",
+    ];
+    succeeds(folder, &batch);
+    assert_eq!(files(&folder.join("motions")), ["w.json", "w.vrm"]);
+    assert!(succeeds(folder, &batch[..8]).contains("1 finished before"));
+    // Another character is another motion.
+    std::fs::copy(folder.join("hero_jump.glb"), folder.join("hero.glb")).unwrap();
+    assert!(succeeds(folder, &batch[..8]).contains("1 made"));
+    for (arguments, code, part) in [
+        (
+            &["convert", "jump.bvh", "a.vrm"][..],
+            2,
+            "--onto names its file",
+        ),
+        (
+            &["convert", "jump.bvh", "--onto", "none.glb", "a.glb"],
+            3,
+            "none.glb",
+        ),
+        (
+            &["convert", "jump.bvh", "--onto", "jump.bvh", "a.glb"],
+            3,
+            "not glTF",
+        ),
+        (
+            &["convert", "jump.bvh", "--onto", "hero.glb", "a.gltf"],
+            2,
+            ".glb or .vrm",
+        ),
+        (
+            &["convert", "jump.bvh", "--animation-name", "x", "a.glb"],
+            2,
+            "--onto",
+        ),
+        (
+            &[
+                "convert",
+                "jump.bvh",
+                "--onto",
+                "hero.glb",
+                "--character",
+                "x",
+                "a.glb",
+            ],
+            2,
+            "named \"x\"",
+        ),
+    ] {
+        fails(folder, arguments, code, part);
+        assert!(
+            !files(folder).iter().any(|name| name.starts_with("a.")),
+            "{arguments:?}"
+        );
+    }
+}
+
+/// Returns the JSON of a GLB file.
+fn gltf_json(bytes: &[u8]) -> Value {
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&bytes[20..20 + length]).unwrap()
+}

@@ -40,7 +40,7 @@ fn all_components_follow_their_tags_for_every_prompt_and_seed() {
                     .tag(tag)
                     .seed(seed)
                     .frames(40)
-                    .steps(50)
+                    .steps(25)
             })
             .collect();
         let component = tag.component();
@@ -212,8 +212,8 @@ fn smoothed_predictions_make_frames_agree() {
     let (alone, together) = (jitter(None), jitter(Some(TemporalSmoothing::default())));
     for (alone, together) in alone.iter().zip(&together) {
         println!("ankles, mm a frame squared: {alone:?}, smoothed {together:?}");
-        assert!(together.0 < 0.7 * alone.0 && together.1 < 0.7 * alone.1);
-        assert!(together.0 < 90.0 && together.1 < 90.0);
+        assert!(together.0 < 0.8 * alone.0 && together.1 < 0.8 * alone.1);
+        assert!(together.0 < 60.0 && together.1 < 60.0);
     }
 }
 

@@ -171,7 +171,7 @@ pub enum Preset {
     /// on the embedded model it moves the other components less than the paper's numbers.
     #[default]
     Fast,
-    /// 50 steps, an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
+    /// 25 steps, an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
     /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse; it
     /// is the one of the embedded model.
     Precise,
@@ -195,7 +195,7 @@ impl Preset {
         match self {
             Preset::Paper => TRAINING_STEPS,
             Preset::Fast => 100,
-            Preset::Precise => 50,
+            Preset::Precise => 25,
         }
     }
 
@@ -262,7 +262,7 @@ impl Guidance {
 
     /// Returns options that move the scales and shifts of each stylization layer instead of the embedding that they are
     /// computed from, with a small learning rate and more weight on Time and Flow where these shall change. A finish
-    /// then removes the remaining distance. They are meant for 50 DDIM steps.
+    /// then removes the remaining distance. They are meant for 25 DDIM steps or more.
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,
