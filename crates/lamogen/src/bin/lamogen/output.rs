@@ -21,10 +21,6 @@ use crate::scene::{Scene, SceneMotion, seconds};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum OutputFormat {
     Glb,
-    /// A character in the container of VRM.
-    Vrm,
-    /// A character as JSON.
-    Gltf,
     Bvh,
     Npy,
     #[value(name = "features.npy")]
@@ -35,6 +31,10 @@ pub enum OutputFormat {
     Gif,
     Html,
     Json,
+    /// A character in the container of VRM.
+    Vrm,
+    /// A character as JSON.
+    Gltf,
 }
 
 /// A file to write.
