@@ -354,7 +354,8 @@ fn local_transform(node: &Value) -> Result<(DVec3, DQuat, DVec3), String> {
     let rotation = numbers(node, "rotation")?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let scale = numbers(node, "scale")?.unwrap_or([1.0; 3]);
     let rotation = DQuat::from_array(rotation);
-    if !(rotation.length() > 1e-6) {
+    let length = rotation.length();
+    if length <= 1e-6 || !length.is_finite() {
         return Err(
             "rotation: expected a quaternion of length 1, found one without a length".into(),
         );

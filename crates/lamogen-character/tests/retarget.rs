@@ -625,7 +625,8 @@ fn all_else_in_the_file_stays() {
     let options = SaveOptions {
         replace_animations: true,
     };
-    hero.save(&out, &[animation.clone()], &options).unwrap();
+    hero.save(&out, std::slice::from_ref(&animation), &options)
+        .unwrap();
     let again = Character::open(&out, &CharacterOptions::default()).unwrap();
     assert_eq!(again.animation_names(), ["new"]);
     again
