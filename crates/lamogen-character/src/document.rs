@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use lamogen_files::glb::split_chunks;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
@@ -92,8 +93,7 @@ pub(crate) struct GltfDocument {
     value: Value,
     /// The bytes of the whole file.
     bytes: Vec<u8>,
-    /// Whether the file is a `.glb`, and the range of its binary chunk in the bytes if it has one.
-    chunk: Option<std::ops::Range<usize>>,
+    /// Whether the file is a GLB.
     is_binary: bool,
 }
 
@@ -110,11 +110,11 @@ impl GltfDocument {
             reason,
         };
         let is_binary = bytes.starts_with(b"glTF");
-        let (json, chunk) = match is_binary {
+        let (json, _) = match is_binary {
             true => split_chunks(&bytes).map_err(format_error)?,
-            false => (0..bytes.len(), None),
+            false => (&*bytes, None),
         };
-        let text = std::str::from_utf8(&bytes[json])
+        let text = std::str::from_utf8(json)
             .map_err(|_| format_error("expected glTF, found bytes that are no text".into()))?;
         let text = text
             .trim_start_matches('\u{feff}')
@@ -134,7 +134,6 @@ impl GltfDocument {
             root,
             value,
             bytes,
-            chunk,
             is_binary,
         })
     }
@@ -142,6 +141,13 @@ impl GltfDocument {
     /// Returns the path of the file.
     pub(crate) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Returns the binary chunk of the file; empty if it has none.
+    fn binary_chunk(&self) -> &[u8] {
+        let chunks = self.is_binary.then(|| split_chunks(&self.bytes));
+        let chunk = chunks.and_then(|chunks| chunks.ok()?.1);
+        chunk.unwrap_or_default()
     }
 
     /// Returns a part of the JSON.
@@ -189,7 +195,7 @@ impl GltfDocument {
         if replace {
             root.remove("animations");
         }
-        let old_chunk = self.chunk.clone().unwrap_or(0..0);
+        let old_chunk = self.binary_chunk();
         // A view's offset counts from the start of the buffer, and floats are aligned to four bytes.
         let has_chunk_buffer = self.is_binary && { self.value["buffers"].get(0) }
             .is_some_and(|buffer| buffer["uri"].is_null());
@@ -242,7 +248,7 @@ impl GltfDocument {
             }
             file.write_all(&number(chunk_length))?;
             file.write_all(BINARY_CHUNK)?;
-            file.write_all(&self.bytes[old_chunk.clone()])?;
+            file.write_all(old_chunk)?;
             if has_chunk_buffer {
                 file.write_all(&data)?;
                 file.write_all(&[0; 3][..chunk_length - total])?;
@@ -373,37 +379,5 @@ impl AnimationData {
         root.set_items("bufferViews", &views);
         root.set_items("accessors", &accessors);
         root.set_items("animations", &animations);
-    }
-}
-
-/// The ranges of the JSON and of the binary chunk of a GLB file.
-type Chunks = (std::ops::Range<usize>, Option<std::ops::Range<usize>>);
-
-/// Finds the chunks of a GLB file.
-fn split_chunks(bytes: &[u8]) -> Result<Chunks, String> {
-    let number = |at: usize| {
-        let bytes = bytes.get(at..at + 4)?;
-        Some(u32::from_le_bytes(bytes.try_into().ok()?) as usize)
-    };
-    let cut = || String::from("expected a whole GLB file, found one that is cut short");
-    let version = number(4).ok_or_else(cut)?;
-    if version != 2 {
-        return Err(format!(
-            "expected GLB of version 2, found version {version}"
-        ));
-    }
-    let chunk = |at: usize, kind: &[u8]| -> Option<std::ops::Range<usize>> {
-        let start = at + 8;
-        let end = start.checked_add(number(at)?)?;
-        (bytes.get(at + 4..start)? == kind && end <= bytes.len()).then_some(start..end)
-    };
-    let json = chunk(12, JSON_CHUNK).ok_or_else(cut)?;
-    let next = json.end.next_multiple_of(4);
-    match bytes.len() > next + 8 {
-        true if bytes.get(next + 4..next + 8) == Some(BINARY_CHUNK) => {
-            let binary = chunk(next, BINARY_CHUNK).ok_or_else(cut)?;
-            Ok((json, Some(binary)))
-        }
-        _ => Ok((json, None)),
     }
 }

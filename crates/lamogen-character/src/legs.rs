@@ -141,16 +141,22 @@ fn shifts(
             Some(shift)
         })
         .collect();
+    // The nearest frames before and after each frame at which the foot stands.
+    let nearest = |nearest: &mut Option<usize>, frame: usize| {
+        *nearest = known[frame].map(|_| frame).or(*nearest);
+        Some(*nearest)
+    };
+    let last_known: Vec<Option<usize>> = (0..poses.len()).scan(None, nearest).collect();
+    let mut next_known: Vec<Option<usize>> = (0..poses.len()).rev().scan(None, nearest).collect();
+    next_known.reverse();
     let reach = BLEND_SECONDS * rate;
     let mut shifts: Vec<DVec3> = (0..poses.len())
         .map(|frame| {
             if let Some(shift) = known[frame] {
                 return shift;
             }
-            let before = (0..frame)
-                .rev()
-                .find_map(|at| Some((frame - at, known[at]?)));
-            let after = (frame + 1..poses.len()).find_map(|at| Some((at - frame, known[at]?)));
+            let before = last_known[frame].and_then(|at| Some((frame - at, known[at]?)));
+            let after = next_known[frame].and_then(|at| Some((at - frame, known[at]?)));
             let faded = |neighbour: Option<(usize, DVec3)>| {
                 let (distance, shift) = neighbour?;
                 Some((distance, shift * fade(distance as f64 / reach)))

@@ -82,10 +82,7 @@ impl CharacterSkeleton {
             (None, None) => vrm::joint_nodes(document),
             _ => None,
         };
-        let SkeletonJoints {
-            scheme,
-            nodes: joints,
-        } = match from_vrm {
+        let found = match from_vrm {
             Some(by_index) => SkeletonJoints {
                 scheme: "VRM",
                 nodes: by_index.map(|index| {
@@ -112,16 +109,24 @@ impl CharacterSkeleton {
                 })?
             }
         };
+        let missing = found.missing_joints();
+        if !missing.is_empty() {
+            let names: Vec<&str> = missing.into_iter().map(Joint::name).collect();
+            return Err(CharacterError::Body {
+                path: path.to_owned(),
+                problem: format!("expected a whole body, found none of {}", names.join(", ")),
+            });
+        }
         let mut skeleton = CharacterSkeleton {
             nodes,
-            joints,
+            joints: found.nodes,
             spine: Vec::new(),
             neck: Vec::new(),
             facing: DQuat::IDENTITY,
-            scheme,
+            scheme: found.scheme,
         };
         skeleton.check_scales(path)?;
-        skeleton.find_spine(path)?;
+        skeleton.find_spine();
         skeleton.find_facing(path)?;
         Ok(skeleton)
     }
@@ -161,21 +166,12 @@ impl CharacterSkeleton {
     }
 
     /// Finds the nodes of the spine and of the neck.
-    fn find_spine(&mut self, path: &Path) -> Result<(), CharacterError> {
-        let body_error = |problem: &str| CharacterError::Body {
-            path: path.to_owned(),
-            problem: problem.to_owned(),
-        };
-        let pelvis = self
-            .joint(Joint::Pelvis)
-            .ok_or_else(|| body_error("expected a pelvis, found none"))?;
-        let top = self
-            .joint(Joint::Head)
-            .or(self.joint(Joint::Neck))
-            .ok_or_else(|| body_error("expected a head or a neck, found neither"))?;
-        let above: Vec<usize> = { self.ancestors(top) }
-            .skip(1)
-            .take_while(|place| *place != pelvis)
+    fn find_spine(&mut self) {
+        let pelvis = self.joint(Joint::Pelvis);
+        let top = self.joint(Joint::Head).or(self.joint(Joint::Neck));
+        let above: Vec<usize> = { top.into_iter() }
+            .flat_map(|top| self.ancestors(top).skip(1))
+            .take_while(|place| Some(*place) != pelvis)
             .collect();
         let is_below =
             |place: usize, ancestor: usize| self.ancestors(place).any(|above| above == ancestor);
@@ -200,7 +196,6 @@ impl CharacterSkeleton {
         self.neck = { neck.into_iter().enumerate() }
             .map(|(place, node)| (node, 3.0 + (place + 1) as f64 / count))
             .collect();
-        Ok(())
     }
 
     /// Finds the direction in which the character faces: from its right to its left side is our +X.

@@ -705,6 +705,18 @@ fn files_that_are_no_characters_are_errors_that_say_why() {
         message.contains("mixamorig:Hips") && message.contains("Mixamo"),
         "{message}"
     );
+    // A VRM whose map lacks a knee.
+    let vrm = TestCharacter {
+        vrm: Some(1),
+        ..TestCharacter::default()
+    };
+    let bytes = vrm.glb();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let bones = &mut json["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"];
+    bones.as_object_mut().unwrap().remove("leftLowerLeg");
+    let message = open(&pack(&json.to_string(), &bytes[20 + length + 8..])).to_string();
+    assert!(message.contains("left_knee"), "{message}");
     std::fs::write(&path, &good).unwrap();
     let hero = Character::open(&path, &CharacterOptions::default()).unwrap();
     let error = hero

@@ -5,7 +5,7 @@ use lamogen_motion::{JOINTS, Joint};
 
 use crate::clip::{Clip, Node};
 use crate::mapping::{JointMapping, MappingError};
-use crate::names::{UnknownSkeleton, recognise};
+use crate::names::{UnknownSkeleton, missing_joints, recognise};
 
 /// A node of a skeleton.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,6 +29,11 @@ pub struct SkeletonJoints {
 }
 
 impl SkeletonJoints {
+    /// Returns the joints that a body needs and that have no node.
+    pub fn missing_joints(&self) -> Vec<Joint> {
+        missing_joints(&self.nodes)
+    }
+
     /// Returns the node of a joint.
     pub fn node(&self, joint: Joint) -> Option<usize> {
         self.nodes[joint.index()]

@@ -309,8 +309,12 @@ fn component_value(bytes: &[u8], component: ComponentType, normalized: bool) -> 
     }
 }
 
-/// Splits a file into its JSON and, if it is GLB, its binary chunk.
-fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatProblem> {
+/// Splits the bytes of a glTF file into its JSON and, if it is GLB, its binary chunk.
+///
+/// # Errors
+///
+/// If the bytes are neither JSON nor GLB of version 2, or are cut short. The text of the error does not name the file.
+pub fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     if !bytes.starts_with(b"glTF") {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         return match text.trim_ascii_start().first() {

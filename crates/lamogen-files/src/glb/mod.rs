@@ -29,6 +29,7 @@ mod write;
 use std::io;
 use std::path::PathBuf;
 
+pub use container::split_chunks;
 pub(crate) use read::read;
 pub use write::{GlbOptions, bytes, write};
 

@@ -153,7 +153,7 @@ impl OutputFile {
             OutputFormat::Glb | OutputFormat::Vrm | OutputFormat::Gltf
                 if let Some(character) = writing.onto.open()? =>
             {
-                return self.write_onto(&character, scene, writing);
+                return self.write_onto(character, scene, writing);
             }
             OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Npy | OutputFormat::Features => {
                 let options = write_options(scene, writing, self.format);

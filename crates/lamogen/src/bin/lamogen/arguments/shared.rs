@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::{Arc, OnceLock};
 
 use clap::{Args, ValueEnum};
 use lamogen::character::{Character, CharacterOptions};
@@ -194,6 +195,9 @@ pub struct OntoArguments {
     /// What becomes of straight fingers: bent as those of a relaxed hand, or kept as they are.
     #[arg(long, value_enum, default_value = "relax", requires = "onto")]
     pub hands: HandsName,
+    /// The character, once it is read.
+    #[arg(skip)]
+    opened: Arc<OnceLock<Character>>,
 }
 
 /// The value of `--hands`.
@@ -204,11 +208,14 @@ pub enum HandsName {
 }
 
 impl OntoArguments {
-    /// Reads the character, if there is one.
-    pub fn open(&self) -> Result<Option<Character>, Failure> {
+    /// Returns the character, if there is one. It is read at the first call.
+    pub fn open(&self) -> Result<Option<&Character>, Failure> {
         let Some(path) = &self.onto else {
             return Ok(None);
         };
+        if let Some(character) = self.opened.get() {
+            return Ok(Some(character));
+        }
         let mapping = self
             .onto_names
             .as_ref()
@@ -218,7 +225,8 @@ impl OntoArguments {
             mapping,
             root: self.character.clone(),
         };
-        Ok(Some(Character::open(path, &options)?))
+        let character = Character::open(path, &options)?;
+        Ok(Some(self.opened.get_or_init(|| character)))
     }
 }
 
