@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         hero.leg_length()
     );
     let animation = hero
-        .animate(&jump.guided, &RetargetOptions::default())
+        .animate(&jump.guided, &RetargetOptions::default())?
         .named("jump");
     // An engine that has a skeleton of its own needs no file: these are the rotations relative to the parent bone.
     for bone in &animation.bones {

@@ -20,6 +20,7 @@ mod fit;
 mod kinematics;
 mod options;
 mod pose;
+mod seam;
 mod snaps;
 mod track;
 

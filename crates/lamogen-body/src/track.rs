@@ -9,10 +9,24 @@ use crate::descent::Minimizer;
 use crate::fit::FitInput;
 use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
+use crate::seam::close_seam;
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 
 /// The number of unknowns of a frame: the root position, and the quaternion of every joint that has children.
 const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
+
+/// The number of frames after the last one of a loop that take part in its fit: the terms look at up to four frames in a row.
+/// They are the first frames again, moved on by the travel.
+const SEAM_FRAMES: usize = 3;
+
+/// What the frames after the last one of a loop are, compared with the first ones.
+struct LoopSeam {
+    /// The travel of a cycle, in metres.
+    travel: DVec3,
+    /// For each joint, whether its quaternion changes its sign from cycle to cycle (-1), as that of a body that turns round
+    /// once does, or not (1).
+    signs: [f64; JOINTS],
+}
 
 /// An elbow or knee, which bends one way only.
 struct HingeJoint {
@@ -42,6 +56,9 @@ pub(crate) struct MotionFit {
     least_foot_heights: Vec<[f64; 2]>,
     /// The height of the ground, in metres.
     ground: f64,
+    /// How the end of a loop leads into its beginning; `None` for a motion with two ends. The tables of a loop have
+    /// [`SEAM_FRAMES`] further frames.
+    seam: Option<LoopSeam>,
     /// Rough curvatures of the fit's value, of the root and of every joint that has children.
     curvatures: Vec<BandedFactorization>,
     minimizer: Minimizer,
@@ -49,6 +66,8 @@ pub(crate) struct MotionFit {
 
 /// The motion that a trial point of the minimiser describes.
 pub(crate) struct TrialMotion {
+    /// The number of frames without those of the seam of a loop.
+    frames: usize,
     /// The lengths of the trial point's quaternions.
     lengths: Vec<[f64; PARENT_JOINTS.len()]>,
     local: Vec<[DQuat; JOINTS]>,
@@ -58,7 +77,7 @@ pub(crate) struct TrialMotion {
 impl TrialMotion {
     /// Returns the joint positions in metres, one pose for each frame.
     pub(crate) fn joints(&self) -> Vec<[[f32; 3]; JOINTS]> {
-        let poses = self.poses.iter();
+        let poses = self.poses[..self.frames].iter();
         poses
             .map(|pose| pose.positions.map(|point| point.as_vec3().to_array()))
             .collect()
@@ -74,28 +93,61 @@ impl MotionFit {
             ground,
         } = *input;
         let offsets = BoneOffsets::of(rest);
-        let rotations = Rotations::of(motion);
+        // A loop is prepared with a cycle before it and one after it, so that its ends know their neighbours.
+        let repeated = motion.repeated(3);
+        let rotations = Rotations::of(repeated.as_ref().unwrap_or(motion));
         // Bones keep their directions and get the body's lengths. Without legs there is no scale for the root's path.
         let rotations = match rotations.rest().leg() > 0.0 {
             true => rotations.on(rest),
-            false => Rotations::on_body(motion, rest),
+            false => Rotations::on_body(repeated.as_ref().unwrap_or(motion), rest),
         };
         let mut solved: Vec<[DQuat; JOINTS]> = { rotations.local().iter() }
             .map(|pose| pose.map(|q| DQuat::from_array(q.map(f64::from)).normalize()))
             .collect();
         let reference = rotations.joints().into_iter();
-        let reference: Vec<[DVec3; JOINTS]> = reference
+        let mut reference: Vec<[DVec3; JOINTS]> = reference
             .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
             .collect();
-        let trust = frame_trust(&solved);
+        let mut trust = frame_trust(&solved);
         bridge_snaps(&mut solved, &trust);
-        let mut contacts = find_contacts(&reference, motion.features(), ground);
+        let features = { motion.features() }.map(|rows| match repeated {
+            Some(_) => rows.repeat(3),
+            None => rows.to_vec(),
+        });
+        let frames = motion.frames();
+        if repeated.is_some() {
+            close_seams(&offsets, frames, &mut reference, &mut solved);
+        }
+        let mut contacts = find_contacts(&reference, features.as_deref(), ground);
         contacts.retain(|contact| {
             trust[contact.from..contact.until]
                 .iter()
                 .all(|trust| is_trusted(*trust))
         });
-        let mut point = vec![0.0; FRAME_WIDTH * reference.len()];
+        let mut least_foot_heights = least_foot_heights(&reference, &contacts, ground);
+        let seam = repeated.map(|_| {
+            let seam = LoopSeam {
+                travel: (reference[2 * frames][0] - reference[frames][0])
+                    * DVec3::new(1.0, 0.0, 1.0),
+                signs: std::array::from_fn(|joint| {
+                    solved[frames][joint]
+                        .dot(solved[2 * frames][joint])
+                        .signum()
+                }),
+            };
+            let kept = frames..2 * frames + SEAM_FRAMES.min(frames);
+            reference = reference[kept.clone()].to_vec();
+            solved = solved[kept.clone()].to_vec();
+            trust = trust[kept.clone()].to_vec();
+            least_foot_heights = least_foot_heights[kept.clone()].to_vec();
+            contacts.retain(|contact| contact.from < kept.end && contact.until > kept.start);
+            for contact in &mut contacts {
+                contact.from = contact.from.max(kept.start) - kept.start;
+                contact.until = contact.until.min(kept.end) - kept.start;
+            }
+            seam
+        });
+        let mut point = vec![0.0; FRAME_WIDTH * frames];
         for (t, row) in point.chunks_exact_mut(FRAME_WIDTH).enumerate() {
             row[..3].copy_from_slice(&reference[t][0].to_array());
             for (k, joint) in PARENT_JOINTS.iter().enumerate() {
@@ -107,7 +159,8 @@ impl MotionFit {
             rest: rest.clone(),
             hinges: hinges(&offsets),
             offsets,
-            least_foot_heights: least_foot_heights(&reference, &contacts, ground),
+            least_foot_heights,
+            seam,
             reference,
             solved,
             trust,
@@ -133,8 +186,9 @@ impl MotionFit {
     /// Returns the rotations of the best point so far.
     pub(crate) fn rotations(&self) -> Rotations {
         let best = self.motion_at(self.minimizer.point());
-        let roots = best.poses.iter().map(|pose| pose.positions[0]);
-        let local = best.local.iter();
+        let roots = best.poses[..best.frames].iter();
+        let roots = roots.map(|pose| pose.positions[0]);
+        let local = best.local[..best.frames].iter();
         Rotations::new(
             self.rest.clone(),
             roots.map(|root| root.as_vec3().to_array()).collect(),
@@ -143,6 +197,10 @@ impl MotionFit {
                 .collect(),
             FRAMES_PER_SECOND,
         )
+        .with_loop_travel({ self.seam.as_ref() }.map(|seam| {
+            let travel = seam.travel.as_vec3();
+            [travel.x, travel.z]
+        }))
     }
 
     /// Computes value and gradient of the fit at a trial motion and passes them to the minimiser. `goal` is the value of
@@ -167,6 +225,7 @@ impl MotionFit {
         let mut gradient = vec![0.0; FRAME_WIDTH * self.reference.len()];
         value += self.add_frame_terms(trial, &position_gradient, &mut gradient);
         value += self.add_step_terms(trial, &mut gradient);
+        self.fold_seam(trial.frames, &mut gradient);
         self.differentiate_normalization(trial, &mut gradient);
         let curvatures = &self.curvatures;
         self.minimizer.update(value, gradient, &|step| {
@@ -184,11 +243,13 @@ impl MotionFit {
 
     /// Returns the motion that a point of the minimiser describes.
     fn motion_at(&self, point: &[f64]) -> TrialMotion {
-        let frames = self.reference.len();
+        let frames = point.len() / FRAME_WIDTH;
+        let all = self.reference.len();
         let mut trial = TrialMotion {
-            lengths: Vec::with_capacity(frames),
-            local: Vec::with_capacity(frames),
-            poses: Vec::with_capacity(frames),
+            frames,
+            lengths: Vec::with_capacity(all),
+            local: Vec::with_capacity(all),
+            poses: Vec::with_capacity(all),
         };
         for row in point.chunks_exact(FRAME_WIDTH) {
             let mut local = [DQuat::IDENTITY; JOINTS];
@@ -203,7 +264,41 @@ impl MotionFit {
             trial.local.push(local);
             trial.lengths.push(lengths);
         }
+        if let Some(seam) = &self.seam {
+            for t in 0..all - frames {
+                let local = trial.local[t];
+                let local = std::array::from_fn(|joint| local[joint] * seam.signs[joint]);
+                let root = trial.poses[t].positions[0] + seam.travel;
+                trial.poses.push(Pose::of(&self.offsets, root, &local));
+                trial.local.push(local);
+            }
+        }
         trial
+    }
+
+    /// Adds the gradient of the frames of a loop's seam to that of the first frames, which they repeat, and removes it from
+    /// the end.
+    fn fold_seam(&self, frames: usize, gradient: &mut Vec<f64>) {
+        let Some(seam) = &self.seam else {
+            return;
+        };
+        let (own, further) = gradient.split_at_mut(frames * FRAME_WIDTH);
+        let rows = own.chunks_exact_mut(FRAME_WIDTH);
+        for (row, further) in rows.zip(further.chunks_exact_mut(FRAME_WIDTH)) {
+            for (sum, g) in row.iter_mut().zip(&*further).take(3) {
+                *sum += g;
+            }
+            for (k, joint) in PARENT_JOINTS.iter().enumerate() {
+                let sign = seam.signs[joint.index()];
+                for (sum, g) in quaternion_mut(row, k)
+                    .iter_mut()
+                    .zip(quaternion_mut(further, k))
+                {
+                    *sum += sign * *g;
+                }
+            }
+        }
+        gradient.truncate(frames * FRAME_WIDTH);
     }
 
     /// Returns the value of the terms of the joint positions, and adds their gradient to `gradient`.
@@ -371,9 +466,9 @@ impl MotionFit {
             prior,
             ..
         } = self.options;
-        let frames = self.reference.len();
+        let frames = self.minimizer.point().len() / FRAME_WIDTH;
         // The weight of all contacts at each frame.
-        let mut standing = vec![0.0; frames];
+        let mut standing = vec![0.0; self.reference.len()];
         for contact in &self.contacts {
             for standing in &mut standing[contact.from..contact.until] {
                 *standing += stand;
@@ -406,6 +501,33 @@ impl MotionFit {
             ));
         }
         all
+    }
+}
+
+/// Closes the seams of a loop that is played three times: spreads the jumps between its cycles over the frames around them.
+fn close_seams(
+    offsets: &BoneOffsets,
+    frames: usize,
+    reference: &mut [[DVec3; JOINTS]],
+    solved: &mut [[DQuat; JOINTS]],
+) {
+    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
+    // The second cycle knows what is before and after it. The others are copies of it.
+    let cycle = frames..2 * frames;
+    let mut root: Vec<DVec3> = reference[cycle.clone()]
+        .iter()
+        .map(|pose| pose[0])
+        .collect();
+    let mut local = solved[cycle].to_vec();
+    close_seam(&mut root, &mut local, travel);
+    for t in 0..reference.len() {
+        let (cycle, frame) = (t / frames, t % frames);
+        let place = root[frame] + (cycle as f64 - 1.0) * travel;
+        for (own, new) in solved[t].iter_mut().zip(local[frame]) {
+            // The sign goes on as it was.
+            *own = if own.dot(new) < 0.0 { -new } else { new };
+        }
+        reference[t] = Pose::of(offsets, place, &solved[t]).positions;
     }
 }
 

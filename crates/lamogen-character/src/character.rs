@@ -4,15 +4,16 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use lamogen_files::JointMapping;
-use lamogen_motion::{Joint, Motion};
+use lamogen_motion::{Joint, Motion, RootMotion};
 
+use crate::bvh::BvhDocument;
 use crate::document::{AnimationData, Channel, GltfDocument};
 use crate::error::CharacterError;
 use crate::hands::relaxed_fingers;
-use crate::retarget::{CharacterPose, RetargetOptions, Retargeter};
+use crate::retarget::{CharacterPose, RetargetOptions, retarget};
 use crate::skeleton::CharacterSkeleton;
 
-/// A rigged character from a `.glb`, `.gltf` or `.vrm` file (0.x and 1.0).
+/// A rigged character from a `.glb`, `.gltf` or `.vrm` file (0.x and 1.0), or the skeleton of a `.bvh` file.
 ///
 /// ```no_run
 /// use lamogen_character::{Character, CharacterOptions, RetargetOptions, SaveOptions};
@@ -20,15 +21,31 @@ use crate::skeleton::CharacterSkeleton;
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let motion: lamogen_motion::Motion = todo!();
 /// let hero = Character::open("hero.glb", &CharacterOptions::default())?;
-/// let jump = hero.animate(&motion, &RetargetOptions::default());
+/// let jump = hero.animate(&motion, &RetargetOptions::default())?;
 /// hero.save("hero_jump.glb", &[jump.named("jump")], &SaveOptions::default())?;
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Debug)]
 pub struct Character {
-    document: GltfDocument,
+    document: CharacterDocument,
     skeleton: CharacterSkeleton,
+}
+
+/// The file of a character.
+#[derive(Clone, Debug)]
+enum CharacterDocument {
+    Gltf(GltfDocument),
+    Bvh(BvhDocument),
+}
+
+impl CharacterDocument {
+    fn path(&self) -> &Path {
+        match self {
+            CharacterDocument::Gltf(document) => document.path(),
+            CharacterDocument::Bvh(document) => document.path(),
+        }
+    }
 }
 
 /// Options of reading a character.
@@ -54,16 +71,29 @@ pub struct CharacterAnimation {
     pub name: String,
     /// Keyframes per second.
     pub frames_per_second: f32,
+    /// Where the travel along the ground is. If it is nowhere, the character stays in place, and planted feet slide.
+    pub root_motion: RootMotion,
+    /// The node above the pelvis that has the travel, if that is where it is.
+    pub root: Option<PositionTrack>,
+    /// Whether the animation is a loop. Its last frame is then the first one again, moved on by the travel.
+    pub is_loop: bool,
     /// The bones that move.
     pub bones: Vec<BoneTrack>,
-    /// The name of the node of the pelvis.
-    pub pelvis: String,
-    /// The position of the pelvis relative to its parent at every frame, in the units of the parent.
-    pub pelvis_positions: Vec<[f32; 3]>,
+    /// The pelvis.
+    pub pelvis: PositionTrack,
     /// The copyright notice of the motion.
     pub copyright: Option<String>,
-    /// The index of the pelvis' node in the file.
-    pelvis_node: usize,
+}
+
+/// The positions of one node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PositionTrack {
+    /// The name of the node in the file.
+    pub name: String,
+    /// The index of the node in the file.
+    pub node: usize,
+    /// The position relative to the parent at every frame, in the units of the parent.
+    pub positions: Vec<[f32; 3]>,
 }
 
 /// The rotations of one bone.
@@ -89,7 +119,7 @@ impl CharacterAnimation {
 
     /// Returns the number of keyframes.
     pub fn frames(&self) -> usize {
-        self.pelvis_positions.len()
+        self.pelvis.positions.len()
     }
 }
 
@@ -115,9 +145,24 @@ impl Character {
                 reason: problem.to_owned(),
             });
         }
-        let document = GltfDocument::parse(bytes, path)?;
         let (mapping, root) = (options.mapping.as_ref(), options.root.as_deref());
+        let is_bvh =
+            { path.extension() }.is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"));
+        if is_bvh {
+            if let Some(root) = root {
+                return Err(CharacterError::Node {
+                    path: path.to_owned(),
+                    asked: root.to_owned(),
+                });
+            }
+            let document = BvhDocument::parse(&bytes, mapping, path)?;
+            let skeleton = CharacterSkeleton::read_bvh(&document, mapping)?;
+            let document = CharacterDocument::Bvh(document);
+            return Ok(Character { document, skeleton });
+        }
+        let document = GltfDocument::parse(bytes, path)?;
         let skeleton = CharacterSkeleton::read(&document, mapping, root)?;
+        let document = CharacterDocument::Gltf(document);
         Ok(Character { document, skeleton })
     }
 
@@ -147,16 +192,35 @@ impl Character {
 
     /// Returns the names of the animations in the file.
     pub fn animation_names(&self) -> Vec<String> {
-        self.document.animation_names()
+        match &self.document {
+            CharacterDocument::Gltf(document) => document.animation_names(),
+            CharacterDocument::Bvh(_) => Vec::new(),
+        }
+    }
+
+    /// Returns whether the character is the skeleton of a BVH file.
+    pub fn is_bvh(&self) -> bool {
+        matches!(self.document, CharacterDocument::Bvh(_))
     }
 
     /// Puts a motion on the character.
     ///
     /// Limbs point where those of the motion point. Spine, neck, head, hands and feet turn as those of the motion do relative to
     /// their rest pose. The pelvis moves by the ratio of leg lengths, along the direction in which the character faces.
-    pub fn animate(&self, motion: &Motion, options: &RetargetOptions) -> CharacterAnimation {
-        let retargeter = Retargeter::new(&self.skeleton, motion, options);
-        let poses = retargeter.poses(motion, options);
+    ///
+    /// The travel of the motion goes where [`Motion::root_motion`] says; a root node is the parent of the pelvis. The animation of a
+    /// loop ends with the frame that closes it, and its frame rate is changed so little that a cycle is a whole number of frames.
+    ///
+    /// # Errors
+    ///
+    /// If the travel shall go into a root node, and the pelvis has no parent.
+    pub fn animate(
+        &self,
+        motion: &Motion,
+        options: &RetargetOptions,
+    ) -> Result<CharacterAnimation, CharacterError> {
+        let retargeted = retarget(&self.skeleton, motion, options);
+        let (retargeter, poses) = (&retargeted.retargeter, &retargeted.poses);
         let nodes = &self.skeleton.nodes;
         let mut places: Vec<usize> = retargeter.driven_places().collect();
         places.sort_unstable();
@@ -166,7 +230,7 @@ impl Character {
             rotations,
         };
         let mut bones: Vec<BoneTrack> = { places.into_iter() }
-            .map(|place| track(place, self.local_rotations(place, &poses)))
+            .map(|place| track(place, self.local_rotations(place, poses)))
             .collect();
         if options.relax_hands {
             for (place, rotation) in relaxed_fingers(&self.skeleton) {
@@ -175,8 +239,27 @@ impl Character {
             }
         }
         let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
-        let pelvis_positions = poses.iter().map(|pose| {
-            let place = pose.positions[pelvis];
+        let root_motion = motion.root_motion();
+        let root = match (root_motion, nodes[pelvis].parent) {
+            (RootMotion::Root, parent) if parent.is_none_or(|parent| !nodes[parent].can_move) => {
+                return Err(CharacterError::Root {
+                    path: self.document.path().to_owned(),
+                    pelvis: nodes[pelvis].name.clone(),
+                });
+            }
+            (RootMotion::Root, parent) => parent,
+            _ => None,
+        };
+        let path = match root_motion {
+            RootMotion::Hips => vec![DVec3::ZERO; poses.len()],
+            _ => retargeted.ground_path(pelvis),
+        };
+        let start = match root_motion {
+            RootMotion::None => path[0],
+            _ => DVec3::ZERO,
+        };
+        let pelvis_positions = poses.iter().zip(&path).map(|(pose, path)| {
+            let place = pose.positions[pelvis] - *path + start;
             let local = match nodes[pelvis].parent {
                 None => place,
                 Some(parent) => {
@@ -186,15 +269,35 @@ impl Character {
             };
             local.as_vec3().to_array()
         });
-        CharacterAnimation {
+        let position_track = |place: usize, positions: Vec<[f32; 3]>| PositionTrack {
+            name: nodes[place].name.clone(),
+            node: nodes[place].index,
+            positions,
+        };
+        let root = root.map(|place| {
+            let node = &nodes[place];
+            let positions = path.iter().map(|path| {
+                let moved = match node.parent {
+                    None => *path,
+                    Some(parent) => {
+                        let parent = &nodes[parent];
+                        parent.world_rotation.inverse() * *path / parent.world_scale
+                    }
+                };
+                (node.translation + moved).as_vec3().to_array()
+            });
+            position_track(place, positions.collect())
+        });
+        Ok(CharacterAnimation {
             name: "motion".to_owned(),
-            frames_per_second: options.frames_per_second,
+            frames_per_second: retargeted.frames_per_second,
+            root_motion,
+            root,
+            is_loop: motion.loop_travel().is_some(),
             bones,
-            pelvis: nodes[pelvis].name.clone(),
-            pelvis_node: nodes[pelvis].index,
-            pelvis_positions: pelvis_positions.collect(),
+            pelvis: position_track(pelvis, pelvis_positions.collect()),
             copyright: motion.copyright().map(str::to_owned),
-        }
+        })
     }
 
     /// Returns the rotations of a node relative to its parent.
@@ -213,19 +316,34 @@ impl Character {
     /// Writes the file of the character with further animations. All else in it stays as it is. The file is written whole or
     /// not at all.
     ///
+    /// A BVH has a single motion, so that of the character's file is replaced, and there must be one animation.
+    ///
     /// # Errors
     ///
-    /// If the name ends as another kind of file does than the character's own (`.gltf`, or `.glb` and `.vrm`), a `.gltf` with
-    /// files beside it is written to another folder, or the file cannot be written.
+    /// If the name ends as another kind of file does than the character's own (`.gltf`, `.glb` and `.vrm`, or `.bvh`), a `.gltf`
+    /// with files beside it is written to another folder, a BVH shall have another number of animations than one, or the file
+    /// cannot be written.
     pub fn save(
         &self,
         path: impl AsRef<Path>,
         animations: &[CharacterAnimation],
         options: &SaveOptions,
     ) -> Result<(), CharacterError> {
-        let animations: Vec<AnimationData> = animations.iter().map(animation_data).collect();
-        self.document
-            .write(path.as_ref(), &animations, options.replace_animations)
+        let path = path.as_ref();
+        match (&self.document, animations) {
+            (CharacterDocument::Gltf(document), _) => {
+                let animations: Vec<AnimationData> =
+                    animations.iter().map(animation_data).collect();
+                document.write(path, &animations, options.replace_animations)
+            }
+            (CharacterDocument::Bvh(document), [animation]) => {
+                document.write(path, &self.skeleton.nodes, animation)
+            }
+            (CharacterDocument::Bvh(_), _) => Err(CharacterError::Animations {
+                path: path.to_owned(),
+                found: animations.len(),
+            }),
+        }
     }
 
     /// Returns the positions of the joints in the world at every frame of an animation of this character, in metres.
@@ -239,9 +357,12 @@ impl Character {
                     let rotation = track.map_or(node.rotation, |track| {
                         DQuat::from_array(track.rotations[frame].map(f64::from))
                     });
-                    let translation = match node.index == animation.pelvis_node {
-                        true => DVec3::from(animation.pelvis_positions[frame].map(f64::from)),
-                        false => node.translation,
+                    let mut moved = [Some(&animation.pelvis), animation.root.as_ref()]
+                        .into_iter()
+                        .flatten();
+                    let translation = match moved.find(|track| track.node == node.index) {
+                        Some(track) => DVec3::from(track.positions[frame].map(f64::from)),
+                        None => node.translation,
                     };
                     world.push(match node.parent {
                         None => (translation, rotation),
@@ -267,14 +388,15 @@ fn animation_data(animation: &CharacterAnimation) -> AnimationData {
     let rate = animation.frames_per_second;
     let rotations =
         { animation.bones.iter() }.map(|bone| Channel::Rotation(bone.node, bone.rotations.clone()));
-    let translation =
-        Channel::Translation(animation.pelvis_node, animation.pelvis_positions.clone());
+    let moved = animation.root.iter().chain([&animation.pelvis]);
+    let translations = moved.map(|track| Channel::Translation(track.node, track.positions.clone()));
     AnimationData {
         name: animation.name.clone(),
         copyright: animation.copyright.clone(),
+        notes: animation.root_motion.note().map(str::to_owned),
         times: (0..animation.frames())
             .map(|frame| frame as f32 / rate)
             .collect(),
-        channels: std::iter::once(translation).chain(rotations).collect(),
+        channels: translations.chain(rotations).collect(),
     }
 }

@@ -301,6 +301,8 @@ pub(crate) enum Channel {
 pub(crate) struct AnimationData {
     pub(crate) name: String,
     pub(crate) copyright: Option<String>,
+    /// What becomes of the travel, if it is not in the hips.
+    pub(crate) notes: Option<String>,
     pub(crate) times: Vec<f32>,
     pub(crate) channels: Vec<Channel>,
 }
@@ -372,8 +374,11 @@ impl AnimationData {
         let mut animation = json!({
             "name": self.name, "channels": channels, "samplers": samplers,
         });
+        if let Some(notes) = &self.notes {
+            animation["extras"]["root_motion"] = json!(notes);
+        }
         if let Some(copyright) = &self.copyright {
-            animation["extras"] = json!({ "copyright": copyright });
+            animation["extras"]["copyright"] = json!(copyright);
         }
         animations.push(raw(&animation));
         root.set_items("bufferViews", &views);

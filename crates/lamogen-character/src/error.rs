@@ -42,6 +42,14 @@ pub enum CharacterError {
         node: String,
         found: [f64; 3],
     },
+    /// The travel shall go into a node above the pelvis, and there is none.
+    #[error(
+        "{path}: expected a node above the pelvis {pelvis:?} for the root motion, found none; leave the travel in the hips, or nowhere"
+    )]
+    Root { path: PathBuf, pelvis: String },
+    /// A BVH shall have more animations than one, or none.
+    #[error("{path}: expected one animation, as a BVH has, found {found}")]
+    Animations { path: PathBuf, found: usize },
     /// The file to write has another container than the character's.
     #[error("{path}: expected a name that ends in {expected}, as the character {character} does")]
     Container {

@@ -1,4 +1,4 @@
-//! Puts human motion on rigged characters: glTF and VRM files with a skin.
+//! Puts human motion on rigged characters: glTF and VRM files with a skin, and skeletons of BVH files.
 //!
 //! ```text
 //! hero.glb ──Character::open──▶ skeleton: rest pose, joints by their names or a VRM's map
@@ -9,6 +9,7 @@
 //! hero_jump.glb ◀──the same file, byte for byte, and one more animation──────── Character::save
 //! ```
 
+mod bvh;
 mod character;
 mod document;
 mod error;
@@ -18,7 +19,9 @@ mod retarget;
 mod skeleton;
 mod vrm;
 
-pub use character::{BoneTrack, Character, CharacterAnimation, CharacterOptions, SaveOptions};
+pub use character::{
+    BoneTrack, Character, CharacterAnimation, CharacterOptions, PositionTrack, SaveOptions,
+};
 pub use error::CharacterError;
 pub use retarget::RetargetOptions;
 

@@ -2,7 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use lamogen_body::ground;
-use lamogen_motion::{JOINTS, Joint, Motion, Rotations};
+use lamogen_motion::{
+    FRAMES_PER_SECOND, JOINTS, Joint, Motion, Rotations, ground_path, loop_frame_rate,
+};
 
 use crate::legs;
 use crate::skeleton::CharacterSkeleton;
@@ -74,6 +76,70 @@ const SPINE: [Joint; 5] = [
     Joint::Neck,
 ];
 
+/// A motion on a character, frame by frame.
+pub(crate) struct RetargetedMotion<'a> {
+    pub(crate) retargeter: Retargeter<'a>,
+    /// The poses. Those of a loop end with the frame that closes it.
+    pub(crate) poses: Vec<CharacterPose>,
+    pub(crate) frames_per_second: f32,
+    /// The travel of a loop in a cycle along the ground, `[x, z]` in the character's world.
+    loop_travel: Option<[f32; 2]>,
+}
+
+impl RetargetedMotion<'_> {
+    /// Returns the path of a node along the ground.
+    pub(crate) fn ground_path(&self, place: usize) -> Vec<DVec3> {
+        let positions = self.poses.iter().map(|pose| pose.positions[place]);
+        let positions: Vec<[f32; 3]> = positions.map(|at| at.as_vec3().to_array()).collect();
+        ground_path(&positions, self.frames_per_second, self.loop_travel)
+            .into_iter()
+            .map(|[x, z]| DVec3::new(f64::from(x), 0.0, f64::from(z)))
+            .collect()
+    }
+}
+
+/// Puts a motion on a skeleton.
+pub(crate) fn retarget<'a>(
+    skeleton: &'a CharacterSkeleton,
+    motion: &Motion,
+    options: &RetargetOptions,
+) -> RetargetedMotion<'a> {
+    let Some(repeated) = motion.repeated(3) else {
+        let retargeter = Retargeter::new(skeleton, motion, options.frames_per_second);
+        return RetargetedMotion {
+            poses: retargeter.poses(motion, options),
+            retargeter,
+            frames_per_second: options.frames_per_second,
+            loop_travel: None,
+        };
+    };
+    // A loop is retargeted with a cycle before it and one after it, so that feet that stand across the seam keep their places.
+    let frames_per_second = loop_frame_rate(motion.frames(), options.frames_per_second);
+    let retargeter = Retargeter::new(skeleton, &repeated, frames_per_second);
+    let seconds = motion.frames() as f32 / FRAMES_PER_SECOND;
+    let frames = (seconds * frames_per_second).round() as usize;
+    let [x, z] = motion.loop_travel().unwrap_or_default().map(f64::from);
+    let travel = skeleton.facing * (DVec3::new(x, 0.0, z) * retargeter.ratio);
+    let mut poses = retargeter.poses(&repeated, options);
+    poses.truncate(2 * frames + 1);
+    poses.drain(..frames);
+    let pelvis = skeleton.joint(Joint::Pelvis).expect("a pelvis");
+    // The second cycle is moved back to where the first one was. Nodes above the pelvis do not move.
+    for pose in &mut poses {
+        for place in 0..skeleton.nodes.len() {
+            if skeleton.ancestors(place).any(|above| above == pelvis) {
+                pose.positions[place] -= travel;
+            }
+        }
+    }
+    RetargetedMotion {
+        retargeter,
+        poses,
+        frames_per_second,
+        loop_travel: Some([travel.x as f32, travel.z as f32]),
+    }
+}
+
 /// A motion on a character: what turns which node, and how large steps are.
 pub(crate) struct Retargeter<'a> {
     pub(crate) skeleton: &'a CharacterSkeleton,
@@ -93,9 +159,9 @@ impl<'a> Retargeter<'a> {
     pub(crate) fn new(
         skeleton: &'a CharacterSkeleton,
         motion: &Motion,
-        options: &RetargetOptions,
+        frames_per_second: f32,
     ) -> Self {
-        let rotations = motion.rotations().resampled(options.frames_per_second);
+        let rotations = motion.rotations().resampled(frames_per_second);
         let rest = rotations.rest();
         let mut source_rest = [DVec3::ZERO; JOINTS];
         for joint in Joint::ALL {

@@ -7,6 +7,7 @@ use lamogen_files::{JointMapping, SkeletonJoints, SkeletonNode, find_joints};
 use lamogen_motion::{JOINTS, Joint};
 use serde_json::Value;
 
+use crate::bvh::BvhDocument;
 use crate::document::GltfDocument;
 use crate::error::CharacterError;
 use crate::vrm;
@@ -27,6 +28,8 @@ pub(crate) struct RestNode {
     pub(crate) world_position: DVec3,
     pub(crate) world_rotation: DQuat,
     pub(crate) world_scale: f64,
+    /// Whether an animation can change its position.
+    pub(crate) can_move: bool,
 }
 
 /// The nodes of a character and its joints.
@@ -109,6 +112,81 @@ impl CharacterSkeleton {
                 })?
             }
         };
+        CharacterSkeleton::of_nodes(nodes, found, path)
+    }
+
+    /// Reads the skeleton of a BVH file. The rest pose is the one without rotations if the body stands in it, or else that of the
+    /// first frame.
+    pub(crate) fn read_bvh(
+        document: &BvhDocument,
+        mapping: Option<&JointMapping>,
+    ) -> Result<CharacterSkeleton, CharacterError> {
+        let path = document.path();
+        let body_error = |problem: String| CharacterError::Body {
+            path: path.to_owned(),
+            problem,
+        };
+        let mut standing = None;
+        for in_first_frame in [false, true] {
+            let nodes = document.rest_nodes(in_first_frame);
+            let list = nodes.iter().map(|node| SkeletonNode {
+                name: node.name.clone(),
+                parent: node.parent,
+                is_skinned: true,
+            });
+            let found = find_joints(&list.collect::<Vec<_>>(), mapping).map_err(|reason| {
+                CharacterError::Skeleton {
+                    path: path.to_owned(),
+                    reason,
+                }
+            })?;
+            let skeleton = CharacterSkeleton::of_nodes(nodes, found, path);
+            match skeleton {
+                Ok(skeleton) if skeleton.stands() => {
+                    standing = Some(skeleton);
+                    break;
+                }
+                // A pose without left and right side, such as one with all bones along one line, is none to start from.
+                Ok(_) => {}
+                Err(error) if in_first_frame => return Err(error),
+                Err(_) => {}
+            }
+        }
+        let skeleton = standing.ok_or_else(|| {
+            body_error(
+                "expected a body that stands upright in the pose without rotations or in the first frame, found neither"
+                    .into(),
+            )
+        })?;
+        let joints = skeleton.joints.iter().flatten().copied();
+        let line = skeleton.spine.iter().chain(&skeleton.neck);
+        for place in joints.chain(line.map(|(place, _)| *place)) {
+            let node = &skeleton.nodes[place];
+            if !document.can_turn(node) {
+                let name = &node.name;
+                return Err(body_error(format!(
+                    "expected rotation channels of the joint {name:?}, found none"
+                )));
+            }
+        }
+        let pelvis = skeleton.joint(Joint::Pelvis).expect("a pelvis");
+        match &skeleton.nodes[pelvis] {
+            pelvis if pelvis.can_move => Ok(skeleton),
+            pelvis => {
+                let name = &pelvis.name;
+                Err(body_error(format!(
+                    "expected three position channels of the pelvis {name:?}, found fewer"
+                )))
+            }
+        }
+    }
+
+    /// Makes a skeleton of nodes in the rest pose and of the joints among them.
+    fn of_nodes(
+        nodes: Vec<RestNode>,
+        found: SkeletonJoints,
+        path: &Path,
+    ) -> Result<CharacterSkeleton, CharacterError> {
         let missing = found.missing_joints();
         if !missing.is_empty() {
             let names: Vec<&str> = missing.into_iter().map(Joint::name).collect();
@@ -129,6 +207,24 @@ impl CharacterSkeleton {
         skeleton.find_spine();
         skeleton.find_facing(path)?;
         Ok(skeleton)
+    }
+
+    /// Returns whether the body stands upright in the rest pose: whether its head is above its pelvis, and this above its
+    /// ankles.
+    fn stands(&self) -> bool {
+        let at = |joint| self.rest_position(joint);
+        let head = at(Joint::Head).or(at(Joint::Neck));
+        let ankles = [at(Joint::LeftAnkle), at(Joint::RightAnkle)];
+        let (Some(head), Some(pelvis), [Some(left), Some(right)]) =
+            (head, at(Joint::Pelvis), ankles)
+        else {
+            return false;
+        };
+        /// The least cosine between the vertical and the parts of a body that stands.
+        const UPRIGHT: f64 = 0.8;
+        let legs = (pelvis - left.midpoint(right)).normalize_or_zero();
+        let trunk = (head - pelvis).normalize_or_zero();
+        legs.y > UPRIGHT && trunk.y > UPRIGHT
     }
 
     /// Returns the place of a joint's node.
@@ -313,6 +409,7 @@ fn read_nodes(document: &GltfDocument) -> Result<Vec<RestNode>, CharacterError> 
             world_position,
             world_rotation,
             world_scale,
+            can_move: true,
         });
         let children = node["children"].as_array().into_iter().flatten();
         let children: Vec<usize> = children

@@ -430,7 +430,7 @@ fn limbs_in_the_written_file_point_where_those_of_the_motion_point() {
             plant_feet: false,
             ..RetargetOptions::default()
         };
-        let animation = hero.animate(&motion, &options).named("move");
+        let animation = hero.animate(&motion, &options).unwrap().named("move");
         let out = folder.path().join("out.glb");
         hero.save(&out, &[animation], &SaveOptions::default())
             .unwrap();
@@ -476,7 +476,7 @@ fn the_pelvis_moves_by_the_ratio_of_the_legs_and_stands_at_its_own_height() {
             plant_feet: false,
             ..RetargetOptions::default()
         };
-        let animation = hero.animate(&motion, &options);
+        let animation = hero.animate(&motion, &options).unwrap();
         let positions = hero.joint_positions(&animation);
         let place = |frame: usize, joint: Joint| {
             let found = positions[frame].iter().find(|(found, _)| *found == joint);
@@ -537,7 +537,7 @@ fn feet_that_stand_stay_in_their_places_on_every_body() {
                 plant_feet,
                 ..RetargetOptions::default()
             };
-            let positions = hero.joint_positions(&hero.animate(&motion, &options));
+            let positions = hero.joint_positions(&hero.animate(&motion, &options).unwrap());
             let place = |frame: usize, joint: Joint| {
                 let found = positions[frame].iter().find(|(found, _)| *found == joint);
                 let mut place = DVec3::from(
@@ -586,6 +586,7 @@ fn all_else_in_the_file_stays() {
     let hero = Character::open(&path, &CharacterOptions::default()).unwrap();
     let animation = hero
         .animate(&motion(), &RetargetOptions::default())
+        .unwrap()
         .named("new");
     let out = folder.path().join("out.glb");
     hero.save(
@@ -760,7 +761,7 @@ fn straight_fingers_bend_towards_the_palm() {
                 relax_hands,
                 ..RetargetOptions::default()
             };
-            let animation = hero.animate(&motion, &options).named("still");
+            let animation = hero.animate(&motion, &options).unwrap().named("still");
             hero.save(&out, &[animation], &SaveOptions::default())
                 .unwrap();
             ["LeftHandIndex", "LeftHandPinky", "RightHandMiddle"].map(|finger| {

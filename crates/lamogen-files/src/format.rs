@@ -3,7 +3,9 @@
 use std::io::Write;
 use std::path::Path;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, describe_placeholder_at, placeholder};
+use lamogen_motion::{
+    FRAMES_PER_SECOND, Joint, LoopEnd, Motion, describe_placeholder_at, placeholder,
+};
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
@@ -123,7 +125,8 @@ fn read_format(
 /// Options for writing a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WriteOptions {
-    /// Frames per second of files that hold rotations. The default is 20, the frame rate of the motion.
+    /// Frames per second of all files but those of pose features. The default is 20, the frame rate of the motion, at which files
+    /// hold exactly the frames of the motion.
     pub frames_per_second: f32,
     /// The options of BVH files.
     pub bvh: BvhOptions,
@@ -143,12 +146,16 @@ impl Default for WriteOptions {
 
 /// Writes a motion. The file is replaced atomically, so that a reader never sees half a file.
 ///
+/// The travel of the motion is where [`Motion::root_motion`] says: in the pelvis, in a root above it (`.glb` and `.bvh`), or
+/// nowhere. In a `.glb`, a loop ends with the keyframe that closes it; its frame rate is changed so little that a cycle is a
+/// whole number of frames.
+///
 /// | name ends in | written as |
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
 /// | `.glb` | [glTF](crate::glb) |
 /// | `.features.npy` | pose features, `(frames, 263)`: those the motion was made from, or else [encoded](lamogen_motion::encode) ones |
-/// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up, 20 frames a second |
+/// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up |
 ///
 /// # Errors
 ///
@@ -163,7 +170,9 @@ pub fn write(
     let extension = extension(path);
     let rate = options.frames_per_second;
     let expected = match extension.as_deref() {
-        Some("npy") if rate != FRAMES_PER_SECOND => Some("20, as arrays have them,"),
+        Some("npy") if rate != FRAMES_PER_SECOND && is_features_file(path) => {
+            Some("20, as pose features have them,")
+        }
         _ if !(1e-3..=1e4).contains(&rate) => Some("0.001 to 10000"),
         _ => None,
     };
@@ -186,7 +195,7 @@ pub fn write(
                     found: metres,
                 });
             }
-            let text = bvh::text(&motion.rotations().resampled(rate), &options.bvh);
+            let text = bvh::text(&motion.keyframes(rate, LoopEnd::Open), &options.bvh);
             lamogen_motion::write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(
                 |reason| WriteError::Io {
                     path: path.to_owned(),
@@ -195,15 +204,19 @@ pub fn write(
             )
         }
         Some("glb") => {
-            let rotations = motion.rotations().resampled(rate);
+            let keyframes = motion.keyframes(rate, LoopEnd::Closed);
             let copyright = options.glb.copyright.as_deref().or(motion.copyright());
-            let options = GlbOptions {
+            let mut options = GlbOptions {
                 copyright: copyright.map(str::to_owned),
                 ..options.glb.clone()
             };
-            Ok(glb::write(path, &rotations, &options)?)
+            if let Some(note) = motion.root_motion().note() {
+                options.notes.insert("root_motion".into(), note.into());
+            }
+            Ok(glb::write(path, &keyframes, &options)?)
         }
         Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
+        Some("npy") if rate != FRAMES_PER_SECOND => Ok(npy::write_joints(path, motion, rate)?),
         Some("npy") => Ok(motion.save_joints(path)?),
         found => Err(WriteError::Ending {
             path: path.to_owned(),

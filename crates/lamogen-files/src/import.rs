@@ -170,7 +170,7 @@ fn frame_rate(clip: &Clip) -> f64 {
 /// Guesses the axis that points up: the axis along which the body stands in the rest pose, unless the body stands along
 /// the other axis throughout the motion. If the body does not stand in the rest pose, as in files that have all bones
 /// along one axis, the motion alone decides.
-fn guess_up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> UpAxis {
+pub(crate) fn guess_up(rest: &[DVec3; JOINTS], poses: &[[DVec3; JOINTS]]) -> UpAxis {
     let moving = poses.iter().map(body_axis).sum::<DVec3>() / poses.len() as f64;
     let rest_up = match body_axis(rest) {
         rest if rest.y > 0.9 => Some(UpAxis::Y),

@@ -1,9 +1,12 @@
-//! Reading motions from NumPy arrays, as HumanML3D stores them.
+//! Motions as NumPy arrays, as HumanML3D stores them.
 
 use std::path::Path;
 
 use lamogen_motion::npy;
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, MotionError, POSE_FEATURES};
+use lamogen_motion::{
+    FRAMES_PER_SECOND, JOINTS, LoopEnd, Motion, MotionError, POSE_FEATURES, RootMotion,
+    loop_frame_rate,
+};
 
 use crate::error::ReadError;
 use crate::import::{ImportedMotion, ReadOptions, frame_count};
@@ -182,17 +185,56 @@ fn resampled(motion: &Motion, rate: f32) -> Result<Motion, MotionError> {
     let poses = motion.joints();
     let seconds = (poses.len() - 1) as f64 / f64::from(rate);
     let frames = frame_count(seconds);
-    let pose = |frame: usize| {
-        let place = frame as f64 / f64::from(FRAMES_PER_SECOND) * f64::from(rate);
-        let first = (place as usize).min(poses.len() - 1);
-        let next = (first + 1).min(poses.len() - 1);
-        let part = (place - first as f64) as f32;
-        std::array::from_fn(|joint| {
-            let [from, to] = [first, next].map(|frame| glam::Vec3::from(poses[frame][joint]));
-            from.lerp(to, part).to_array()
-        })
+    let place = |frame: usize| frame as f64 / f64::from(FRAMES_PER_SECOND) * f64::from(rate);
+    Motion::from_joints(
+        (0..frames)
+            .map(|frame| pose_at(poses, place(frame)))
+            .collect(),
+    )
+}
+
+/// Interpolates poses linearly at a place among the frames.
+fn pose_at(poses: &[[[f32; 3]; JOINTS]], place: f64) -> [[f32; 3]; JOINTS] {
+    let first = (place as usize).min(poses.len() - 1);
+    let next = (first + 1).min(poses.len() - 1);
+    let part = (place - first as f64) as f32;
+    std::array::from_fn(|joint| {
+        let [from, to] = [first, next].map(|frame| glam::Vec3::from(poses[frame][joint]));
+        from.lerp(to, part).to_array()
+    })
+}
+
+/// Writes joint positions at a frame rate. Those of a rigid body follow from its rotations, which are interpolated along the
+/// shortest arc; others are interpolated linearly.
+pub(crate) fn write_joints(path: &Path, motion: &Motion, rate: f32) -> Result<(), npy::NpyError> {
+    let joints = match motion.is_rigid() {
+        true => { motion.keyframes(rate, LoopEnd::Open) }.rotations.joints(),
+        false => {
+            let mut poses = motion.placed_joints();
+            let last = poses.len() - 1;
+            let rate = match motion.loop_travel() {
+                Some(_) => loop_frame_rate(poses.len(), rate),
+                None => rate,
+            };
+            let step = f64::from(FRAMES_PER_SECOND) / f64::from(rate);
+            let frames = match motion.loop_travel() {
+                Some(travel) => {
+                    let travel = match motion.root_motion() {
+                        RootMotion::None => [0.0; 2],
+                        _ => travel,
+                    };
+                    poses.push(poses[0].map(|[x, y, z]| [x + travel[0], y, z + travel[1]]));
+                    ((last + 1) as f64 / step).round() as usize
+                }
+                None => (last as f64 / step).round() as usize + 1,
+            };
+            (0..frames)
+                .map(|frame| pose_at(&poses, frame as f64 * step))
+                .collect()
+        }
     };
-    Motion::from_joints((0..frames).map(pose).collect())
+    let values = joints.as_flattened().as_flattened();
+    npy::write(path, values, &[joints.len(), JOINTS, 3])
 }
 
 /// Creates a motion from the pose features of its frames.

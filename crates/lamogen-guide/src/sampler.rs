@@ -6,6 +6,7 @@ use lamogen_model::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Pr
 use lamogen_motion::Normalization;
 
 use crate::error::GuideError;
+use crate::looped::HeadingClosure;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
@@ -19,6 +20,8 @@ pub struct Sampler<'a, D> {
     /// The embedded timestep of each step, `[steps, d_condition]`.
     time: Tensor<2>,
     temporal_smoothing: Option<TemporalSmoothing>,
+    /// Whether the motions are loops.
+    samples_loops: bool,
 }
 
 /// The input of both passes: the prompts, the start noise and the lengths of the motions of a batch.
@@ -45,6 +48,8 @@ pub(crate) struct SamplerState<'a, C> {
     pub(crate) mask: FrameMask,
     /// The window that smooths predictions along time, if they are smoothed.
     window: Option<SmoothingWindow>,
+    /// The closure of headings, if they are closed.
+    heading_closure: Option<HeadingClosure>,
 }
 
 impl<'a, D: Denoiser> Sampler<'a, D> {
@@ -67,6 +72,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             time: model.embed_timesteps(&timesteps),
             steps,
             temporal_smoothing: None,
+            samples_loops: false,
         })
     }
 
@@ -86,6 +92,16 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             temporal_smoothing,
             ..self
         })
+    }
+
+    /// Sets whether the motions are loops, which the network must support ([`Looped`](crate::Looped)). In the predictions of both
+    /// passes, the ends of a motion are then neighbours for the temporal smoothing, and the body faces at the end as at the
+    /// beginning, or has turned round whole times.
+    pub fn with_loops(self, samples_loops: bool) -> Self {
+        Sampler {
+            samples_loops,
+            ..self
+        }
     }
 
     /// Returns the steps of a pass.
@@ -148,7 +164,16 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             context: &batch.prompt.context,
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
             window: { self.temporal_smoothing }.map(|temporal_smoothing| {
-                temporal_smoothing.window(&batch.lengths, frames, &batch.noise.device())
+                temporal_smoothing.window(
+                    &batch.lengths,
+                    frames,
+                    self.samples_loops,
+                    &batch.noise.device(),
+                )
+            }),
+            heading_closure: self.samples_loops.then(|| {
+                let device = batch.noise.device();
+                HeadingClosure::new(&batch.lengths, frames, self.normalization, &device)
             }),
         }
     }
@@ -227,8 +252,12 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Prediction::Epsilon => (x - output * noise_scale) / signal_scale,
             Prediction::V => x * signal_scale - output * noise_scale,
         };
-        match self.smoothing_window(state, step) {
+        let clean = match self.smoothing_window(state, step) {
             Some(window) => window.smooth(clean),
+            None => clean,
+        };
+        match &state.heading_closure {
+            Some(closure) => closure.close(clean),
             None => clean,
         }
     }
@@ -245,8 +274,10 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ) -> Tensor<3> {
         let (signal_scale, noise_scale) = coefficients(step.alpha_cumprod);
         match self.model.prediction() {
-            // Smoothing has changed the clean motion, so the noise is the rest of x.
-            _ if self.smoothing_window(state, step).is_some() => {
+            // The clean motion has been changed, so the noise is the rest of x.
+            _ if state.heading_closure.is_some()
+                || self.smoothing_window(state, step).is_some() =>
+            {
                 (x - clean.clone() * signal_scale) / noise_scale
             }
             Prediction::Epsilon => output,

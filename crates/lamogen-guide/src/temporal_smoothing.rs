@@ -44,17 +44,22 @@ impl TemporalSmoothing {
         }
     }
 
-    /// Returns the window for motions of the given lengths, padded to `frames` frames.
+    /// Returns the window for motions of the given lengths, padded to `frames` frames. The ends of loops are neighbours.
     pub(crate) fn window(
         &self,
         lengths: &[usize],
         frames: usize,
+        are_loops: bool,
         device: &Device,
     ) -> SmoothingWindow {
         // Weights beyond three standard deviations are negligible.
         let radius = (3.0 * self.frames).ceil() as usize;
         let gaussian = GaussianKernel::new(2 * radius + 1, self.frames * self.frames);
         let gaussian = gaussian.expect("the numbers were checked");
-        SmoothingWindow::new(&gaussian, frames, lengths.iter().copied(), device)
+        let lengths = lengths.iter().copied();
+        match are_loops {
+            true => SmoothingWindow::cyclic(&gaussian, frames, lengths, device),
+            false => SmoothingWindow::new(&gaussian, frames, lengths, device),
+        }
     }
 }

@@ -34,6 +34,36 @@ impl SmoothingWindow {
         lengths: impl Iterator<Item = usize>,
         device: &Device,
     ) -> Self {
+        Self::with_neighbours(gaussian, frames, lengths, device, |frame, length| {
+            frame.clamp(0, length as isize - 1) as usize
+        })
+    }
+
+    /// Creates the window for loops: before the first frame comes the last one, and after the last frame the first one.
+    ///
+    /// # Panics
+    ///
+    /// If `frames` is 0.
+    pub fn cyclic(
+        gaussian: &GaussianKernel,
+        frames: usize,
+        lengths: impl Iterator<Item = usize>,
+        device: &Device,
+    ) -> Self {
+        Self::with_neighbours(gaussian, frames, lengths, device, |frame, length| {
+            frame.rem_euclid(length as isize) as usize
+        })
+    }
+
+    /// Creates the window of motions whose frames beyond their ends are those that `neighbour` gives for a place and the length of
+    /// a motion.
+    fn with_neighbours(
+        gaussian: &GaussianKernel,
+        frames: usize,
+        lengths: impl Iterator<Item = usize>,
+        device: &Device,
+        neighbour: impl Fn(isize, usize) -> usize + Copy,
+    ) -> Self {
         assert!(frames > 0, "a window needs a frame");
         let kernel = gaussian.kernel();
         let radius = kernel.len() / 2;
@@ -42,8 +72,10 @@ impl SmoothingWindow {
         let rows: Vec<i32> = lengths
             .enumerate()
             .flat_map(|(motion, length)| {
-                let last = length.max(1) - 1;
-                let row = move |t: usize| motion * frames + t.saturating_sub(radius).min(last);
+                let row = move |t: usize| {
+                    let frame = t as isize - radius as isize;
+                    motion * frames + neighbour(frame, length.max(1))
+                };
                 (0..frames)
                     .step_by(block)
                     .flat_map(move |start| (start..start + extended).map(row))

@@ -22,6 +22,7 @@ mod precise;
 mod quality;
 mod rotations;
 mod skeleton;
+mod travel;
 mod turning;
 
 pub use encode::{canonical, encode, encode_canonical, encode_every_frame};
@@ -38,6 +39,7 @@ pub use padding::frame_mask;
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};
+pub use travel::{Keyframes, LoopEnd, RootMotion, close_path, ground_path, loop_frame_rate};
 pub use turning::{JointTurn, JointTurning};
 
 #[cfg(doctest)]

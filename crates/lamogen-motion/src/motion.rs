@@ -12,6 +12,7 @@ use crate::features::POSE_FEATURES;
 use crate::npy::{self, NpyError};
 use crate::rotations::Rotations;
 use crate::skeleton::{JOINTS, Joint};
+use crate::travel::RootMotion;
 
 /// The frame rate of HumanML3D and of every [`Motion`].
 pub const FRAMES_PER_SECOND: f32 = 20.0;
@@ -19,13 +20,17 @@ pub const FRAMES_PER_SECOND: f32 = 20.0;
 /// A motion: the position of every joint at every frame.
 ///
 /// A motion keeps the pose features or the rotations that it was made from; one that was made from joint positions
-/// has neither. Two motions are equal if these and the joints are, whatever their [copyright](Motion::copyright).
+/// has neither. Two motions are equal if these and the joints are, whatever their [copyright](Motion::copyright) and
+/// whether they are [loops](Motion::loop_travel).
 #[derive(Clone, Debug)]
 pub struct Motion {
     joints: Vec<[[f32; 3]; JOINTS]>,
     features: Option<Vec<[f32; POSE_FEATURES]>>,
     rotations: Option<Rotations>,
     copyright: Option<Arc<str>>,
+    /// The travel of each cycle along the ground, if the motion is a loop.
+    loop_travel: Option<[f32; 2]>,
+    root_motion: RootMotion,
 }
 
 impl PartialEq for Motion {
@@ -80,11 +85,14 @@ impl Motion {
             features: None,
             rotations: None,
             copyright: None,
+            loop_travel: None,
+            root_motion: RootMotion::default(),
         })
     }
 
     /// Makes the motion of a rigid body from its rotations, and keeps these. The joint positions are those of
-    /// [`Rotations::joints`], and files that hold rotations hold exactly the ones given here.
+    /// [`Rotations::joints`], and files that hold rotations hold exactly the ones given here. It is a loop if the rotations
+    /// are ones.
     ///
     /// # Errors
     ///
@@ -97,8 +105,10 @@ impl Motion {
         Ok(Motion {
             joints: Motion::from_joints(rotations.joints())?.joints,
             features: None,
+            loop_travel: rotations.loop_travel(),
             rotations: Some(rotations),
             copyright: None,
+            root_motion: RootMotion::default(),
         })
     }
 
@@ -134,6 +144,8 @@ impl Motion {
             features: Some(features),
             rotations: None,
             copyright: None,
+            loop_travel: None,
+            root_motion: RootMotion::default(),
         })
     }
 
@@ -148,6 +160,36 @@ impl Motion {
     /// Returns the terms under which the motion may be used, if they are known: those of a generated motion name the licence of the model.
     pub fn copyright(&self) -> Option<&str> {
         self.copyright.as_deref()
+    }
+
+    /// Makes the motion a loop: its first frame follows its last one, moved along the ground by the given travel, `[x, z]` in
+    /// metres. `None` makes it a motion with two ends.
+    pub fn with_loop_travel(self, travel: Option<[f32; 2]>) -> Self {
+        Motion {
+            loop_travel: travel,
+            rotations: { self.rotations }.map(|rotations| rotations.with_loop_travel(travel)),
+            ..self
+        }
+    }
+
+    /// Returns how far a loop moves along the ground in a cycle, `[x, z]` in metres, from its first frame to the frame that
+    /// follows its last one. It is `None` if the motion is no loop.
+    pub fn loop_travel(&self) -> Option<[f32; 2]> {
+        self.loop_travel
+    }
+
+    /// Sets where files of the motion keep its travel. [`joints`](Self::joints) and [`rotations`](Self::rotations) travel
+    /// always.
+    pub fn with_root_motion(self, root_motion: RootMotion) -> Self {
+        Motion {
+            root_motion,
+            ..self
+        }
+    }
+
+    /// Returns where files of the motion keep its travel.
+    pub fn root_motion(&self) -> RootMotion {
+        self.root_motion
     }
 
     /// Returns the number of frames.
@@ -210,13 +252,15 @@ impl Motion {
         (sum / f64::from(count.max(1))) as f32
     }
 
-    /// Writes the joint positions as a NumPy array: `.npy`, 32-bit floats, `(frames, 22, 3)`.
+    /// Writes the joint positions as a NumPy array: `.npy`, 32-bit floats, `(frames, 22, 3)`. They are those of
+    /// [`placed_joints`](Self::placed_joints).
     ///
     /// # Errors
     ///
     /// If the file cannot be written; no half-written file is left behind.
     pub fn save_joints(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
-        let values = self.joints.as_flattened().as_flattened();
+        let joints = self.placed_joints();
+        let values = joints.as_flattened().as_flattened();
         npy::write(path, values, &[self.frames(), JOINTS, 3])
     }
 

@@ -158,7 +158,25 @@ fn read_header(reader: &mut impl Read) -> io::Result<io::Cursor<Vec<u8>>> {
             )));
         }
     }
+    if !has_countable_shape(&bytes[start..]) {
+        return Err(invalid(
+            "expected a shape whose elements can be counted, found a larger one".into(),
+        ));
+    }
     Ok(io::Cursor::new(bytes))
+}
+
+/// Returns whether the product of all numbers in brackets of a header, which include those of its shape, can be computed.
+fn has_countable_shape(header: &[u8]) -> bool {
+    let brackets = header.split(|byte| *byte == b'(').skip(1);
+    let insides = brackets.filter_map(|part| part.split(|byte| *byte == b')').next());
+    let numbers = insides.flat_map(|inside| inside.split(|byte| !byte.is_ascii_digit()));
+    let numbers = numbers.filter(|digits| !digits.is_empty());
+    let product = numbers.fold(Some(1u64), |product, digits| {
+        let number: u64 = std::str::from_utf8(digits).ok()?.parse().ok()?;
+        product?.checked_mul(number.max(1))
+    });
+    product.is_some()
 }
 
 /// Why the numbers of an array cannot be read.
@@ -295,6 +313,11 @@ mod tests {
     fn headers_that_would_take_long_are_refused() {
         for (header, expected) in [
             (format!("{{'descr': {}", "{".repeat(60)), "nested brackets"),
+            (
+                "{'descr': '<i2', 'fortran_order': False, 'shape': (2, 9347760592976813170, 3)}"
+                    .into(),
+                "can be counted",
+            ),
             (" ".repeat(70_000), "65536 bytes"),
         ] {
             let mut file = b"\x93NUMPY\x02\x00".to_vec();

@@ -1,8 +1,9 @@
 //! Checking requests, and grouping them into batches.
 
-use lamogen_guide::{Body, Guidance, Preset, Schedule};
+use lamogen_guide::{Body, Guidance, Looped, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, Tokenizer};
+use lamogen_motion::RootMotion;
 
 use crate::error::RequestError;
 use crate::request::Request;
@@ -20,6 +21,7 @@ pub(crate) struct GenerationJob {
     pub(crate) seed: u64,
     /// `None` where the motion of the text alone is requested.
     pub(crate) goals: Option<Goals>,
+    pub(crate) root_motion: RootMotion,
 }
 
 /// Jobs that can run as one batch: they agree in the options that all motions of a batch must share.
@@ -28,6 +30,7 @@ pub(crate) struct JobGroup {
     pub(crate) steps: usize,
     pub(crate) guidance: Guidance,
     pub(crate) is_guided: bool,
+    pub(crate) is_looped: bool,
     pub(crate) jobs: Vec<GenerationJob>,
 }
 
@@ -115,9 +118,9 @@ pub(crate) fn assign_to_group(
         return Err(RequestError::EmptyPrompt);
     }
     let tokens = stand_in.map_or(Ok(tokens), |sentence| tokenizer.encode(sentence))?;
-    let frames = request
-        .length
-        .frames(model.min_frames(), model.max_frames())?;
+    let is_looped = request.is_looped;
+    let longest = Looped::new(model, is_looped).max_frames();
+    let frames = request.length.frames(model.min_frames(), longest)?;
     if let Some(goals) = &goals {
         goals.check(frames, &guidance.laban.end_effectors)?;
     }
@@ -129,9 +132,13 @@ pub(crate) fn assign_to_group(
         frames,
         seed: request.seed,
         goals,
+        root_motion: request.root_motion,
     };
     let has_same_options = |group: &&mut JobGroup| {
-        group.steps == steps && group.is_guided == is_guided && group.guidance == guidance
+        group.steps == steps
+            && group.is_guided == is_guided
+            && group.is_looped == is_looped
+            && group.guidance == guidance
     };
     match groups.iter_mut().find(has_same_options) {
         Some(group) => group.jobs.push(job),
@@ -139,6 +146,7 @@ pub(crate) fn assign_to_group(
             steps,
             guidance,
             is_guided,
+            is_looped,
             jobs: vec![job],
         }),
     }

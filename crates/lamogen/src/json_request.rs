@@ -6,6 +6,7 @@ use burn::tensor::Device;
 use lamogen_files::ReadError;
 use lamogen_guide::{Body, Preset};
 use lamogen_laban::{COMPONENTS, Component, Factor, Goal, GoalError, Goals, PartScale, Scale};
+use lamogen_motion::RootMotion;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -62,6 +63,15 @@ pub struct JsonRequest {
     /// The body on which motions are measured and guided; that of the preset without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<Body>,
+    /// Whether the motion is a loop; it is none without.
+    #[serde(default, skip_serializing_if = "Option::is_none", rename = "loop")]
+    pub is_looped: Option<bool>,
+    /// Where files of the motion keep its travel; in the hips without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_motion: Option<RootMotion>,
+    /// Whether the body stays in place, which is short for the root motion `none`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_place: Option<bool>,
 }
 
 /// A goal in the syntax of the command line, or a plain number.
@@ -118,6 +128,15 @@ impl JsonRequest {
             }
         })?;
         request.check_id()?;
+        if request.in_place == Some(true)
+            && request
+                .root_motion
+                .is_some_and(|place| place != RootMotion::None)
+        {
+            return Err(invalid(
+                "expected in_place or a root_motion other than none, found both",
+            ));
+        }
         request.requested_goals()?;
         Ok(request)
     }
@@ -207,7 +226,19 @@ impl JsonRequest {
         if let Some(body) = self.body {
             guidance.body = body;
         }
+        request = request.looped(self.is_looped.unwrap_or(false));
+        if let Some(root_motion) = self.root_motion() {
+            request = request.root_motion(root_motion);
+        }
         request.guidance(guidance)
+    }
+
+    /// Returns where files of the motion keep its travel, if the object says so.
+    pub fn root_motion(&self) -> Option<RootMotion> {
+        match self.in_place {
+            Some(true) => Some(RootMotion::None),
+            _ => self.root_motion,
+        }
     }
 }
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
-use lamogen_motion::FRAMES_PER_SECOND;
+#[cfg(doc)]
+use lamogen_motion::Motion;
+use lamogen_motion::{FRAMES_PER_SECOND, RootMotion};
 
 use crate::error::RequestError;
 
@@ -40,6 +42,8 @@ pub struct Request {
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
     pub(crate) loss_terms: LossTerms,
+    pub(crate) is_looped: bool,
+    pub(crate) root_motion: RootMotion,
 }
 
 impl Request {
@@ -60,6 +64,8 @@ impl Request {
             steps: None,
             guidance: None,
             loss_terms: LossTerms::default(),
+            is_looped: false,
+            root_motion: RootMotion::default(),
         }
     }
 
@@ -161,6 +167,31 @@ impl Request {
     pub fn loss_term(self, term: Arc<dyn LossTerm>) -> Self {
         Request {
             loss_terms: self.loss_terms.with(term),
+            ..self
+        }
+    }
+
+    /// Sets whether the motion is a loop: its last frame leads into the first, in pose and velocity, and the body faces
+    /// at the end as at the beginning. A loop may travel ([`Motion::loop_travel`]).
+    ///
+    /// ```
+    /// use lamogen::{Request, RootMotion, Tag};
+    ///
+    /// // A walk cycle for a game, which moves the character itself.
+    /// let request = Request::new("a person walks forward")
+    ///     .tag(Tag::Light)
+    ///     .looped(true)
+    ///     .root_motion(RootMotion::None);
+    /// ```
+    pub fn looped(self, is_looped: bool) -> Self {
+        Request { is_looped, ..self }
+    }
+
+    /// Sets where files of the motion keep its travel along the ground: in the hips (the default), in a root node above
+    /// them, or nowhere.
+    pub fn root_motion(self, root_motion: RootMotion) -> Self {
+        Request {
+            root_motion,
             ..self
         }
     }

@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Int, Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Pass, Rig,
-    Sampler, Step, TermComparison, noise,
+    Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Looped, Pass,
+    Rig, Sampler, Step, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::Denoiser;
-use lamogen_motion::{Motion, MotionError, Rotations};
+use lamogen_motion::{Motion, MotionError, Rotations, close_path};
 
 use crate::error::{
     Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
@@ -53,10 +53,12 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let unconditional = tokenizer.unconditional().ids;
         let network = ClassifierFree::new(network, *text_scale, &unconditional)
             .map_err(|error| self.interrupted(error, &[]))?;
+        let network = Looped::new(&network, self.group.is_looped);
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
             .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
-            .map_err(|error| self.interrupted(error, &[]))?;
+            .map_err(|error| self.interrupted(error, &[]))?
+            .with_loops(self.group.is_looped);
         let baseline = sampler
             .baseline(&batch, &mut observer)
             .map_err(|error| self.interrupted(error, &[]))?;
@@ -207,8 +209,22 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let frames = self.group.jobs[index].frames;
         let rows = normalized.clone().narrow(0, index, 1).narrow(1, 0, frames);
         let rows = self.model.normalization.denormalize(rows);
-        let motion = Motion::from_features(rows.reshape([frames, features]))?;
-        Ok(motion.with_copyright(self.copyright()))
+        let mut motion = Motion::from_features(rows.reshape([frames, features]))?;
+        if self.group.is_looped
+            && let Some(rows) = motion.features()
+        {
+            let mut rows = rows.to_vec();
+            let travel = close_path(&mut rows);
+            motion = Motion::from_pose_features(rows)?.with_loop_travel(Some(travel));
+        }
+        Ok(self.labelled(motion, index))
+    }
+
+    /// Adds to a motion of the batch what its files contain beside it.
+    fn labelled(&self, motion: Motion, index: usize) -> Motion {
+        motion
+            .with_copyright(self.copyright())
+            .with_root_motion(self.group.jobs[index].root_motion)
     }
 
     /// Returns the terms under which the model's motions may be used, if they are known.
@@ -241,7 +257,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let motions = rotations.into_iter().enumerate();
         let motions = motions.map(|(index, rotations)| {
             Motion::from_rotations(rotations)
-                .map(|motion| motion.with_copyright(self.copyright()))
+                .map(|motion| self.labelled(motion, index))
                 .map_err(|reason| self.failed(index, PassError::Motion { pass, reason }, baselines))
         });
         motions.collect()

@@ -19,6 +19,9 @@ pub enum BvhError {
 /// A position in the text of a BVH.
 #[derive(Clone)]
 pub(super) struct Cursor<'a> {
+    /// The whole text.
+    whole: &'a str,
+    /// The part of the text that has not been consumed.
     text: &'a str,
     line: usize,
     path: &'a Path,
@@ -27,10 +30,16 @@ pub(super) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     pub(super) fn new(text: &'a str, path: &'a Path) -> Self {
         Cursor {
+            whole: text,
             text,
             line: 1,
             path,
         }
+    }
+
+    /// Returns the text that has been consumed.
+    pub(super) fn text_before(&self) -> &'a str {
+        &self.whole[..self.whole.len() - self.text.len()]
     }
 
     /// Returns the next word without consuming it; it is empty at the end of the file. Each brace is a separate word.

@@ -11,28 +11,62 @@ const POLE: f64 = 1e-7;
 ///
 /// Of all equivalent triples of angles, the one nearest to `before`, the triple of the previous frame, is returned.
 pub(super) fn zxy_angles(rotation: DQuat, before: [f64; 3]) -> [f64; 3] {
+    euler_angles([2, 0, 1], rotation, before)
+}
+
+/// Computes the intrinsic Euler angles of a rotation about three different axes in the given order, in radians.
+///
+/// Of all equivalent triples of angles, the one nearest to `before`, the triple of the previous frame, is returned.
+///
+/// # Panics
+///
+/// If an axis is not 0, 1 or 2.
+pub(super) fn euler_angles(axes: [usize; 3], rotation: DQuat, before: [f64; 3]) -> [f64; 3] {
+    let [first, second, third] = axes;
+    // With axes in the other direction around, all angles have the other sign.
+    let sign = match (first + 1) % 3 == second {
+        true => 1.0,
+        false => -1.0,
+    };
     let matrix = DMat3::from_quat(rotation);
-    let [column_x, column_y, column_z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
-    let cosine = column_y.x.hypot(column_y.y);
-    let x = column_y.z.atan2(cosine);
+    let at = |row: usize, column: usize| matrix.col(column)[row];
+    let cyclic = cyclic_angles(
+        |row, column| at([first, second, third][row], [first, second, third][column]),
+        before.map(|angle| sign * angle),
+    );
+    cyclic.map(|angle| sign * angle)
+}
+
+/// Computes Euler angles as [`euler_angles`], for axes of which each is followed by the next one of X, Y, Z, X. `at` gives the
+/// entries of the rotation's matrix, with rows and columns in the order of the axes.
+fn cyclic_angles(at: impl Fn(usize, usize) -> f64, before: [f64; 3]) -> [f64; 3] {
+    let cosine = at(0, 1).hypot(at(0, 0));
+    let second = at(0, 2).atan2(cosine);
     if cosine < POLE {
-        // Only z ± y is determined: each of the two angles takes half of its change.
-        let sign = x.signum();
-        let sum = (sign * column_z.x).atan2(column_x.x);
+        // Only first ± third is determined: each of the two angles takes half of its change.
+        let sign = second.signum();
+        let sum = (sign * at(1, 0)).atan2(at(1, 1));
         let change =
             nearest_equivalent(sum, before[0] + sign * before[2]) - before[0] - sign * before[2];
-        let x = [x, PI - x].map(|x| nearest_equivalent(x, before[1]));
-        let x = if distance(x[0], before[1]) <= distance(x[1], before[1]) {
-            x[0]
+        let second = [second, PI - second].map(|angle| nearest_equivalent(angle, before[1]));
+        let second = if distance(second[0], before[1]) <= distance(second[1], before[1]) {
+            second[0]
         } else {
-            x[1]
+            second[1]
         };
-        return [before[0] + change / 2.0, x, before[2] + sign * change / 2.0];
+        return [
+            before[0] + change / 2.0,
+            second,
+            before[2] + sign * change / 2.0,
+        ];
     }
-    let z = (-column_y.x).atan2(column_y.y);
-    let y = (-column_x.z).atan2(column_z.z);
-    let candidates = [[z, x, y], [z + PI, PI - x, y + PI]]
-        .map(|triple| std::array::from_fn(|axis| nearest_equivalent(triple[axis], before[axis])));
+    let first = (-at(1, 2)).atan2(at(2, 2));
+    let third = (-at(0, 1)).atan2(at(0, 0));
+    let candidates = [
+        [first, second, third],
+        [first + PI, PI - second, third + PI],
+    ]
+    .map(|triple| std::array::from_fn(|axis| nearest_equivalent(triple[axis], before[axis])));
     let total_change = |triple: &[f64; 3]| -> f64 {
         let pairs = triple.iter().zip(before);
         pairs.map(|(angle, before)| (angle - before).abs()).sum()
@@ -56,6 +90,8 @@ fn distance(a: f64, b: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn rotation_from([z, x, y]: [f64; 3]) -> DQuat {
@@ -78,6 +114,42 @@ mod tests {
                 rotation.dot(again).abs() > 1.0 - 1e-12,
                 "{angles:?} {again}"
             );
+        }
+    }
+
+    #[test]
+    fn the_angles_about_any_three_axes_make_up_the_rotation() {
+        let turn = |axis: usize, angle| DQuat::from_axis_angle(DVec3::AXES[axis], angle);
+        for axes in [
+            [0, 1, 2],
+            [0, 2, 1],
+            [1, 0, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [2, 1, 0],
+        ] {
+            let mut before = [0.0; 3];
+            for step in 1..500 {
+                let wave = |speed: f64| (f64::from(step) * 0.02 * speed).sin();
+                let angles = [3.0 * wave(0.9), 1.5 * wave(1.3), 3.0 * wave(0.7)];
+                let product = |angles: [f64; 3]| {
+                    turn(axes[0], angles[0]) * turn(axes[1], angles[1]) * turn(axes[2], angles[2])
+                };
+                let rotation = product(angles);
+                let found = euler_angles(axes, rotation, before);
+                assert!(rotation.dot(product(found)).abs() > 1.0 - 1e-12);
+                for (found, angle) in found.into_iter().zip(angles) {
+                    assert!((found - angle).abs() < 1e-6, "{axes:?} {step}");
+                }
+                before = found;
+            }
+            for second in [PI / 2.0, -PI / 2.0] {
+                let rotation = turn(axes[0], 0.4) * turn(axes[1], second) * turn(axes[2], 0.3);
+                let found = euler_angles(axes, rotation, [0.3, 1.0, 0.2]);
+                let again =
+                    turn(axes[0], found[0]) * turn(axes[1], found[1]) * turn(axes[2], found[2]);
+                assert!(rotation.dot(again).abs() > 1.0 - 1e-12, "{axes:?}");
+            }
         }
     }
 

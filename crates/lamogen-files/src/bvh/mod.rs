@@ -3,6 +3,7 @@
 mod cursor;
 mod euler;
 mod read;
+mod skeleton;
 mod write;
 
 use std::path::Path;
@@ -11,6 +12,7 @@ use crate::error::ReadError;
 use crate::import::{ImportedMotion, ReadOptions, import};
 
 pub use cursor::BvhError;
+pub use skeleton::{BvhChannel, BvhJoint, BvhJointPose, BvhSkeleton, BvhSkeletonError};
 pub use write::{BvhNames, BvhOptions, text};
 
 /// Reads a motion from the text of a BVH file, in the same way as [`read`](crate::read()) reads it from a file. `path` is

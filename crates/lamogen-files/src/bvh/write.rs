@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{JOINTS, Joint, Rotations};
+use lamogen_motion::{JOINTS, Joint, Keyframes};
 
 use super::euler::zxy_angles;
 use crate::units::Unit;
@@ -71,30 +71,40 @@ impl BvhNames {
     }
 }
 
-/// Formats a motion as the text of a BVH file, at the frame rate of the rotations.
+/// Formats a motion as the text of a BVH file, at the frame rate of the keyframes.
 ///
 /// The axes are right-handed with Y up. Without any rotation, the body stands in a T-pose that faces +Z, with its left
 /// arm along +X. The root has six channels: `Xposition Yposition Zposition`, which replace its `OFFSET` of 0, and three
 /// rotations. Every other joint has three rotations. Rotations are in degrees, in the order
 /// `Zrotation Xrotation Yrotation`: the rotation is `Rz · Rx · Ry`. Angles continue past 180° and do not jump, so that
 /// programs can interpolate between frames.
-pub fn text(rotations: &Rotations, options: &BvhOptions) -> String {
+///
+/// If the root of the keyframes travels, the file has a joint `root` above the pelvis, and both have six channels.
+pub fn text(keyframes: &Keyframes, options: &BvhOptions) -> String {
+    let rotations = &keyframes.rotations;
     let rest = rotations.rest();
     SkeletonAnimation {
         offsets: Joint::ALL.map(|joint| rest.offset(joint)),
         tips: rest.tips(),
         root: rotations.root(),
+        root_path: keyframes.root_path.as_deref(),
         local: rotations.local(),
         frames_per_second: rotations.frames_per_second(),
     }
     .text(options)
 }
 
+/// The channels of the root, and of the pelvis below a root.
+const ROOT_CHANNELS: &str = "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation";
+
 /// The skeleton and the animation that a BVH text is made from.
 struct SkeletonAnimation<'a> {
     offsets: [[f32; 3]; JOINTS],
     tips: [(Joint, [f32; 3]); 5],
+    /// The positions of the pelvis.
     root: &'a [[f32; 3]],
+    /// The positions of the root above the pelvis, if there is one.
+    root_path: Option<&'a [[f32; 3]]>,
     local: &'a [[[f32; 4]; JOINTS]],
     frames_per_second: f32,
 }
@@ -105,21 +115,35 @@ impl SkeletonAnimation<'_> {
         let scale = 1.0 / options.unit.metres();
         let mut text = String::from("HIERARCHY\n");
         let mut order = Vec::with_capacity(JOINTS);
+        let depth = usize::from(self.root_path.is_some());
+        if depth > 0 {
+            text.push_str("ROOT root\n{\n\tOFFSET 0.000000 0.000000 0.000000\n");
+            let _ = writeln!(text, "\tCHANNELS {ROOT_CHANNELS}");
+        }
         self.write_hierarchy(
             Joint::Pelvis,
-            0,
+            depth,
             scale,
             options.names,
             &mut text,
             &mut order,
         );
+        if depth > 0 {
+            text.push_str("}\n");
+        }
         text.push_str("MOTION\n");
         // Writing to a String cannot fail.
         let _ = writeln!(text, "Frames: {}", self.root.len());
         let seconds = 1.0 / f64::from(self.frames_per_second);
         let _ = writeln!(text, "Frame Time: {seconds}");
         let mut angles = [[0.0; 3]; JOINTS];
-        for (root, local) in self.root.iter().zip(self.local) {
+        for (frame, (root, local)) in self.root.iter().zip(self.local).enumerate() {
+            if let Some(path) = self.root_path {
+                text.push_str(&format_triple(to_vector(path[frame]) * scale));
+                text.push(' ');
+                text.push_str(&format_triple(DVec3::ZERO));
+                text.push(' ');
+            }
             text.push_str(&format_triple(to_vector(*root) * scale));
             for &joint in &order {
                 let j = joint.index();
@@ -147,11 +171,8 @@ impl SkeletonAnimation<'_> {
         order.push(joint);
         let indent = "\t".repeat(depth);
         let (keyword, offset, channels) = match joint.parent() {
-            None => (
-                "ROOT",
-                DVec3::ZERO,
-                "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation",
-            ),
+            None if depth == 0 => ("ROOT", DVec3::ZERO, ROOT_CHANNELS),
+            None => ("JOINT", DVec3::ZERO, ROOT_CHANNELS),
             Some(_) => (
                 "JOINT",
                 to_vector(self.offsets[joint.index()]) * scale,
@@ -231,6 +252,7 @@ mod tests {
                 (Joint::RightFoot, [0.0, 0.0, 0.05]),
             ],
             root,
+            root_path: None,
             local,
             frames_per_second: 20.0,
         }

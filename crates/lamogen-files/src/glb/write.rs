@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use glam::DQuat;
-use lamogen_motion::{JOINTS, Joint, Rotations, write_atomically};
+use lamogen_motion::{JOINTS, Joint, Keyframes, Rotations, write_atomically};
 use serde_json::{Value, json};
 
 use super::GlbError;
@@ -45,33 +45,35 @@ const fn node_index(joint: Joint) -> usize {
     ROOT + 1 + joint.index()
 }
 
-/// Writes rotations as a GLB file with the content of [`bytes()`].
+/// Writes keyframes as a GLB file with the content of [`bytes()`].
 ///
 /// # Errors
 ///
 /// The same as for [`bytes()`]; and if the file cannot be written. In this case, no incomplete file is left.
 pub fn write(
     path: impl AsRef<Path>,
-    rotations: &Rotations,
+    keyframes: &Keyframes,
     options: &GlbOptions,
 ) -> Result<(), GlbError> {
     let path = path.as_ref();
-    let bytes = bytes(rotations, options)?;
+    let bytes = bytes(keyframes, options)?;
     write_atomically(path, |file| file.write_all(&bytes)).map_err(|reason| GlbError::Io {
         path: path.to_owned(),
         reason,
     })
 }
 
-/// Returns the bytes of a GLB file with the skeleton, its animation with a keyframe at every frame, and a body.
+/// Returns the bytes of a GLB file with the skeleton, its animation with a keyframe at every frame, and a body. If the root
+/// travels, the node above the pelvis is moved.
 ///
 /// # Errors
 ///
 /// If a number of the motion is not finite, or the file would be larger than the 4 GiB that the format GLB allows.
-pub fn bytes(rotations: &Rotations, options: &GlbOptions) -> Result<Vec<u8>, GlbError> {
+pub fn bytes(keyframes: &Keyframes, options: &GlbOptions) -> Result<Vec<u8>, GlbError> {
+    let rotations = &keyframes.rotations;
     let mut buffer = BufferBuilder::default();
     let mut document = skeleton_document(rotations, options);
-    document["animations"] = json!([animation(rotations, &options.name, &mut buffer)]);
+    document["animations"] = json!([animation(keyframes, &options.name, &mut buffer)]);
     if options.body {
         add_body(&mut document, rotations, &mut buffer);
     }
@@ -118,24 +120,29 @@ fn skeleton_document(rotations: &Rotations, options: &GlbOptions) -> Value {
     })
 }
 
-/// Returns the animation, with a keyframe at every frame: the translation of the pelvis, and the rotations of the joints
-/// that turn at all.
-fn animation(rotations: &Rotations, name: &str, buffer: &mut BufferBuilder) -> Value {
+/// Returns the animation, with a keyframe at every frame: the translation of the pelvis, that of the root if it travels, and
+/// the rotations of the joints that turn at all.
+fn animation(keyframes: &Keyframes, name: &str, buffer: &mut BufferBuilder) -> Value {
+    let rotations = &keyframes.rotations;
     let rate = f64::from(rotations.frames_per_second());
     let times: Vec<[f32; 1]> = (0..rotations.frames())
         .map(|frame| [(frame as f64 / rate) as f32])
         .collect();
     let input = buffer.push_floats(&times, BufferViewTarget::Other);
     let (mut samplers, mut channels) = (Vec::new(), Vec::new());
-    let mut channel = |output: usize, joint: Joint, path: &str| {
+    let mut channel = |output: usize, node: usize, path: &str| {
         channels.push(json!({
             "sampler": samplers.len(),
-            "target": { "node": node_index(joint), "path": path },
+            "target": { "node": node, "path": path },
         }));
         samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
     };
     let translations = buffer.push_floats(rotations.root(), BufferViewTarget::Other);
-    channel(translations, Joint::Pelvis, "translation");
+    channel(translations, node_index(Joint::Pelvis), "translation");
+    if let Some(path) = &keyframes.root_path {
+        let path = buffer.push_floats(path, BufferViewTarget::Other);
+        channel(path, ROOT, "translation");
+    }
     for joint in Joint::ALL {
         let turns = rotations.local().iter().map(|pose| pose[joint.index()]);
         let turns: Vec<[f32; 4]> = turns.collect();
@@ -144,7 +151,7 @@ fn animation(rotations: &Rotations, name: &str, buffer: &mut BufferBuilder) -> V
             .any(|turn| turn != &DQuat::IDENTITY.as_quat().to_array())
         {
             let turns = buffer.push_floats(&turns, BufferViewTarget::Other);
-            channel(turns, joint, "rotation");
+            channel(turns, node_index(joint), "rotation");
         }
     }
     json!({ "name": name, "channels": channels, "samplers": samplers })
@@ -244,13 +251,13 @@ mod tests {
     use gltf::animation::Property;
 
     fn file(options: &GlbOptions) -> gltf::Gltf {
-        let bytes = bytes(&example::rotations(), options).unwrap();
+        let bytes = bytes(&example::rotations().into(), options).unwrap();
         gltf::Gltf::from_slice(&bytes).unwrap()
     }
 
     #[test]
     fn a_file_is_a_header_and_two_chunks_at_multiples_of_four() {
-        let bytes = bytes(&example::rotations(), &GlbOptions::default()).unwrap();
+        let bytes = bytes(&example::rotations().into(), &GlbOptions::default()).unwrap();
         let word =
             |place: usize| u32::from_le_bytes(bytes[place..place + 4].try_into().unwrap()) as usize;
         assert_eq!(
@@ -407,7 +414,7 @@ mod tests {
     fn joints_that_never_turn_have_no_channel() {
         let motion = lamogen_motion::Motion::from_joints(vec![example::motion(1).joints()[0]; 5]);
         let rotations = Rotations::of(&motion.unwrap());
-        let bytes = bytes(&rotations, &GlbOptions::default()).unwrap();
+        let bytes = bytes(&rotations.clone().into(), &GlbOptions::default()).unwrap();
         let gltf = gltf::Gltf::from_slice(&bytes).unwrap();
         let turns = |joint: Joint| {
             let turn = rotations.local()[0][joint.index()];
@@ -432,7 +439,7 @@ mod tests {
             notes: BTreeMap::from([("text".into(), "a person \"jumps\" ☃".into())]),
             ..GlbOptions::default()
         };
-        let bytes = bytes(&example::rotations(), &options).unwrap();
+        let bytes = bytes(&example::rotations().into(), &options).unwrap();
         let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
         assert_eq!(document["asset"]["copyright"], "CC-BY-NC-4.0");
@@ -448,7 +455,7 @@ mod tests {
     fn the_error_names_a_folder_that_does_not_exist() {
         let error = write(
             "no/such/a.glb",
-            &example::rotations(),
+            &example::rotations().into(),
             &GlbOptions::default(),
         );
         assert!(error.unwrap_err().to_string().contains("no/such/a.glb"));

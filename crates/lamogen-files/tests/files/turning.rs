@@ -39,10 +39,10 @@ fn motion_with_twitch(frames: usize, twitch: usize, degrees: f64) -> Motion {
 fn read_back(rotations: &Rotations) -> Vec<(&'static str, JointTurning)> {
     let folder = tempfile::tempdir().unwrap();
     let glb = folder.path().join("a.glb");
-    glb::write(&glb, rotations, &GlbOptions::default()).unwrap();
+    glb::write(&glb, &rotations.clone().into(), &GlbOptions::default()).unwrap();
     let default = ReadOptions::default();
     let text = |options: BvhOptions| {
-        let text = bvh::text(rotations, &options);
+        let text = bvh::text(&rotations.clone().into(), &options);
         let imported = read_text(&text, &default, "a.bvh").unwrap();
         imported.turning.unwrap()
     };

@@ -26,6 +26,8 @@ pub struct Rotations {
     root: Vec<[f32; 3]>,
     local: Vec<[[f32; 4]; JOINTS]>,
     frames_per_second: f32,
+    /// The travel of each cycle along the ground, if the movement is a loop.
+    loop_travel: Option<[f32; 2]>,
 }
 
 /// The distance between the joints of a rigid body and those of a motion, in metres.
@@ -80,6 +82,7 @@ impl Rotations {
             root: motion.joints().iter().map(|pose| pose[0]).collect(),
             rest: rest.clone(),
             frames_per_second: FRAMES_PER_SECOND,
+            loop_travel: motion.loop_travel(),
         }
     }
 
@@ -106,7 +109,21 @@ impl Rotations {
             root,
             local,
             frames_per_second,
+            loop_travel: None,
         }
+    }
+
+    /// Makes the movement a loop: see [`Motion::with_loop_travel`].
+    pub fn with_loop_travel(self, travel: Option<[f32; 2]>) -> Rotations {
+        Rotations {
+            loop_travel: travel,
+            ..self
+        }
+    }
+
+    /// Returns the travel of a loop in a cycle: see [`Motion::loop_travel`].
+    pub fn loop_travel(&self) -> Option<[f32; 2]> {
+        self.loop_travel
     }
 
     /// Returns the skeleton that the rotations turn.
@@ -177,6 +194,7 @@ impl Rotations {
             root: { self.root.iter() }
                 .map(|place| place.map(|x| x * scale))
                 .collect(),
+            loop_travel: self.loop_travel.map(|travel| travel.map(|x| x * scale)),
             ..self.clone()
         }
     }
@@ -209,7 +227,7 @@ impl Rotations {
 
     /// Resamples the movement to another frame rate. Rotations follow the shortest arc between two frames; the pelvis
     /// follows a smooth curve through its positions. The result begins with the first frame and ends with the last one,
-    /// or up to half a new frame before or after it.
+    /// or up to half a new frame before or after it, and is no loop ([`Motion::keyframes`] keeps loops).
     ///
     /// # Panics
     ///
@@ -244,7 +262,51 @@ impl Rotations {
             root,
             local,
             frames_per_second,
+            loop_travel: None,
         }
+    }
+
+    /// Returns the first frames.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer frames, or `frames` is 0.
+    pub(crate) fn first(&self, frames: usize) -> Rotations {
+        Rotations::new(
+            self.rest.clone(),
+            self.root[..frames].to_vec(),
+            self.local[..frames].to_vec(),
+            self.frames_per_second,
+        )
+    }
+
+    /// Returns a loop with the given travel that is played several times, and then so many frames of the next cycle.
+    pub(crate) fn repeated(&self, cycles: usize, extra: usize, travel: [f32; 2]) -> Rotations {
+        let frames = cycles * self.frames() + extra;
+        let root = (0..frames).map(|frame| {
+            let cycle = (frame / self.frames()) as f32;
+            let [x, y, z] = self.root[frame % self.frames()];
+            [x + cycle * travel[0], y, z + cycle * travel[1]]
+        });
+        let mut local: Vec<[[f32; 4]; JOINTS]> = Vec::with_capacity(frames);
+        for frame in 0..frames {
+            let mut pose = self.local[frame % self.frames()];
+            if let Some(before) = local.last() {
+                for (turn, before) in pose.iter_mut().zip(before) {
+                    let dot: f32 = turn.iter().zip(before).map(|(a, b)| a * b).sum();
+                    if dot < 0.0 {
+                        *turn = turn.map(|x| -x);
+                    }
+                }
+            }
+            local.push(pose);
+        }
+        Rotations::new(
+            self.rest.clone(),
+            root.collect(),
+            local,
+            self.frames_per_second,
+        )
     }
 
     /// Interpolates the root by a Catmull-Rom spline through four neighbours; it goes straight on beyond the ends.

@@ -33,6 +33,7 @@ fn moved(frames: usize, turn: impl Fn(usize, Joint) -> DQuat) -> (Rotations, Mot
             .map(|t| Joint::ALL.map(|joint| turn(t, joint).to_array().map(|x| x as f32)))
             .collect(),
         frames_per_second: FRAMES_PER_SECOND,
+        loop_travel: None,
     };
     let motion = Motion::from_joints(rotations.joints()).unwrap();
     (rotations, motion)

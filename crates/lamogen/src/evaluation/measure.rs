@@ -45,7 +45,7 @@ impl MeasurementTarget {
 /// Writes a motion as BVH and reads it back.
 fn write_and_read_back(motion: &Motion) -> Result<MeasuredMotion, String> {
     let options = BvhOptions::default();
-    let text = bvh::text(&motion.rotations(), &options);
+    let text = bvh::text(&motion.rotations().into_owned().into(), &options);
     // Unit and axis are known. They must not be guessed, since the guess would be wrong for a body that lies or grows.
     let known = ReadOptions {
         unit: Some(options.unit),

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::hierarchy::Channel;
+use crate::bvh::BvhChannel;
 use crate::bvh::cursor::{BvhError, Cursor};
 use crate::clip::Node;
 
@@ -37,7 +37,7 @@ impl Node {
     /// channel keeps its offset.
     pub(super) fn push_frame<'a>(
         &mut self,
-        channels: &[Channel],
+        channels: &[BvhChannel],
         values: &mut impl Iterator<Item = &'a f64>,
     ) {
         let mut translation = self.rest;
@@ -45,11 +45,11 @@ impl Node {
         let (mut has_position, mut has_rotation) = (false, false);
         for (channel, &value) in channels.iter().zip(values) {
             match channel {
-                Channel::Position(axis) => {
+                BvhChannel::Position(axis) => {
                     has_position = true;
                     translation[*axis] = value;
                 }
-                Channel::Rotation(axis) => {
+                BvhChannel::Rotation(axis) => {
                     has_rotation = true;
                     rotation *= DQuat::from_axis_angle(DVec3::AXES[*axis], value.to_radians());
                 }

@@ -2,40 +2,32 @@
 
 use glam::DVec3;
 
+use crate::bvh::BvhChannel;
 use crate::bvh::cursor::{BvhError, Cursor};
 use crate::clip::{END_SITE, Node};
 
 /// The most joints of a file. A human skeleton has 20 to 200; a file with many more is not a human and would take long.
 const MAX_NODES: usize = 2000;
 
-/// A channel of a joint: the meaning of one number in every row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Channel {
-    /// The position along an axis, relative to the parent.
-    Position(usize),
-    /// A rotation about an axis in degrees, intrinsic after the rotations of the channels before it.
-    Rotation(usize),
-}
-
-impl Channel {
+impl BvhChannel {
     /// Returns the channel of a name such as `Xposition` or `Zrotation`.
-    fn from_name(name: &str) -> Option<Channel> {
+    fn from_name(name: &str) -> Option<BvhChannel> {
         let name = name.to_ascii_lowercase();
         let axis = ["x", "y", "z"]
             .into_iter()
             .position(|axis| name.starts_with(axis))?;
         match &name[1..] {
-            "position" => Some(Channel::Position(axis)),
-            "rotation" => Some(Channel::Rotation(axis)),
+            "position" => Some(BvhChannel::Position(axis)),
+            "rotation" => Some(BvhChannel::Rotation(axis)),
             _ => None,
         }
     }
 }
 
 /// Reads the joints from the name of the ROOT to its closing brace, and the channels of each joint.
-pub(super) fn read_hierarchy(
+pub(in crate::bvh) fn read_hierarchy(
     cursor: &mut Cursor<'_>,
-) -> Result<(Vec<Node>, Vec<Vec<Channel>>), BvhError> {
+) -> Result<(Vec<Node>, Vec<Vec<BvhChannel>>), BvhError> {
     let mut nodes = vec![read_node_start(cursor, None)?];
     let mut channels = vec![Vec::new()];
     let mut offset_read = vec![false];
@@ -104,7 +96,7 @@ fn read_node_start(cursor: &mut Cursor<'_>, parent: Option<usize>) -> Result<Nod
 }
 
 /// Reads the count of channels and their names.
-fn read_channels(cursor: &mut Cursor<'_>) -> Result<Vec<Channel>, BvhError> {
+fn read_channels(cursor: &mut Cursor<'_>) -> Result<Vec<BvhChannel>, BvhError> {
     let count = cursor.parse("the number of channels", |token| {
         token.parse::<usize>().ok()
     })?;
@@ -112,8 +104,8 @@ fn read_channels(cursor: &mut Cursor<'_>) -> Result<Vec<Channel>, BvhError> {
     for _ in 0..count {
         let found = cursor.clone();
         let expected = "a channel such as Xposition or Zrotation";
-        let channel = cursor.parse(expected, Channel::from_name)?;
-        if matches!(channel, Channel::Position(_)) && channels.contains(&channel) {
+        let channel = cursor.parse(expected, BvhChannel::from_name)?;
+        if matches!(channel, BvhChannel::Position(_)) && channels.contains(&channel) {
             return Err(found.error("each position channel once", &found.describe_next()));
         }
         channels.push(channel);

@@ -12,7 +12,7 @@ use std::path::Path;
 use super::cursor::{BvhError, Cursor};
 use crate::clip::Clip;
 use frames::{finish_nodes, read_rows};
-use hierarchy::read_hierarchy;
+pub(super) use hierarchy::read_hierarchy;
 
 /// The content of a BVH file.
 #[derive(Debug)]

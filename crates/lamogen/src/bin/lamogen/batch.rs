@@ -215,7 +215,9 @@ struct BatchRunner<'a> {
 impl BatchRunner<'_> {
     /// Makes the request of an item.
     fn request(&self, item: &BatchItem) -> Request {
+        let root_motion = item.root_motion(self.options.writing.root_motion());
         item.request(&self.options.pass, self.source.model.preset())
+            .root_motion(root_motion)
     }
 
     /// Returns everything that determines the files of a motion. A motion with the same identity in its JSON file is
@@ -233,6 +235,8 @@ impl BatchRunner<'_> {
             "steps": pass.steps,
             "emphasis": pass.emphasis,
             "body": pass.body.map(|body| body.name()),
+            "loop": pass.is_looped,
+            "root_motion": item.root_motion(writing.root_motion()).name(),
             "temporal_smoothing": self.source.temporal_smoothing_frames(),
             "text_scale": self.source.model.text_scale(),
             "stand_in": self.source.model.stand_in(&item.line.prompt),

@@ -36,6 +36,7 @@ pub fn run(options: &ConvertArguments, console: &Console) -> Result<(), Failure>
         bar.finish_and_clear();
         file.scene.replace_main(motion, &open_device(None)?);
     }
+    file.scene.set_root_motion(options.writing.root_motion());
     let mut writing = options.writing.clone();
     if let Some(stem) = options.source.file_stem() {
         let name = || stem.to_string_lossy().into_owned();

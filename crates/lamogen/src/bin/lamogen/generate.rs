@@ -32,7 +32,8 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
         .map(|&seed| {
             let request = Request::new(&options.prompt)
                 .seconds(options.seconds)
-                .seed(seed);
+                .seed(seed)
+                .root_motion(options.writing.root_motion());
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),
@@ -162,6 +163,9 @@ pub fn generation_facts(
         "cut_tokens": generation.cut_tokens,
         "unseen_words": generation.unseen_words,
         "stand_in": generation.stand_in,
+        "loop": generation.guided.loop_travel().is_some(),
+        "loop_travel": generation.guided.loop_travel(),
+        "root_motion": generation.guided.root_motion().name(),
         "loss": generation.loss,
     });
     facts.as_object().cloned().unwrap_or_default()

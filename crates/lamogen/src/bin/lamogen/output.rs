@@ -53,6 +53,24 @@ const POSES: usize = 10;
 const PIXELS: f32 = 1.5;
 
 impl OutputFormat {
+    /// The formats in which the travel of a motion may be in several places.
+    pub const WITH_TRAVEL: [OutputFormat; 5] = [
+        OutputFormat::Glb,
+        OutputFormat::Gltf,
+        OutputFormat::Vrm,
+        OutputFormat::Bvh,
+        OutputFormat::Npy,
+    ];
+
+    /// Returns whether files of this format hold a character: a BVH the skeleton of a BVH, glTF other characters.
+    pub fn holds(self, character: &Character) -> bool {
+        match self {
+            OutputFormat::Bvh => character.is_bvh(),
+            OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Vrm => !character.is_bvh(),
+            _ => false,
+        }
+    }
+
     /// Returns the file name extension of the format, without the first dot.
     pub fn ending(self) -> &'static str {
         match self {
@@ -150,8 +168,9 @@ impl OutputFile {
     ) -> Result<(), Failure> {
         let path = &self.path;
         match self.format {
-            OutputFormat::Glb | OutputFormat::Vrm | OutputFormat::Gltf
-                if let Some(character) = writing.onto.open()? =>
+            format
+                if let Some(character) = writing.onto.open()?
+                    && format.holds(character) =>
             {
                 return self.write_onto(character, scene, writing);
             }
@@ -225,7 +244,7 @@ impl OutputFile {
         }
         let name = writing.onto.animation_name.as_ref();
         let animation = character
-            .animate(&scene.main().motion, &options)
+            .animate(&scene.main().motion, &options)?
             .named(name.unwrap_or(&scene.title));
         let options = SaveOptions {
             replace_animations: writing.onto.replace_animations,
@@ -251,8 +270,8 @@ fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat
         },
         ..WriteOptions::default()
     };
-    // NumPy arrays keep the frame rate of the motion.
-    if matches!(format, OutputFormat::Glb | OutputFormat::Bvh) {
+    // Pose features have one frame rate.
+    if format != OutputFormat::Features {
         options.frames_per_second = writing.fps.unwrap_or(options.frames_per_second);
     }
     options

@@ -8,7 +8,7 @@ use lamogen::files::ImportedMotion;
 use lamogen::motion::{JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
-    Motion, PartLaban,
+    Motion, PartLaban, RootMotion,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -155,6 +155,17 @@ impl Scene {
         let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
         let motion = motion.with_copyright(copyright);
         self.motions.push(SceneMotion::new(label, motion, laban));
+    }
+
+    /// Sets where files keep the travel of the main motion.
+    pub fn set_root_motion(&mut self, root_motion: RootMotion) {
+        if let Some(scene_motion) = self.motions.last_mut() {
+            scene_motion.motion = scene_motion.motion.clone().with_root_motion(root_motion);
+        }
+        if root_motion != RootMotion::default() {
+            let name = root_motion.name().into();
+            self.facts.insert("root_motion".into(), name);
+        }
     }
 
     /// Returns the main motion.

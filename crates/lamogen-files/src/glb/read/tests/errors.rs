@@ -138,7 +138,7 @@ fn damaged_files_never_panic_or_grow() {
         body: false,
         ..GlbOptions::default()
     };
-    let whole = glb::bytes(&rotations, &options).unwrap();
+    let whole = glb::bytes(&rotations.into(), &options).unwrap();
     let attempt = |bytes: &[u8]| {
         if let Ok((clip, ..)) = read(bytes, Path::new("damaged.glb"), None, None) {
             let end = clip.frames as f64 * clip.seconds_per_frame;

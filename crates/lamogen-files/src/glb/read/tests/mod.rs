@@ -33,7 +33,7 @@ fn largest_gap(clip: &Clip, expected: &[[[f32; 3]; JOINTS]]) -> f64 {
 fn write_and_read(options: &GlbOptions) -> Clip {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.glb");
-    write(&path, &example::rotations(), options).unwrap();
+    write(&path, &example::rotations().into(), options).unwrap();
     read_file(&path, None).unwrap().0
 }
 

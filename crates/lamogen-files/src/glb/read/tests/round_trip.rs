@@ -23,7 +23,7 @@ fn a_long_motion_keeps_its_frames() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("long.glb");
     let rotations = lamogen_motion::Rotations::of(&example::motion(12_000));
-    write(&path, &rotations, &GlbOptions::default()).unwrap();
+    write(&path, &rotations.clone().into(), &GlbOptions::default()).unwrap();
     let (clip, ..) = read_file(&path, None).unwrap();
     assert_eq!(clip.frames, 12_000);
     let gap = largest_gap(&clip, &rotations.joints());
@@ -50,7 +50,7 @@ fn the_rest_pose_is_the_t_pose_on_the_ground() {
 fn buffers_may_be_in_separate_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("motion.gltf");
-    let bytes = glb::bytes(&example::rotations(), &GlbOptions::default()).unwrap();
+    let bytes = glb::bytes(&example::rotations().into(), &GlbOptions::default()).unwrap();
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let mut json: Json = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     json["buffers"][0]["uri"] = json!("the%20numbers.bin");
@@ -83,7 +83,7 @@ fn animations_are_chosen_by_name() {
         name: "jump".into(),
         ..GlbOptions::default()
     };
-    write(&path, &example::rotations(), &options).unwrap();
+    write(&path, &example::rotations().into(), &options).unwrap();
     assert!(read_file(&path, Some("jump")).is_ok());
     let error = read_file(&path, Some("walk")).err().unwrap().to_string();
     assert!(

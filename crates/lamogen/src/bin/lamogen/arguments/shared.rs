@@ -1,13 +1,13 @@
 //! Arguments that several commands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::{Arc, OnceLock};
 
 use clap::{Args, ValueEnum};
 use lamogen::character::{Character, CharacterOptions};
 use lamogen::files::{JointMapping, Unit, UpAxis};
-use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, TemporalSmoothing};
+use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, RootMotion, TemporalSmoothing};
 
 use crate::failure::{Failure, FailureCode};
 use crate::output::OutputFormat;
@@ -72,6 +72,9 @@ pub struct PassArguments {
     /// have the rig, paper has the network.
     #[arg(long, value_enum)]
     pub body: Option<BodyName>,
+    /// Make the motion a loop: its last frame leads into the first, in pose and velocity.
+    #[arg(long = "loop")]
+    pub is_looped: bool,
 }
 
 impl PassArguments {
@@ -89,7 +92,7 @@ impl PassArguments {
         if let Some(body) = self.body {
             guidance.body = body.body();
         }
-        request.guidance(guidance)
+        request.guidance(guidance).looped(self.is_looped)
     }
 }
 
@@ -154,7 +157,7 @@ impl BodyName {
 /// The options of writing motion files.
 #[derive(Args, Clone)]
 pub struct WritingArguments {
-    /// Frames a second of .bvh and .glb; usually 20, and 30 on a character.
+    /// Frames a second of .glb, .bvh and .npy; usually 20, which are exactly the motion's own, and 30 on a character.
     #[arg(long, value_parser = parse_fps)]
     pub fps: Option<f32>,
     /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
@@ -166,15 +169,40 @@ pub struct WritingArguments {
     /// Width of .gif in pixels; usually 320 a motion.
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(160..=4096))]
     pub gif_width: Option<u32>,
+    /// Where the travel along the ground goes: into the hips, as in Blender (the default); into a root node above them, as game
+    /// engines want it; or nowhere, so that planted feet slide under a body that stays in place.
+    #[arg(long, value_enum, value_name = "PLACE")]
+    pub root_motion: Option<RootMotionName>,
+    /// Keep the body in place: short for --root-motion none.
+    #[arg(long, conflicts_with = "root_motion")]
+    pub in_place: bool,
     #[command(flatten)]
     pub onto: OntoArguments,
+}
+
+/// The value of `--root-motion`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RootMotionName {
+    Hips,
+    Root,
+    None,
+}
+
+impl RootMotionName {
+    fn root_motion(self) -> RootMotion {
+        match self {
+            RootMotionName::Hips => RootMotion::Hips,
+            RootMotionName::Root => RootMotion::Root,
+            RootMotionName::None => RootMotion::None,
+        }
+    }
 }
 
 /// The options of writing motions onto a character.
 #[derive(Args, Clone)]
 pub struct OntoArguments {
-    /// Character that .glb, .gltf and .vrm put the motion on: a .glb, .gltf or .vrm with a skin. The file that is written is this
-    /// file with one more animation.
+    /// Character to put the motion on: a .glb, .gltf or .vrm with a skin, or a .bvh with a skeleton. The file that is written is this
+    /// file with one more animation; a .bvh has the motion in place of its own.
     #[arg(long, value_name = "FILE")]
     pub onto: Option<PathBuf>,
     /// Name of the animation; usually the sentence.
@@ -231,22 +259,43 @@ impl OntoArguments {
 }
 
 impl WritingArguments {
+    /// Returns where files keep the travel of motions.
+    pub fn root_motion(&self) -> RootMotion {
+        match (self.in_place, self.root_motion) {
+            (true, _) => RootMotion::None,
+            (false, Some(name)) => name.root_motion(),
+            (false, None) => RootMotion::default(),
+        }
+    }
+
     /// Checks that the options fit the formats, and that the character can be read. Commands call this before their work.
     pub fn check(&self, formats: &[OutputFormat]) -> Result<(), Failure> {
-        let for_characters = [OutputFormat::Vrm, OutputFormat::Gltf];
-        let needs = formats
-            .iter()
-            .find(|format| for_characters.contains(format));
-        match (&self.onto.onto, needs) {
-            (None, Some(format)) => {
-                let message = format!(
-                    "expected a character for .{}, found none: --onto names its file",
-                    format.ending()
-                );
-                Err(Failure::new(FailureCode::Usage, message))
+        let usage = |message| Err(Failure::new(FailureCode::Usage, message));
+        let character = self.onto.open()?;
+        let needs_character = [OutputFormat::Vrm, OutputFormat::Gltf];
+        for format in formats {
+            let has_one = character.is_some_and(|character| format.holds(character));
+            if needs_character.contains(format) && !has_one {
+                let ending = format.ending();
+                return usage(format!(
+                    "expected a character for .{ending}, found none: --onto names its file, a .glb, .gltf or .vrm"
+                ));
             }
-            _ => self.onto.open().map(drop),
         }
+        if let Some(character) = character
+            && !formats.iter().any(|format| format.holds(character))
+        {
+            let expected = match character.is_bvh() {
+                true => ".bvh",
+                false => ".glb, .gltf or .vrm",
+            };
+            let path = self.onto.onto.as_deref().unwrap_or(Path::new(""));
+            return usage(format!(
+                "expected a file that ends in {expected} for the character {}, found none",
+                path.display()
+            ));
+        }
+        Ok(())
     }
 
     /// Returns a notice for each option that was given and has no effect on files of these formats.
@@ -260,13 +309,25 @@ impl WritingArguments {
                     OutputFormat::Glb,
                     OutputFormat::Gltf,
                     OutputFormat::Vrm,
+                    OutputFormat::Npy,
                 ][..],
             ),
             (
                 "--onto",
                 self.onto.onto.is_some(),
-                &[OutputFormat::Glb, OutputFormat::Gltf, OutputFormat::Vrm],
+                &[
+                    OutputFormat::Glb,
+                    OutputFormat::Gltf,
+                    OutputFormat::Vrm,
+                    OutputFormat::Bvh,
+                ],
             ),
+            (
+                "--root-motion",
+                self.root_motion.is_some(),
+                &OutputFormat::WITH_TRAVEL,
+            ),
+            ("--in-place", self.in_place, &OutputFormat::WITH_TRAVEL),
             (
                 "--bvh-unit",
                 self.bvh_unit != Unit::Centimetre,

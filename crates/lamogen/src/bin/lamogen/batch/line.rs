@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use lamogen::{Device, Goals, JsonRequest, Preset, Request};
+use lamogen::{Device, Goals, JsonRequest, Preset, Request, RootMotion};
 use lamogen_data::Checksum;
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
@@ -133,7 +133,13 @@ impl BatchItem {
             preset: self.line.preset.map(PresetName::of).or(defaults.preset),
             emphasis: self.line.emphasis.or(defaults.emphasis),
             body: self.line.body.map(BodyName::of).or(defaults.body),
+            is_looped: self.line.is_looped.unwrap_or(defaults.is_looped),
         }
+    }
+
+    /// Returns where files of the motion keep its travel: the place that the line states, or else `default`.
+    pub fn root_motion(&self, default: RootMotion) -> RootMotion {
+        self.line.root_motion().unwrap_or(default)
     }
 
     /// Makes the request. `defaults` are the options of the command line, and `preset` is that of the model.
@@ -144,6 +150,7 @@ impl BatchItem {
         line.preset = pass.preset.map(PresetName::preset);
         line.emphasis = pass.emphasis;
         line.body = pass.body.map(BodyName::body);
+        line.is_looped = Some(pass.is_looped);
         line.request_with(self.goals.clone(), preset)
     }
 }

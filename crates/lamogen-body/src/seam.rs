@@ -1,0 +1,95 @@
+//! The seam of a loop: a jump between its last frame and its first is spread over the frames around it.
+
+use glam::{DQuat, DVec3};
+use lamogen_motion::JOINTS;
+
+/// The number of frames before and after the seam over which a jump is spread.
+const SPREAD: usize = 10;
+
+/// Spreads what is left of a jump between the last frame of a loop and the first one, which follows it, so that the step at the
+/// seam is the mean of the steps beside it, in the position of the root and in the local rotations.
+///
+/// `travel` is the travel of a cycle in metres. Loops of fewer than four frames are left as they are.
+pub(crate) fn close_seam(root: &mut [DVec3], local: &mut [[DQuat; JOINTS]], travel: DVec3) {
+    let frames = root.len();
+    let spread = SPREAD.min(frames / 2);
+    if frames < 4 {
+        return;
+    }
+    let before = root[frames - 1] - root[frames - 2];
+    let after = root[1] - root[0];
+    let jump = root[0] + travel - root[frames - 1] - (before + after) / 2.0;
+    let turns: [DVec3; JOINTS] = std::array::from_fn(|joint| {
+        let at = |frame: usize| local[frame][joint];
+        let step =
+            |from: usize, to: usize| (at(from).inverse() * near(at(to), at(from))).to_scaled_axis();
+        let mean = (step(frames - 2, frames - 1) + step(0, 1)) / 2.0;
+        step(frames - 1, 0) - mean
+    });
+    for k in 0..spread {
+        let share = weight(k, spread) / 2.0;
+        for (frame, share) in [(frames - 1 - k, share), (k, -share)] {
+            root[frame] += share * jump;
+            for (turn, joint) in turns.iter().zip(&mut local[frame]) {
+                *joint = (*joint * DQuat::from_scaled_axis(share * *turn)).normalize();
+            }
+        }
+    }
+}
+
+/// Returns the share of the jump at a frame so many frames from the seam: 1 at the seam, 0 from `spread` frames on.
+fn weight(frame: usize, spread: usize) -> f64 {
+    let part = frame as f64 / spread as f64;
+    1.0 - part * part * (3.0 - 2.0 * part)
+}
+
+/// Returns of the two quaternions of a rotation the one nearer to another.
+fn near(turn: DQuat, to: DQuat) -> DQuat {
+    if turn.dot(to) < 0.0 { -turn } else { turn }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_at_the_seam_becomes_a_step_like_its_neighbours() {
+        let frames = 40;
+        let angle = |frame: usize| 0.02 * frame as f64;
+        let mut root: Vec<DVec3> = (0..frames)
+            .map(|frame| DVec3::new(0.01 * frame as f64, 0.9, 0.0))
+            .collect();
+        let mut local: Vec<[DQuat; JOINTS]> = (0..frames)
+            .map(|frame| [DQuat::from_rotation_y(angle(frame)); JOINTS])
+            .collect();
+        let travel = DVec3::new(0.5, 0.0, 0.0);
+        close_seam(&mut root, &mut local, travel);
+        let step = root[0] + travel - root[frames - 1];
+        assert!((step.x - 0.01).abs() < 0.002, "{step}");
+        let turn = local[frames - 1][0].angle_between(local[0][0]);
+        assert!((turn - 0.02).abs() < 0.03, "{turn}");
+        // Nothing moves far from the seam.
+        assert_eq!(root[20], DVec3::new(0.2, 0.9, 0.0));
+        for pair in root.windows(2) {
+            assert!((pair[1] - pair[0]).length() < 0.02);
+        }
+    }
+
+    #[test]
+    fn a_closed_loop_stays_as_it_is() {
+        let frames = 40;
+        let angle = |frame: usize| std::f64::consts::TAU * frame as f64 / frames as f64;
+        let mut root: Vec<DVec3> = (0..frames)
+            .map(|frame| DVec3::new(angle(frame).sin(), 0.9, angle(frame).cos()))
+            .collect();
+        let turn = |frame: usize| DQuat::from_rotation_x(0.4 * angle(frame).sin());
+        let mut local: Vec<[DQuat; JOINTS]> =
+            (0..frames).map(|frame| [turn(frame); JOINTS]).collect();
+        let (old_root, old_local) = (root.clone(), local.clone());
+        close_seam(&mut root, &mut local, DVec3::ZERO);
+        for frame in 0..frames {
+            assert!(root[frame].distance(old_root[frame]) < 2e-3);
+            assert!(local[frame][3].angle_between(old_local[frame][3]) < 2e-3);
+        }
+    }
+}

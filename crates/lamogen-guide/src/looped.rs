@@ -1,0 +1,290 @@
+//! Networks whose motions are loops.
+
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use lamogen_model::{
+    Denoiser, DenoiserInput, FrameMask, LABAN_FEATURES, LinearizedEvaluation, Prediction, Prompt,
+};
+use lamogen_motion::{FeatureGroup, Normalization};
+
+/// The number of frames that both ends of a loop share, if the motion and the network leave room for them: one second.
+const OVERLAP: usize = 20;
+/// The least number of frames that both ends of a loop share.
+const MIN_OVERLAP: usize = 10;
+
+/// A network whose motions are loops: the last frame leads into the first.
+///
+/// The network sees every motion with its first frames once more after its end. There are thus two predictions of these
+/// frames: one knows what comes after them, the other what comes before them. The result passes from the second to the
+/// first in the course of the frames. Since this happens at every step of a pass, both ends take each other into account
+/// from the first step on.
+///
+/// Loops are not part of the paper.
+pub struct Looped<'a, D> {
+    network: &'a D,
+    is_looped: bool,
+}
+
+impl<'a, D: Denoiser> Looped<'a, D> {
+    /// Wraps a network. If `is_looped` is false, the result is the network itself.
+    pub fn new(network: &'a D, is_looped: bool) -> Self {
+        Looped { network, is_looped }
+    }
+
+    /// Returns the length of the longest loop of a network, in frames.
+    pub fn longest_loop(network: &D) -> usize {
+        network.max_frames().saturating_sub(MIN_OVERLAP)
+    }
+
+    /// Returns the overlaps of the motions of a batch; `None` if the network evaluates motions as they are.
+    fn overlaps(&self, mask: &FrameMask, device: &Device) -> Option<Overlaps> {
+        self.is_looped
+            .then(|| Overlaps::new(mask, self.network.max_frames(), device))
+    }
+}
+
+/// The frames that both ends of each motion of a batch share.
+struct Overlaps {
+    /// The number of frames of the batch without the repeated ones.
+    frames: usize,
+    /// The mask of the motions with their repeated frames.
+    mask: FrameMask,
+    /// The frame of the motion that each frame of the longer motion repeats, `[batch, longer frames]`.
+    sources: Tensor<2, Int>,
+    /// The frame of the longer motion that repeats each frame, or the frame itself, `[batch, frames]`.
+    repetitions: Tensor<2, Int>,
+    /// The share of the prediction at the beginning, `[batch, frames, 1]`; the rest is that of the prediction at the end.
+    share: Tensor<3>,
+}
+
+impl Overlaps {
+    fn new(mask: &FrameMask, max_frames: usize, device: &Device) -> Overlaps {
+        let (lengths, frames) = (mask.lengths(), mask.frames());
+        let overlap = |length: usize| {
+            OVERLAP
+                .min(length / 2)
+                .min(max_frames.saturating_sub(length))
+        };
+        let longer: Vec<usize> = lengths.iter().map(|n| n + overlap(*n)).collect();
+        let longest = longer.iter().copied().max().unwrap_or(0).max(frames);
+        let (mut sources, mut repetitions, mut share) = (Vec::new(), Vec::new(), Vec::new());
+        for &length in lengths {
+            let overlap = overlap(length);
+            sources.extend((0..longest).map(|t| match t < length + overlap {
+                true => (t % length) as i32,
+                false => 0,
+            }));
+            repetitions.extend((0..frames).map(|t| match t < overlap {
+                true => (length + t) as i32,
+                false => t as i32,
+            }));
+            share.extend((0..frames).map(|t| match t < overlap {
+                true => smooth_step((t + 1) as f32 / (overlap + 1) as f32),
+                false => 1.0,
+            }));
+        }
+        let batch = lengths.len();
+        Overlaps {
+            frames,
+            mask: FrameMask::new(&longer, longest, device),
+            sources: Tensor::from_data(TensorData::new(sources, [batch, longest]), device),
+            repetitions: Tensor::from_data(TensorData::new(repetitions, [batch, frames]), device),
+            share: Tensor::from_data(TensorData::new(share, [batch, frames, 1]), device),
+        }
+    }
+
+    /// Returns motions, `[batch, frames, features]`, with their first frames repeated after their ends.
+    fn extend(&self, motions: Tensor<3>) -> Tensor<3> {
+        select_frames(motions, &self.sources)
+    }
+
+    /// Blends the two predictions of the shared frames. The result has the frames of the motions alone.
+    fn blend(&self, predictions: Tensor<3>) -> Tensor<3> {
+        let own = predictions.clone().narrow(1, 0, self.frames);
+        let repeated = select_frames(predictions, &self.repetitions);
+        repeated.clone() + (own - repeated) * self.share.clone()
+    }
+
+    /// Returns the input of the network for the longer motions.
+    fn input(&self, input: DenoiserInput) -> DenoiserInput {
+        DenoiserInput {
+            x_t: self.extend(input.x_t),
+            mask: self.mask.clone(),
+            ..input
+        }
+    }
+}
+
+/// Returns a curve from 0 to 1 that begins and ends level.
+fn smooth_step(part: f32) -> f32 {
+    part * part * (3.0 - 2.0 * part)
+}
+
+/// Selects frames, `[batch, selected frames]`, of motions, `[batch, frames, features]`.
+fn select_frames(motions: Tensor<3>, frames: &Tensor<2, Int>) -> Tensor<3> {
+    let [batch, _, features] = motions.dims();
+    let [_, selected] = frames.dims();
+    let index = { frames.clone() }
+        .reshape([batch, selected, 1])
+        .expand([batch, selected, features]);
+    motions.gather(1, index)
+}
+
+/// Pulls a gradient of the result of a linear function back to its argument, which has the given shape.
+fn transpose(
+    function: impl FnOnce(Tensor<3>) -> Tensor<3>,
+    shape: [usize; 3],
+    gradient: Tensor<3>,
+) -> Tensor<3> {
+    let leaf = Tensor::<3>::zeros(shape, &gradient.device())
+        .autodiff()
+        .require_grad();
+    let product = (function(leaf.clone()) * gradient.autodiff()).sum();
+    leaf.grad_remove(&mut product.backward())
+        .expect("the function depends on its argument")
+}
+
+impl<D: Denoiser> Denoiser for Looped<'_, D> {
+    type Context = D::Context;
+
+    fn prediction(&self) -> Prediction {
+        self.network.prediction()
+    }
+
+    fn pose_features(&self) -> usize {
+        self.network.pose_features()
+    }
+
+    fn max_frames(&self) -> usize {
+        match self.is_looped {
+            true => Self::longest_loop(self.network),
+            false => self.network.max_frames(),
+        }
+    }
+
+    fn min_frames(&self) -> usize {
+        self.network.min_frames()
+    }
+
+    fn device(&self) -> Device {
+        self.network.device()
+    }
+
+    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context> {
+        self.network.encode(tokens)
+    }
+
+    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
+        self.network.embed_timesteps(timesteps)
+    }
+
+    fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
+        self.network.embed_laban(means)
+    }
+
+    fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
+        match self.overlaps(&input.mask, &input.x_t.device()) {
+            Some(overlaps) => overlaps.blend(self.network.denoise(overlaps.input(input), context)),
+            None => self.network.denoise(input, context),
+        }
+    }
+
+    fn linearize<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> LinearizedEvaluation<'a> {
+        let Some(overlaps) = self.overlaps(&input.mask, &input.x_t.device()) else {
+            return self.network.linearize(input, context);
+        };
+        let evaluation = self.network.linearize(overlaps.input(input), context);
+        let shape = evaluation.output.dims();
+        let output = overlaps.blend(evaluation.output.clone());
+        LinearizedEvaluation::new(output, move |gradient| {
+            evaluation.pull(transpose(
+                |predictions| overlaps.blend(predictions),
+                shape,
+                gradient,
+            ))
+        })
+    }
+
+    fn modulation_width(&self) -> usize {
+        self.network.modulation_width()
+    }
+
+    fn linearize_motion<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a Self::Context,
+    ) -> LinearizedEvaluation<'a, 3> {
+        let Some(overlaps) = self.overlaps(&input.mask, &input.x_t.device()) else {
+            return self.network.linearize_motion(input, context);
+        };
+        let input_shape = input.x_t.dims();
+        let evaluation = { self.network }.linearize_motion(overlaps.input(input), context);
+        let shape = evaluation.output.dims();
+        let output = overlaps.blend(evaluation.output.clone());
+        LinearizedEvaluation::new(output, move |gradient| {
+            let gradient = transpose(|x| overlaps.blend(x), shape, gradient);
+            let gradient = evaluation.pull(gradient);
+            transpose(|x| overlaps.extend(x), input_shape, gradient)
+        })
+    }
+}
+
+/// Keeps loops from turning: changes predicted motions so that the body faces at the end as at the beginning, or has turned
+/// round whole times.
+#[derive(Clone)]
+pub(crate) struct HeadingClosure {
+    /// 1 divided by the number of frames of each motion, and 0 past its end, `[batch, frames, 1]`.
+    mean: Tensor<3>,
+    /// The number of frames of each motion, `[batch, 1, 1]`.
+    lengths: Tensor<3>,
+    /// The mean and the standard deviation of the turning of the root.
+    scale: (f64, f64),
+}
+
+impl HeadingClosure {
+    /// Prepares the closure for motions of the given lengths, padded to `frames` frames.
+    pub(crate) fn new(
+        lengths: &[usize],
+        frames: usize,
+        normalization: &Normalization,
+        device: &Device,
+    ) -> HeadingClosure {
+        let [means, deviations] = normalization.values();
+        let yaw = FeatureGroup::RootYaw.range().start;
+        let mean = lengths.iter().flat_map(|&length| {
+            (0..frames).map(move |t| if t < length { 1.0 / length as f32 } else { 0.0 })
+        });
+        let mean: Vec<f32> = mean.collect();
+        let lengths: Vec<f32> = lengths.iter().map(|&length| length as f32).collect();
+        let batch = lengths.len();
+        HeadingClosure {
+            mean: Tensor::from_data(TensorData::new(mean, [batch, frames, 1]), device),
+            lengths: Tensor::from_data(TensorData::new(lengths, [batch, 1, 1]), device),
+            scale: (f64::from(means[yaw]), f64::from(deviations[yaw])),
+        }
+    }
+
+    /// Removes the turn that is left over, evenly over the frames. `motions` are normalised, `[batch, frames, features]`.
+    pub(crate) fn close(&self, motions: Tensor<3>) -> Tensor<3> {
+        let [_, frames, features] = motions.dims();
+        let yaw = FeatureGroup::RootYaw.range();
+        let turning = motions.clone().narrow(2, yaw.start, 1);
+        let (mean, deviation) = self.scale;
+        let average = (turning.clone() * self.mean.clone()).sum_dim(1);
+        // Pose features have half the angle, so a whole turn is π.
+        let turns = (average.clone().detach() * deviation + mean) * self.lengths.clone()
+            / std::f64::consts::PI;
+        let whole = turns.round() * std::f64::consts::PI / self.lengths.clone();
+        let excess = average - (whole - mean) / deviation;
+        let closed = turning - excess.repeat_dim(1, frames);
+        let mut parts = vec![closed];
+        if yaw.start > 0 {
+            parts.insert(0, motions.clone().narrow(2, 0, yaw.start));
+        }
+        parts.push(motions.narrow(2, yaw.end, features - yaw.end));
+        Tensor::cat(parts, 2)
+    }
+}
