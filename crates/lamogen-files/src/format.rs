@@ -7,10 +7,11 @@ use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, describe_placeholder_at, 
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
-use crate::glb::{self, GlbOptions};
+use crate::glb::{self, GlbError, GlbOptions, GltfMotion};
 use crate::import::{ImportedMotion, ReadOptions, import};
 use crate::npy;
 use crate::units::{Unit, UpAxis};
+use crate::vrma::{self, VrmaOptions};
 
 /// Reads a motion of any known skeleton, at any frame rate.
 ///
@@ -18,6 +19,7 @@ use crate::units::{Unit, UpAxis};
 /// |---|---|
 /// | `.bvh` | BVH |
 /// | `.glb`, `.gltf`, `.vrm` | glTF, with Y up unless the options name another axis |
+/// | `.vrma` | [VRM animation](crate::vrma), whose joints are its human bones, whatever they are called; so is a glTF of another ending with the extension `VRMC_vrm_animation` |
 /// | `.npy` | joints `(frames, 22, 3)` or `(frames, 66)`, or pose features `(frames, 263)`, as HumanML3D stores them |
 ///
 /// Between the frames of the file, rotations are interpolated along the shortest arc.
@@ -38,7 +40,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
     let extension = extension(path);
     if !matches!(
         extension.as_deref(),
-        Some("bvh" | "glb" | "gltf" | "vrm" | "npy")
+        Some("bvh" | "glb" | "gltf" | "vrm" | "vrma" | "npy")
     ) {
         return Err(ReadError::Ending {
             path: path.to_owned(),
@@ -97,15 +99,32 @@ fn read_format(
     match extension(path).as_deref() {
         // Bytes that are not UTF-8 occur in joint names of old files.
         Some("bvh") => bvh::read_text(&String::from_utf8_lossy(bytes), options, path),
-        Some("glb" | "gltf" | "vrm") => {
-            let (clip, other_animations, copyright) =
-                glb::read(bytes, path, folder, options.animation.as_deref())?;
+        Some(extension @ ("glb" | "gltf" | "vrm" | "vrma")) => {
+            let GltfMotion {
+                clip,
+                human_joints,
+                other_animations,
+                copyright,
+            } = glb::read(bytes, path, folder, options.animation.as_deref())?;
+            let human_joints = match human_joints {
+                // A mapping in the options replaces what the file says.
+                _ if options.mapping.is_some() => None,
+                None if extension != "vrma" => None,
+                None => Some(Err("expected it, found none".into())),
+                found => found,
+            };
+            let human_joints = human_joints.transpose().map_err(|reason: String| {
+                let reason = format!("{}: {reason}", vrma::EXTENSION);
+                let path = path.to_owned();
+                GlbError::Format { path, reason }
+            })?;
+            let known = human_joints.map(|joints| (vrma::SCHEME, joints));
             let options = ReadOptions {
                 up: options.up.or(Some(UpAxis::Y)),
                 frames_per_second: None,
                 ..options.clone()
             };
-            let imported = import(&clip, &options, path)?;
+            let imported = import(&clip, known, &options, path)?;
             Ok(ImportedMotion {
                 motion: imported.motion.with_copyright(copyright),
                 other_animations,
@@ -121,24 +140,17 @@ fn read_format(
 }
 
 /// Options for writing a motion.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct WriteOptions {
-    /// Frames per second of files that hold rotations. The default is 20, the frame rate of the motion.
-    pub frames_per_second: f32,
+    /// Frames per second of files that hold rotations. The default is `None`: 30 for VRM animations, as their specification
+    /// proposes, and 20, the frame rate of the motion, for the others.
+    pub frames_per_second: Option<f32>,
     /// The options of BVH files.
     pub bvh: BvhOptions,
     /// The options of GLB files.
     pub glb: GlbOptions,
-}
-
-impl Default for WriteOptions {
-    fn default() -> Self {
-        WriteOptions {
-            frames_per_second: FRAMES_PER_SECOND,
-            bvh: BvhOptions::default(),
-            glb: GlbOptions::default(),
-        }
-    }
+    /// The options of VRM animations.
+    pub vrma: VrmaOptions,
 }
 
 /// Writes a motion. The file is replaced atomically, so that a reader never sees half a file.
@@ -147,6 +159,7 @@ impl Default for WriteOptions {
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
 /// | `.glb` | [glTF](crate::glb) |
+/// | `.vrma` | [VRM animation](crate::vrma) |
 /// | `.features.npy` | pose features, `(frames, 263)`: those the motion was made from, or else [encoded](lamogen_motion::encode) ones |
 /// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up, 20 frames a second |
 ///
@@ -161,7 +174,11 @@ pub fn write(
 ) -> Result<(), WriteError> {
     let path = path.as_ref();
     let extension = extension(path);
-    let rate = options.frames_per_second;
+    let default_rate = match extension.as_deref() {
+        Some("vrma") => vrma::FRAMES_PER_SECOND,
+        _ => FRAMES_PER_SECOND,
+    };
+    let rate = options.frames_per_second.unwrap_or(default_rate);
     let expected = match extension.as_deref() {
         Some("npy") if rate != FRAMES_PER_SECOND => Some("20, as arrays have them,"),
         _ if !(1e-3..=1e4).contains(&rate) => Some("0.001 to 10000"),
@@ -174,7 +191,7 @@ pub fn write(
             found: rate,
         });
     }
-    if let Some("bvh" | "glb") = extension.as_deref() {
+    if let Some("bvh" | "glb" | "vrma") = extension.as_deref() {
         check_rig_limits(path, motion, rate)?;
     }
     match extension.as_deref() {
@@ -202,6 +219,15 @@ pub fn write(
                 ..options.glb.clone()
             };
             Ok(glb::write(path, &rotations, &options)?)
+        }
+        Some("vrma") => {
+            let rotations = motion.rotations().resampled(rate);
+            let copyright = options.vrma.copyright.as_deref().or(motion.copyright());
+            let options = VrmaOptions {
+                copyright: copyright.map(str::to_owned),
+                ..options.vrma.clone()
+            };
+            Ok(vrma::write(path, &rotations, &options)?)
         }
         Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
         Some("npy") => Ok(motion.save_joints(path)?),
@@ -305,9 +331,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let default = WriteOptions::default;
         let mut no_rate = default();
-        no_rate.frames_per_second = f32::NAN;
+        no_rate.frames_per_second = Some(f32::NAN);
         let mut fast = default();
-        fast.frames_per_second = 60.0;
+        fast.frames_per_second = Some(60.0);
         let mut no_unit = default();
         no_unit.bvh.unit = crate::Unit::Metres(0.0);
         for (name, options, part) in [

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use lamogen::character::{Character, RetargetOptions, SaveOptions};
 use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
+use lamogen::files::vrma::VrmaOptions;
 use lamogen::files::{WriteOptions, csv};
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
@@ -22,6 +23,7 @@ use crate::scene::{Scene, SceneMotion, seconds};
 pub enum OutputFormat {
     Glb,
     Bvh,
+    Vrma,
     Npy,
     #[value(name = "features.npy")]
     Features,
@@ -60,6 +62,7 @@ impl OutputFormat {
             OutputFormat::Vrm => "vrm",
             OutputFormat::Gltf => "gltf",
             OutputFormat::Bvh => "bvh",
+            OutputFormat::Vrma => "vrma",
             OutputFormat::Npy => "npy",
             OutputFormat::Features => "features.npy",
             OutputFormat::Csv => "csv",
@@ -69,6 +72,14 @@ impl OutputFormat {
             OutputFormat::Html => "html",
             OutputFormat::Json => "json",
         }
+    }
+
+    /// Returns whether files of this format hold the motion as rotations of a rigid body.
+    fn has_rotations(self) -> bool {
+        matches!(
+            self,
+            OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Vrma
+        )
     }
 }
 
@@ -155,11 +166,15 @@ impl OutputFile {
             {
                 return self.write_onto(character, scene, writing);
             }
-            OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Npy | OutputFormat::Features => {
+            OutputFormat::Glb
+            | OutputFormat::Bvh
+            | OutputFormat::Vrma
+            | OutputFormat::Npy
+            | OutputFormat::Features => {
                 let options = write_options(scene, writing, self.format);
                 let scene_motion = scene.main();
                 lamogen::files::write(path, &scene_motion.motion, &options)?;
-                if matches!(self.format, OutputFormat::Glb | OutputFormat::Bvh)
+                if self.format.has_rotations()
                     && !scene.main().motion.is_rigid()
                     && !console.is_quiet()
                 {
@@ -249,11 +264,16 @@ fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat
             notes: scene.glb_notes(),
             ..GlbOptions::default()
         },
+        vrma: VrmaOptions {
+            name: scene.title.clone(),
+            notes: scene.glb_notes(),
+            ..VrmaOptions::default()
+        },
         ..WriteOptions::default()
     };
     // NumPy arrays keep the frame rate of the motion.
-    if matches!(format, OutputFormat::Glb | OutputFormat::Bvh) {
-        options.frames_per_second = writing.fps.unwrap_or(options.frames_per_second);
+    if format.has_rotations() {
+        options.frames_per_second = writing.fps;
     }
     options
 }
@@ -279,6 +299,8 @@ mod tests {
         for (name, format) in [
             ("a.glb", OutputFormat::Glb),
             ("b/a.BVH", OutputFormat::Bvh),
+            ("a.vrma", OutputFormat::Vrma),
+            ("a.vrm", OutputFormat::Vrm),
             ("a.npy", OutputFormat::Npy),
             ("a.features.npy", OutputFormat::Features),
             ("a.b.json", OutputFormat::Json),
@@ -287,7 +309,7 @@ mod tests {
         }
         for name in ["a.fbx", "glb", "", "a.", ".glb", "b/.json"] {
             let message = name.parse::<OutputFile>().unwrap_err();
-            assert!(message.contains(".glb, .bvh"), "{message}");
+            assert!(message.contains(".glb, .bvh, .vrma"), "{message}");
         }
     }
 

@@ -154,7 +154,7 @@ impl BodyName {
 /// The options of writing motion files.
 #[derive(Args, Clone)]
 pub struct WritingArguments {
-    /// Frames a second of .bvh and .glb; usually 20, and 30 on a character.
+    /// Frames a second of .bvh, .glb and .vrma; usually 20, and 30 in .vrma and on a character.
     #[arg(long, value_parser = parse_fps)]
     pub fps: Option<f32>,
     /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
@@ -237,7 +237,16 @@ impl WritingArguments {
         let needs = formats
             .iter()
             .find(|format| for_characters.contains(format));
+        let fits_all = formats.contains(&OutputFormat::Vrma)
+            && !formats.contains(&OutputFormat::Glb)
+            && needs.is_none();
         match (&self.onto.onto, needs) {
+            (Some(_), None) if fits_all => {
+                let message = "--onto: expected no character for .vrma, found one: a .vrma plays on every VRM character";
+                Err(Failure::new(FailureCode::Usage, message).hint(
+                    "leave --onto away, or write .vrm for the character with the motion inside",
+                ))
+            }
             (None, Some(format)) => {
                 let message = format!(
                     "expected a character for .{}, found none: --onto names its file",
@@ -258,6 +267,7 @@ impl WritingArguments {
                 &[
                     OutputFormat::Bvh,
                     OutputFormat::Glb,
+                    OutputFormat::Vrma,
                     OutputFormat::Gltf,
                     OutputFormat::Vrm,
                 ][..],
@@ -330,7 +340,7 @@ pub struct MotionReadingArguments {
     /// Frames a second of a .bvh, in place of what it says, or of a .npy, which says nothing and is taken for one of 20.
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub input_fps: Option<f32>,
-    /// Animation of a .glb or .gltf, by its name; usually the first.
+    /// Animation of a .glb, .gltf, .vrm or .vrma, by its name; usually the first.
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,
     /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
