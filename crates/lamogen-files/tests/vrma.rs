@@ -370,7 +370,7 @@ fn a_file_says_its_name_notes_and_terms() {
         },
         ..WriteOptions::default()
     };
-    let motion = motion(5).with_copyright(Some("CC0-1.0".into()));
+    let motion = motion(5).with_copyright(Some("CC0-1.0"));
     write(&path, &motion, &options).unwrap();
     let document = document(&std::fs::read(&path).unwrap());
     assert_eq!(document["animations"][0]["name"], "a jump");

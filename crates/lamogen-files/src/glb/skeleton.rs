@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use glam::DQuat;
 use lamogen_motion::{Joint, Rotations};
 use serde_json::{Value, json};
 
@@ -63,12 +62,12 @@ impl SkeletonFile<'_> {
         })
     }
 
-    /// Returns the animation, with a keyframe at every frame: the translation of the pelvis, and the rotations of the joints
-    /// that turn at all or that `always_turns` names.
+    /// Returns the animation, with a keyframe at every frame: the translation of the pelvis, and the rotations of those joints
+    /// for which `has_channel` returns true. It gets the joint and its rotations at all frames.
     pub(crate) fn animation(
         &self,
         buffer: &mut BufferBuilder,
-        always_turns: fn(Joint) -> bool,
+        has_channel: impl Fn(Joint, &[[f32; 4]]) -> bool,
     ) -> Value {
         let rotations = self.rotations;
         let rate = f64::from(rotations.frames_per_second());
@@ -89,8 +88,7 @@ impl SkeletonFile<'_> {
         for joint in Joint::ALL {
             let turns = rotations.local().iter().map(|pose| pose[joint.index()]);
             let turns: Vec<[f32; 4]> = turns.collect();
-            let still = DQuat::IDENTITY.as_quat().to_array();
-            if always_turns(joint) || turns.iter().any(|turn| *turn != still) {
+            if has_channel(joint, &turns) {
                 let turns = buffer.push_floats(&turns, BufferViewTarget::Other);
                 channel(turns, joint, "rotation");
             }

@@ -38,6 +38,9 @@ impl Default for GlbOptions {
     }
 }
 
+/// The rotation of a joint that does not turn.
+const STILL: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
 /// Writes rotations as a GLB file with the content of [`bytes()`].
 ///
 /// # Errors
@@ -72,7 +75,8 @@ pub fn bytes(rotations: &Rotations, options: &GlbOptions) -> Result<Vec<u8>, Glb
         pelvis_height: t_pose_on_ground(rotations.rest())[Joint::Pelvis.index()].y,
     };
     let mut document = file.document();
-    document["animations"] = json!([file.animation(&mut buffer, |_| false)]);
+    let turns_at_all = |_, turns: &[[f32; 4]]| turns.iter().any(|turn| *turn != STILL);
+    document["animations"] = json!([file.animation(&mut buffer, turns_at_all)]);
     if options.body {
         add_body(&mut document, rotations, &mut buffer);
     }

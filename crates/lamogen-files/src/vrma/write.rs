@@ -34,6 +34,9 @@ impl Default for VrmaOptions {
     }
 }
 
+/// The size up to which the components of a quaternion are rounding errors.
+const ROUNDING: f32 = 1e-6;
+
 /// Writes rotations as a VRM animation with the content of [`bytes()`].
 ///
 /// # Errors
@@ -69,8 +72,12 @@ pub fn bytes(rotations: &Rotations, options: &VrmaOptions) -> Result<Vec<u8>, Gl
         pelvis_height: standing_height(&rotations),
     };
     let mut document = file.document();
-    let turns_a_bone = |joint: Joint| joint.children().next().is_some();
-    document["animations"] = json!([file.animation(&mut buffer, turns_a_bone)]);
+    // The rotations of joints without children are those of their parents, up to rounding, unless the motion knows better.
+    let has_channel = |joint: Joint, turns: &[[f32; 4]]| {
+        let is_turned = |turn: &[f32; 4]| turn[..3].iter().any(|x| x.abs() > ROUNDING);
+        joint.children().next().is_some() || turns.iter().any(is_turned)
+    };
+    document["animations"] = json!([file.animation(&mut buffer, has_channel)]);
     let human_bones = Joint::ALL.map(|joint| {
         let node = json!({ "node": node_index(joint) });
         (human_bone(joint).to_owned(), node)
