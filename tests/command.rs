@@ -733,7 +733,7 @@ fn vrm_animations_are_written_and_read() {
     // Keyframes are at 30 a second, unless --fps says otherwise.
     let rate = |name: &str| {
         let laban = json(&succeeds(folder, &["laban", name, "--json", "--quiet"]));
-        number(&laban, "/motions/0/source_frames_per_second")
+        number(&laban, "/source_frames_per_second")
     };
     assert_eq!(rate("jump.vrma"), 30.0);
     let fps = ["convert", "jump.vrma", "fast.vrma", "--fps", "60"];

@@ -82,8 +82,8 @@ window.play = async (names, expected) => {
       note(found.directions, angle, from, frame.time);
     }
     for (const [bone, turn] of Object.entries(turns)) {
-      // How much the motion twists the lower bones of the spine is the file's own choice.
-      if (!now.rotation[bone] || bone === "spine" || bone === "chest") continue;
+      // How far the spine twists with the chest is the file's own choice.
+      if (!now.rotation[bone] || bone === "spine") continue;
       const played = now.rotation[bone].clone().multiply(rest.rotation[bone].clone().invert());
       note(found.rotations, THREE.MathUtils.radToDeg(played.angleTo(turn)), bone, frame.time);
     }

@@ -9,7 +9,7 @@ use lamogen_files::vrma::{self, VrmaOptions, human_bone};
 use lamogen_files::{
     ImportedMotion, JointMapping, ReadOptions, WriteOptions, read, read_bytes, write,
 };
-use lamogen_motion::{JOINTS, Joint, Motion, RestPose, Rotations};
+use lamogen_motion::{JOINTS, Joint, JointTurning, Motion, RestPose, Rotations};
 use serde_json::{Value, json};
 
 /// Returns a motion of a person who walks in a circle, twists the trunk, bends and swings all limbs.
@@ -127,15 +127,16 @@ fn a_file_is_a_humanoid_in_t_pose_that_turns_its_bones() {
         })
     };
     let bones = extension["humanoid"]["humanBones"].as_object().unwrap();
-    assert_eq!(bones.len(), JOINTS);
+    // All joints but the middle spine are bones; the chest has the upper spine's place.
+    assert_eq!(bones.len(), JOINTS - 1);
+    assert_eq!(bones.get("upperChest"), None);
     let node = |bone: &str| bones[bone]["node"].as_u64().unwrap() as usize;
     for (bone, parent) in [
         ("spine", "hips"),
         ("chest", "spine"),
-        ("upperChest", "chest"),
-        ("neck", "upperChest"),
+        ("neck", "chest"),
         ("head", "neck"),
-        ("leftShoulder", "upperChest"),
+        ("leftShoulder", "chest"),
         ("leftUpperArm", "leftShoulder"),
         ("leftLowerArm", "leftUpperArm"),
         ("leftHand", "leftLowerArm"),
@@ -144,7 +145,9 @@ fn a_file_is_a_humanoid_in_t_pose_that_turns_its_bones() {
         ("rightFoot", "rightLowerLeg"),
         ("rightToes", "rightFoot"),
     ] {
-        assert_eq!(parents[node(bone)], Some(node(parent)), "{bone}");
+        let above = std::iter::successors(parents[node(bone)], |node| parents[*node]);
+        let mut above = above.filter(|above| bones.values().any(|bone| bone["node"] == *above));
+        assert_eq!(above.next(), Some(node(parent)), "{bone}");
         assert_eq!(nodes[node(bone)]["name"], bone);
     }
     let between = |from: &str, to: &str| (place(node(to)) - place(node(from))).normalize();
@@ -170,7 +173,11 @@ fn a_file_is_a_humanoid_in_t_pose_that_turns_its_bones() {
         })
         .collect();
     for joint in Joint::ALL {
-        let bone = node(human_bone(joint)) as u64;
+        let Some(bone) = human_bone(joint) else {
+            assert_eq!(joint, Joint::Spine2);
+            continue;
+        };
+        let bone = node(bone) as u64;
         assert_eq!(
             targets.contains(&(bone, "translation")),
             joint == Joint::Pelvis
@@ -208,6 +215,21 @@ fn joints_and_rotations_come_back() {
             |motion: &Motion| -> Vec<_> { motion.joints().iter().step_by(step).copied().collect() };
         let gap = largest_gap(&of(&imported.motion), &of(&motion));
         assert!(gap < 1e-4, "{rate:?}: {gap}");
+        if rate == Some(20.0) {
+            // The file's own rotations, too, are those of the motion, above the trunk whose twist it shares out.
+            let expected = JointTurning::of(&motion.rotations());
+            let found = imported.turning.unwrap();
+            for joint in [
+                Joint::Neck,
+                Joint::LeftCollar,
+                Joint::LeftHip,
+                Joint::RightElbow,
+            ] {
+                let gap = found.mean(joint) - expected.mean(joint);
+                assert!(gap.abs() < 0.01, "{}: {gap}", joint.name());
+            }
+            assert!(found.mean(Joint::Spine2) < 1e-6);
+        }
         if step == 1 {
             let [found, expected] = [&imported.motion, &motion].map(|motion| motion.rotations());
             let turns = { found.local().iter().flatten() }.zip(expected.local().iter().flatten());
@@ -238,7 +260,7 @@ fn bones_are_found_by_the_extension_and_not_by_names() {
     // The names of a mapping come before the bones of the extension.
     let mut mapping = JointMapping::default();
     for joint in Joint::ALL {
-        let mirrored = human_bone(joint.mirrored());
+        let mirrored = human_bone(joint.mirrored()).unwrap_or("middleSpine");
         mapping = mapping.with(joint, mirrored);
     }
     let options = ReadOptions {
@@ -256,7 +278,7 @@ fn bones_are_found_by_the_extension_and_not_by_names() {
 fn optional_bones_that_are_missing_are_placed() {
     let motion = motion(20);
     let optional = [
-        ("upperChest", Joint::Spine3),
+        ("chest", Joint::Spine3),
         ("neck", Joint::Neck),
         ("leftShoulder", Joint::LeftCollar),
         ("rightShoulder", Joint::RightCollar),
@@ -286,6 +308,30 @@ fn optional_bones_that_are_missing_are_placed() {
 }
 
 #[test]
+fn a_trunk_of_three_bones_is_the_spine() {
+    // As other programs have it: an upper chest, and no node for a middle spine.
+    let motion = motion(20);
+    let imported = read_changed(&file(&motion), "motion.vrma", |document| {
+        let extension = &mut document["extensions"]["VRMC_vrm_animation"];
+        let middle = extension["extras"]["middleSpine"].clone();
+        extension.as_object_mut().unwrap().remove("extras");
+        let bones = human_bones(document);
+        let chest = bones.insert("chest".into(), middle).unwrap();
+        bones.insert("upperChest".into(), chest);
+    });
+    let imported = imported.unwrap();
+    assert!(largest_gap(imported.motion.joints(), motion.joints()) < 1e-4);
+    // An entry of extras that is no node of its own is not looked at; the joints are then found along the trunk.
+    for middle in [json!({ "node": 99 }), json!({ "node": 1 }), json!(7)] {
+        let imported = read_changed(&file(&motion), "motion.vrma", |document| {
+            document["extensions"]["VRMC_vrm_animation"]["extras"]["middleSpine"] = middle;
+        });
+        let imported = imported.unwrap();
+        assert!(largest_gap(imported.motion.joints(), motion.joints()) < 1e-4);
+    }
+}
+
+#[test]
 fn errors_say_what_is_wrong_with_the_bones() {
     type Change = fn(&mut Value);
     let cases: [(Change, &[&str]); 13] = [
@@ -311,7 +357,7 @@ fn errors_say_what_is_wrong_with_the_bones() {
         ),
         (
             |document| human_bones(document)["leftFoot"] = json!({ "node": 99 }),
-            &["humanBones.leftFoot.node", "one of 23 nodes", "found 99"],
+            &["humanBones.leftFoot.node", "one of 24 nodes", "found 99"],
         ),
         (
             |document| human_bones(document)["leftFoot"] = json!({ "node": -1 }),

@@ -131,7 +131,7 @@ fn check_with_validator(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     for motion in &files.motions {
         node.arg(&motion.glb).arg(&motion.bare_glb);
     }
-    node.args(&files.vrm.animations).args(&files.vrm.characters);
+    node.args(&files.vrm.animations);
     run_command(&mut node)
 }
 

@@ -14,7 +14,6 @@ use super::{Result, motions};
 
 /// The files of the judge that plays VRM animations.
 pub struct VrmFiles {
-    pub characters: Vec<PathBuf>,
     pub animations: Vec<PathBuf>,
     /// A list of all files as JSON, with what the motions are expected to do.
     pub list: PathBuf,
@@ -28,8 +27,6 @@ struct VrmCharacter {
     sizes: [f64; 3],
     /// Whether it has a bone for the upper chest, which VRM does not require.
     has_upper_chest: bool,
-    /// The largest accepted angle between a bone and its expected direction, in degrees.
-    degrees: f64,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -46,22 +43,18 @@ const CHARACTERS: [VrmCharacter; 3] = [
         version: VrmVersion::One,
         sizes: [1.15, 0.95, 1.05],
         has_upper_chest: true,
-        degrees: 1.0,
     },
     VrmCharacter {
         name: "vrm0",
         version: VrmVersion::Zero,
         sizes: [0.6, 0.7, 0.55],
         has_upper_chest: true,
-        degrees: 1.0,
     },
-    // Players leave out the rotation of a bone that the character lacks.
     VrmCharacter {
         name: "vrm0-without-upper-chest",
         version: VrmVersion::Zero,
         sizes: [1.0; 3],
         has_upper_chest: false,
-        degrees: 15.0,
     },
 ];
 
@@ -72,7 +65,7 @@ impl VrmFiles {
     ///
     /// If a file cannot be written.
     pub fn write(folder: &Path, motions: &[(&str, Motion)]) -> Result<VrmFiles> {
-        let (mut characters, mut animations) = (Vec::new(), Vec::new());
+        let mut animations = Vec::new();
         let (mut character_list, mut animation_list) = (Vec::new(), Vec::new());
         for character in &CHARACTERS {
             let path = folder.join(format!("{}.vrm", character.name));
@@ -81,9 +74,7 @@ impl VrmFiles {
             character_list.push(json!({
                 "file": path,
                 "version": match character.version { VrmVersion::Zero => "0", VrmVersion::One => "1" },
-                "degrees": character.degrees,
             }));
-            characters.push(path);
         }
         for (name, motion) in motions {
             let path = folder.join(format!("{name}.vrma"));
@@ -94,11 +85,7 @@ impl VrmFiles {
         let list = folder.join("vrm.json");
         let content = json!({ "characters": character_list, "animations": animation_list });
         write_atomically(&list, |file| Ok(serde_json::to_writer(file, &content)?))?;
-        Ok(VrmFiles {
-            characters,
-            animations,
-            list,
-        })
+        Ok(VrmFiles { animations, list })
     }
 }
 
@@ -116,10 +103,14 @@ fn expected(path: &Path, motion: &Motion) -> Result<Value> {
             let parent = joint.parent();
             let above = parent.map_or(DQuat::IDENTITY, |parent| world[parent.index()]);
             world[joint.index()] = (above * local).normalize();
-            bones.insert(
-                human_bone(joint).to_owned(),
-                json!(world[joint.index()].to_array()),
-            );
+            let turn = json!(world[joint.index()].to_array());
+            if let Some(bone) = human_bone(joint) {
+                bones.insert(bone.to_owned(), turn.clone());
+            }
+            // The upper chest of a character that has one keeps to its chest.
+            if joint == Joint::Spine3 {
+                bones.insert("upperChest".into(), turn);
+            }
         }
         // The rotations must be those of the motion itself: they bring the bones of the rest pose to where its joints are.
         for joint in Joint::ALL {
@@ -166,7 +157,11 @@ impl VrmCharacter {
             VrmVersion::One => DQuat::IDENTITY,
         };
         let accessor = document["skins"][0]["inverseBindMatrices"].as_u64();
-        let accessor = &document["accessors"][accessor.ok_or("expected a skin")? as usize];
+        let accessor = &mut document["accessors"][accessor.ok_or("expected a skin")? as usize];
+        // The bounds are those of the numbers that are replaced.
+        for bound in ["min", "max"] {
+            { accessor.as_object_mut() }.and_then(|accessor| accessor.remove(bound));
+        }
         let view = accessor["bufferView"].as_u64().ok_or("expected a view")?;
         let offset = document["bufferViews"][view as usize]["byteOffset"].as_u64();
         let offset = offset.ok_or("expected an offset")? as usize;
@@ -223,18 +218,33 @@ impl VrmCharacter {
     fn add_extension(&self, document: &mut Value) {
         let joints = Joint::ALL.into_iter();
         let joints = joints.filter(|joint| self.has_upper_chest || *joint != Joint::Spine3);
-        let bones = joints.map(|joint| (human_bone(joint), 1 + joint.index()));
+        let bone = |joint: Joint| match joint {
+            Joint::Spine2 => "chest",
+            Joint::Spine3 => "upperChest",
+            joint => human_bone(joint).expect("a bone at every other joint"),
+        };
+        let bones = joints.map(|joint| (bone(joint), 1 + joint.index()));
         let (name, extension) = match self.version {
             VrmVersion::Zero => {
                 let bones: Vec<Value> = bones
                     .map(|(bone, node)| json!({ "bone": bone, "node": node, "useDefaultValues": true }))
                     .collect();
+                // The usual one; three-vrm complains of others.
+                let degree_map = json!({
+                    "curve": [0, 0, 0, 1, 1, 1, 1, 0], "xRange": 90, "yRange": 10,
+                });
                 let extension = json!({
                     "exporterVersion": "lamogen",
                     "specVersion": "0.0",
                     "meta": { "title": self.name, "author": "lamogen", "licenseName": "CC0" },
                     "humanoid": { "humanBones": bones },
-                    "firstPerson": {},
+                    "firstPerson": {
+                        "lookAtTypeName": "Bone",
+                        "lookAtHorizontalInner": degree_map,
+                        "lookAtHorizontalOuter": degree_map,
+                        "lookAtVerticalDown": degree_map,
+                        "lookAtVerticalUp": degree_map,
+                    },
                     "blendShapeMaster": { "blendShapeGroups": [] },
                     "secondaryAnimation": { "boneGroups": [], "colliderGroups": [] },
                     "materialProperties": [],

@@ -6,7 +6,7 @@ use super::GlbError;
 
 /// The target of a buffer view: vertex attributes, vertex indices, or neither.
 #[derive(Clone, Copy)]
-pub(super) enum BufferViewTarget {
+pub(crate) enum BufferViewTarget {
     Vertices,
     Indices,
     Other,
@@ -30,7 +30,7 @@ const FLOAT: u32 = 5126;
 impl BufferBuilder {
     /// Adds rows of floats with their smallest and largest values, which viewers need for times and positions. Returns the
     /// index of the accessor.
-    pub(super) fn push_floats<const N: usize>(
+    pub(crate) fn push_floats<const N: usize>(
         &mut self,
         rows: &[[f32; N]],
         target: BufferViewTarget,

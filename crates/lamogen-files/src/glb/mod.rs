@@ -30,7 +30,7 @@ mod write;
 use std::io;
 use std::path::PathBuf;
 
-pub(crate) use buffer::BufferBuilder;
+pub(crate) use buffer::{BufferBuilder, BufferViewTarget};
 pub use container::split_chunks;
 pub(crate) use read::{GltfMotion, read};
 pub(crate) use skeleton::{SkeletonFile, node_index};

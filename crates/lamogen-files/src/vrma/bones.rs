@@ -21,19 +21,22 @@ pub(super) const REQUIRED: [&str; 15] = [
     "rightHand",
 ];
 
-/// Returns the human bone of VRM 1.0 that begins at a joint.
-pub const fn human_bone(joint: Joint) -> &'static str {
-    match joint {
+/// Returns the human bone of VRM 1.0 that begins at a joint; `None` for the middle spine.
+///
+/// VRM requires only the bone `spine` between hips and neck. Characters have a chest besides, but often no upper chest, so the
+/// trunk of a motion is written as spine and chest: the lower and the upper spine.
+pub const fn human_bone(joint: Joint) -> Option<&'static str> {
+    Some(match joint {
         Joint::Pelvis => "hips",
         Joint::LeftHip => "leftUpperLeg",
         Joint::RightHip => "rightUpperLeg",
         Joint::Spine1 => "spine",
         Joint::LeftKnee => "leftLowerLeg",
         Joint::RightKnee => "rightLowerLeg",
-        Joint::Spine2 => "chest",
+        Joint::Spine2 => return None,
         Joint::LeftAnkle => "leftFoot",
         Joint::RightAnkle => "rightFoot",
-        Joint::Spine3 => "upperChest",
+        Joint::Spine3 => "chest",
         Joint::LeftFoot => "leftToes",
         Joint::RightFoot => "rightToes",
         Joint::Neck => "neck",
@@ -46,5 +49,5 @@ pub const fn human_bone(joint: Joint) -> &'static str {
         Joint::RightElbow => "rightLowerArm",
         Joint::LeftWrist => "leftHand",
         Joint::RightWrist => "rightHand",
-    }
+    })
 }

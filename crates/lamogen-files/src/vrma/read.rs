@@ -3,6 +3,7 @@
 use lamogen_motion::{JOINTS, Joint};
 use serde_json::Value;
 
+use super::MIDDLE_SPINE;
 use super::bones::{REQUIRED, human_bone};
 use crate::schemes::JointNodes;
 
@@ -13,13 +14,10 @@ pub(crate) const SCHEME: &str = "VRM animation";
 /// write them.
 const VERSIONS: [&str; 2] = ["1.0", "1.0-draft"];
 
-/// The joints of the spine.
-const SPINE: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Spine3];
-
 /// Returns the node of each joint in a file of `nodes` nodes, by the human bones of its extension.
 ///
-/// The joints of the spine have nodes only if spine, chest and upper chest are all there. Otherwise they are what lies
-/// between hips and neck.
+/// The joints of the spine are spine, chest and upper chest, if these are all there, or spine, middle spine and chest, if a
+/// file of lamogen names the middle spine. Otherwise they have no nodes and are what lies between hips and neck.
 ///
 /// # Errors
 ///
@@ -44,6 +42,7 @@ pub(crate) fn human_joints(extension: &Value, nodes: usize) -> Result<JointNodes
     };
     let mut bone_of_node: Vec<Option<&str>> = vec![None; nodes];
     let mut joints: JointNodes = [None; JOINTS];
+    let mut upper_chest = None;
     for (bone, entry) in bones {
         let found = &entry["node"];
         let node = found.as_u64().and_then(|node| usize::try_from(node).ok());
@@ -59,8 +58,11 @@ pub(crate) fn human_joints(extension: &Value, nodes: usize) -> Result<JointNodes
                 "humanBones.{bone}.node: expected a node of its own, found {found}, which is that of {other}"
             ));
         }
-        if let Some(joint) = { Joint::ALL.into_iter() }.find(|joint| human_bone(*joint) == *bone) {
+        let is_bone = |joint: &Joint| human_bone(*joint) == Some(bone);
+        if let Some(joint) = Joint::ALL.into_iter().find(is_bone) {
             joints[joint.index()] = node;
+        } else if bone == "upperChest" {
+            upper_chest = node;
         }
     }
     let is_missing = |bone: &&str| !bones.contains_key(*bone);
@@ -71,10 +73,21 @@ pub(crate) fn human_joints(extension: &Value, nodes: usize) -> Result<JointNodes
             missing.join(", ")
         ));
     }
-    if SPINE.iter().any(|joint| joints[joint.index()].is_none()) {
-        for joint in SPINE {
-            joints[joint.index()] = None;
-        }
+    let [spine, chest] = [Joint::Spine1, Joint::Spine3].map(|joint| joints[joint.index()]);
+    let middle = extension["extras"][MIDDLE_SPINE]["node"].as_u64();
+    let middle = middle.and_then(|node| usize::try_from(node).ok());
+    let middle = middle.filter(|node| bone_of_node.get(*node) == Some(&None));
+    let trunk = match (upper_chest, middle) {
+        (Some(_), _) => [spine, chest, upper_chest],
+        (None, Some(_)) => [spine, middle, chest],
+        (None, None) => [None; 3],
+    };
+    let is_whole = trunk.iter().all(Option::is_some);
+    for (joint, node) in [Joint::Spine1, Joint::Spine2, Joint::Spine3]
+        .into_iter()
+        .zip(trunk)
+    {
+        joints[joint.index()] = node.filter(|_| is_whole);
     }
     Ok(joints)
 }

@@ -1,95 +1,86 @@
-//! Distribution of the trunk's twist over the bones of the spine.
+//! The trunk of a motion as the two bones that players turn on every character: spine and chest.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{JOINTS, Joint, RestPose, Rotations};
+use lamogen_motion::{JOINTS, Joint, Rotations};
 
-/// The joints of the spine that get a part of the twist, each with the joint above it, and how far it turns with the upper
-/// spine: 0 means that it turns as the pelvis does, 1 as the upper spine does.
-///
-/// All of the twist is below the upper spine, because players leave out the rotation of an upper chest that a character
-/// does not have.
-const SHARES: [(Joint, Joint, f64); 2] = [
-    (Joint::Spine1, Joint::Spine2, 0.5),
-    (Joint::Spine2, Joint::Spine3, 1.0),
-];
+/// How far the spine twists with the chest: 0 means that it twists as the hips do, 1 as the chest does.
+const TWIST_SHARE: f64 = 0.5;
 
-/// Returns rotations that give the same positions of all joints, and in which the lower and the middle spine share the
-/// twist between pelvis and upper spine. In [`Rotations::of`] they only swing, and all twist is in the upper spine.
-pub(super) fn share_twist(rotations: &Rotations) -> Rotations {
-    let mut last = [DQuat::IDENTITY; JOINTS];
-    let local = rotations.local().iter().map(|local| {
-        let local = local.map(|turn| DQuat::from_array(turn.map(f64::from)).normalize());
-        let mut pose = share_twist_of_pose(rotations.rest(), local);
-        // Of the two quaternions of a rotation, take the one nearer to that of the frame before.
-        for (turn, last) in pose.iter_mut().zip(&mut last) {
-            if turn.dot(*last) < 0.0 {
-                *turn = -*turn;
-            }
-            *last = *turn;
-        }
-        pose.map(|turn| turn.to_array().map(|x| x as f32))
-    });
-    let local = local.collect();
-    Rotations::new(
-        rotations.rest().clone(),
-        rotations.root().to_vec(),
-        local,
-        rotations.frames_per_second(),
-    )
+/// The rotations of the bones of a VRM animation.
+pub(super) struct TrunkBones {
+    /// The local rotations. The middle spine has none, and that of the upper spine, the chest, is relative to the lower spine.
+    pub(super) rotations: Rotations,
+    /// The position of the upper spine at every frame, relative to the middle spine and in the frame of the lower spine, in
+    /// metres.
+    pub(super) chest_offsets: Vec<[f32; 3]>,
 }
 
-/// Shares the twist in one pose, which is given by its local rotations.
-fn share_twist_of_pose(rest: &RestPose, mut local: [DQuat; JOINTS]) -> [DQuat; JOINTS] {
-    let pelvis = local[Joint::Pelvis.index()];
-    let mut upper = pelvis;
-    let mut solved = Vec::with_capacity(SHARES.len());
-    for (joint, ..) in SHARES {
-        upper *= local[joint.index()];
-        solved.push(upper);
-    }
-    upper *= local[Joint::Spine3.index()];
-
-    let mut above = pelvis;
-    for ((joint, child, share), solved) in SHARES.into_iter().zip(solved) {
-        let bone = DVec3::from(rest.offset(child).map(f64::from));
-        let turn = match bone.try_normalize() {
-            // The bone keeps its direction; only its twist changes.
-            Some(bone) => {
-                let twisted = pelvis.slerp(upper, share);
-                DQuat::from_rotation_arc(twisted * bone, solved * bone) * twisted
+impl TrunkBones {
+    /// Distributes the rotations of the three joints of the spine.
+    ///
+    /// The chest gets the rotation of the upper spine in the world. The spine points where the lower spine does, and twists half
+    /// as far as the chest; in [`Rotations::of`] it only swings, and all twist is in the upper spine.
+    pub(super) fn of(rotations: &Rotations) -> TrunkBones {
+        let mut last = [DQuat::IDENTITY; JOINTS];
+        let frames = rotations.local().iter().map(|local| {
+            let local = local.map(|turn| DQuat::from_array(turn.map(f64::from)).normalize());
+            let (mut pose, offset) = trunk_of_pose(rotations, local);
+            // Of the two quaternions of a rotation, take the one nearer to that of the frame before.
+            for (turn, last) in pose.iter_mut().zip(&mut last) {
+                if turn.dot(*last) < 0.0 {
+                    *turn = -*turn;
+                }
+                *last = *turn;
             }
-            None => solved,
-        };
-        local[joint.index()] = (above.inverse() * turn).normalize();
-        above = turn;
+            let pose = pose.map(|turn| turn.to_array().map(|x| x as f32));
+            (pose, offset.as_vec3().to_array())
+        });
+        let (local, chest_offsets) = frames.unzip();
+        let rest = rotations.rest().clone();
+        let rate = rotations.frames_per_second();
+        TrunkBones {
+            rotations: Rotations::new(rest, rotations.root().to_vec(), local, rate),
+            chest_offsets,
+        }
     }
-    local[Joint::Spine3.index()] = (above.inverse() * upper).normalize();
-    local
+}
+
+/// Returns the local rotations of the bones in one pose, and the position of the chest relative to the middle spine.
+fn trunk_of_pose(rotations: &Rotations, mut local: [DQuat; JOINTS]) -> ([DQuat; JOINTS], DVec3) {
+    let offset = |joint: Joint| DVec3::from(rotations.rest().offset(joint).map(f64::from));
+    let hips = local[Joint::Pelvis.index()];
+    let lower = hips * local[Joint::Spine1.index()];
+    let middle = lower * local[Joint::Spine2.index()];
+    let chest = middle * local[Joint::Spine3.index()];
+    let spine = match offset(Joint::Spine2).try_normalize() {
+        // The bone keeps its direction; only its twist changes.
+        Some(bone) => {
+            let twisted = hips.slerp(chest, TWIST_SHARE);
+            DQuat::from_rotation_arc(twisted * bone, lower * bone) * twisted
+        }
+        None => lower,
+    };
+    local[Joint::Spine1.index()] = (hips.inverse() * spine).normalize();
+    local[Joint::Spine2.index()] = DQuat::IDENTITY;
+    local[Joint::Spine3.index()] = (spine.inverse() * chest).normalize();
+    (local, spine.inverse() * (middle * offset(Joint::Spine3)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::glb::example;
+    use lamogen_motion::RestPose;
 
-    /// Returns the twist of a rotation about an axis, in degrees.
-    fn twist(turn: DQuat, axis: DVec3) -> f64 {
-        2.0 * turn.xyz().dot(axis).atan2(turn.w).to_degrees()
+    /// Returns the twist of a rotation about Y, in degrees.
+    fn twist(turn: DQuat) -> f64 {
+        2.0 * turn.y.atan2(turn.w).to_degrees()
     }
 
     #[test]
-    fn joints_stay_where_they_are_and_numbers_do_not_jump() {
-        let rotations = example::rotations();
-        let shared = share_twist(&rotations);
-        assert_ne!(shared, rotations);
-        for (found, expected) in shared.joints().iter().zip(rotations.joints()) {
-            for (found, expected) in found.iter().zip(expected) {
-                let gap =
-                    DVec3::from(found.map(f64::from)).distance(expected.map(f64::from).into());
-                assert!(gap < 1e-6, "{gap}");
-            }
-        }
-        for pair in shared.local().windows(2) {
+    fn the_numbers_of_rotations_do_not_jump() {
+        let bones = TrunkBones::of(&example::rotations());
+        for pair in bones.rotations.local().windows(2) {
             for (a, b) in pair[0].iter().zip(&pair[1]) {
                 assert!(a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>() > 0.0);
             }
@@ -97,18 +88,33 @@ mod tests {
     }
 
     #[test]
-    fn the_twist_of_the_shoulders_is_in_spine_and_chest() {
+    fn spine_and_chest_share_the_twist_of_the_shoulders() {
         let mut local = [DQuat::IDENTITY; JOINTS];
-        local[Joint::Spine3.index()] = DQuat::from_rotation_y(0.6);
-        let pose = share_twist_of_pose(&RestPose::humanml3d(), local);
-        let degrees = 0.6f64.to_degrees();
-        for (joint, share) in [
-            (Joint::Spine1, 0.5),
-            (Joint::Spine2, 0.5),
-            (Joint::Spine3, 0.0),
-        ] {
-            let found = twist(pose[joint.index()], DVec3::Y);
-            assert!((found - share * degrees).abs() < 1e-9, "{}", joint.name());
+        local[Joint::Spine2.index()] = DQuat::from_rotation_x(0.4);
+        local[Joint::Spine3.index()] = DQuat::from_rotation_x(-0.4) * DQuat::from_rotation_y(0.6);
+        let rest = RestPose::humanml3d();
+        let rotations = Rotations::new(
+            rest,
+            vec![[0.0; 3]],
+            vec![[[0.0, 0.0, 0.0, 1.0]; JOINTS]],
+            20.0,
+        );
+        let (pose, offset) = trunk_of_pose(&rotations, local);
+        for joint in [Joint::Spine1, Joint::Spine3] {
+            let found = twist(pose[joint.index()]);
+            assert!(
+                (found - 0.3f64.to_degrees()).abs() < 1e-9,
+                "{}",
+                joint.name()
+            );
         }
+        assert_eq!(pose[Joint::Spine2.index()], DQuat::IDENTITY);
+        // The upper spine is where it was: in front of the middle spine, by the bend of the middle spine.
+        let world = pose[Joint::Spine1.index()] * offset;
+        let bone = f64::from(rotations.rest().offset(Joint::Spine3)[1]);
+        assert!(world.abs_diff_eq(
+            DVec3::new(0.0, bone * 0.4f64.cos(), bone * 0.4f64.sin()),
+            1e-9
+        ));
     }
 }

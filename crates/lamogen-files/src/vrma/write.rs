@@ -8,10 +8,10 @@ use glam::DVec3;
 use lamogen_motion::{JOINTS, Joint, RestPose, Rotations, write_atomically};
 use serde_json::{Value, json};
 
-use super::EXTENSION;
 use super::bones::human_bone;
-use super::spine::share_twist;
-use crate::glb::{BufferBuilder, GlbError, SkeletonFile, node_index};
+use super::spine::TrunkBones;
+use super::{EXTENSION, MIDDLE_SPINE};
+use crate::glb::{BufferBuilder, BufferViewTarget, GlbError, SkeletonFile, node_index};
 
 /// Options for writing a VRM animation.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,32 +62,62 @@ pub fn write(
 /// If a number of the motion is not finite, or the file would be larger than the 4 GiB that the format GLB allows.
 pub fn bytes(rotations: &Rotations, options: &VrmaOptions) -> Result<Vec<u8>, GlbError> {
     let mut buffer = BufferBuilder::default();
-    let rotations = share_twist(rotations);
+    let TrunkBones {
+        rotations: bones,
+        chest_offsets,
+    } = TrunkBones::of(rotations);
     let file = SkeletonFile {
-        rotations: &rotations,
+        rotations: &bones,
         name: &options.name,
         copyright: options.copyright.as_deref(),
         notes: &options.notes,
-        node_name: human_bone,
-        pelvis_height: standing_height(&rotations),
+        node_name: |joint| human_bone(joint).unwrap_or("middleSpine"),
+        pelvis_height: standing_height(rotations),
     };
     let mut document = file.document();
     // The rotations of joints without children are those of their parents, up to rounding, unless the motion knows better.
     let has_channel = |joint: Joint, turns: &[[f32; 4]]| {
         let is_turned = |turn: &[f32; 4]| turn[..3].iter().any(|x| x.abs() > ROUNDING);
-        joint.children().next().is_some() || turns.iter().any(is_turned)
+        let is_parent = joint.children().next().is_some() && human_bone(joint).is_some();
+        is_parent || turns.iter().any(is_turned)
     };
-    document["animations"] = json!([file.animation(&mut buffer, has_channel)]);
-    let human_bones = Joint::ALL.map(|joint| {
+    let mut animation = file.animation(&mut buffer, has_channel);
+    add_chest_joint(&mut document, &mut animation, &chest_offsets, &mut buffer);
+    document["animations"] = json!([animation]);
+    let human_bones = Joint::ALL.into_iter().filter_map(|joint| {
         let node = json!({ "node": node_index(joint) });
-        (human_bone(joint).to_owned(), node)
+        Some((human_bone(joint)?.to_owned(), node))
     });
     document["extensionsUsed"] = json!([EXTENSION]);
     document["extensions"][EXTENSION] = json!({
         "specVersion": "1.0",
-        "humanoid": { "humanBones": Value::Object(human_bones.into_iter().collect()) },
+        "humanoid": { "humanBones": Value::Object(human_bones.collect()) },
+        "extras": { MIDDLE_SPINE: { "node": node_index(Joint::Spine2) } },
     });
     buffer.into_glb(document)
+}
+
+/// Puts the chest below a node that moves it to where the upper spine is. A human bone itself must not be moved.
+fn add_chest_joint(
+    document: &mut Value,
+    animation: &mut Value,
+    offsets: &[[f32; 3]],
+    buffer: &mut BufferBuilder,
+) {
+    let [middle, chest] = [Joint::Spine2, Joint::Spine3].map(node_index);
+    let nodes = document["nodes"].as_array_mut().expect("the skeleton");
+    let added = nodes.len();
+    let rest = std::mem::replace(&mut nodes[chest]["translation"], json!([0.0, 0.0, 0.0]));
+    nodes.push(json!({ "name": "chestJoint", "translation": rest, "children": [chest] }));
+    nodes[middle]["children"] = json!([added]);
+    let input = animation["samplers"][0]["input"].clone();
+    let output = buffer.push_floats(offsets, BufferViewTarget::Other);
+    let samplers = animation["samplers"].as_array_mut().expect("a list");
+    let sampler = samplers.len();
+    samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
+    let channels = animation["channels"].as_array_mut().expect("a list");
+    let target = json!({ "node": added, "path": "translation" });
+    channels.push(json!({ "sampler": sampler, "target": target }));
 }
 
 /// The heights in metres at which the balls of the feet may be while a body stands: on the ground, as motions of HumanML3D
