@@ -56,6 +56,7 @@ fn one_motion_is_written_in_every_format() {
     let names = [
         "jump.glb",
         "jump.bvh",
+        "jump.vrma",
         "jump.npy",
         "jump.features.npy",
         "jump.csv",
@@ -82,6 +83,7 @@ fn one_motion_is_written_in_every_format() {
     for (name, start) in [
         ("jump.glb", &b"glTF"[..]),
         ("jump.bvh", b"HIERARCHY"),
+        ("jump.vrma", b"glTF"),
         ("jump.npy", b"\x93NUMPY"),
         ("jump.features.npy", b"\x93NUMPY"),
         ("jump.csv", b"seconds,frame,baseline_weight"),
