@@ -56,6 +56,7 @@ fn one_motion_is_written_in_every_format() {
     let names = [
         "jump.glb",
         "jump.bvh",
+        "jump.vrma",
         "jump.npy",
         "jump.features.npy",
         "jump.csv",
@@ -82,6 +83,7 @@ fn one_motion_is_written_in_every_format() {
     for (name, start) in [
         ("jump.glb", &b"glTF"[..]),
         ("jump.bvh", b"HIERARCHY"),
+        ("jump.vrma", b"glTF"),
         ("jump.npy", b"\x93NUMPY"),
         ("jump.features.npy", b"\x93NUMPY"),
         ("jump.csv", b"seconds,frame,baseline_weight"),
@@ -714,6 +716,51 @@ fn motions_are_put_on_a_character_whose_file_stays() {
             "{arguments:?}"
         );
     }
+}
+
+#[test]
+fn vrm_animations_are_written_and_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = ["--out", "jump.vrma", "--out", "jump.npy"];
+    succeeds(folder, &[&JUMP[..], &out].concat());
+    let file = gltf_json(&std::fs::read(folder.join("jump.vrma")).unwrap());
+    assert_eq!(
+        file["extensionsUsed"],
+        serde_json::json!(["VRMC_vrm_animation"])
+    );
+    assert_eq!(file["animations"][0]["name"], "a person jumps");
+    assert_eq!(file["nodes"][0]["extras"]["prompt"], "a person jumps");
+    assert!(file["asset"]["copyright"].as_str().unwrap().contains("CC"));
+    // Keyframes are at 30 a second, unless --fps says otherwise.
+    let rate = |name: &str| {
+        let laban = json(&succeeds(folder, &["laban", name, "--json", "--quiet"]));
+        number(&laban, "/source_frames_per_second")
+    };
+    assert_eq!(rate("jump.vrma"), 30.0);
+    let fps = ["convert", "jump.vrma", "fast.vrma", "--fps", "60"];
+    succeeds(folder, &fps);
+    assert_eq!(rate("fast.vrma"), 60.0);
+    let jobs = requests(
+        folder,
+        &["{\"prompt\": \"a person walks\", \"id\": \"w\", \"steps\": 4}"],
+    );
+    let jobs = jobs.to_str().unwrap();
+    let batch = ["batch", jobs, "--out", "motions", "--format", "vrma"];
+    succeeds(folder, &batch);
+    assert_eq!(files(&folder.join("motions")), ["w.json", "w.vrma"]);
+    // A character is not needed. Beside a file that is a character, the animation is the same as without it.
+    succeeds(folder, &["convert", "jump.npy", "hero.glb"]);
+    let onto = ["convert", "jump.npy", "a.vrma", "--onto", "hero.glb"];
+    fails(folder, &onto, 2, "plays on every VRM character");
+    assert!(!folder.join("a.vrma").exists());
+    let both = ["--onto", "hero.glb", "--out", "b.glb", "--out", "b.vrma"];
+    succeeds(folder, &[&JUMP[..], &both].concat());
+    let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    assert_eq!(bytes("b.vrma"), bytes("jump.vrma"));
+    // A GLB that is none is refused under this name.
+    std::fs::copy(folder.join("hero.glb"), folder.join("no.vrma")).unwrap();
+    fails(folder, &["laban", "no.vrma"], 3, "VRMC_vrm_animation");
 }
 
 /// Returns the JSON of a GLB file.

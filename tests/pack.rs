@@ -136,7 +136,7 @@ fn a_folder_of_bvh_files_is_packed() {
     let folder = folder.path();
     std::fs::create_dir_all(folder.join("takes/more")).unwrap();
     let fast = files::WriteOptions {
-        frames_per_second: 60.0,
+        frames_per_second: Some(60.0),
         ..Default::default()
     };
     files::write(folder.join("takes/walk.bvh"), &walk(101), &fast).unwrap();

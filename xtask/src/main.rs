@@ -32,8 +32,12 @@ enum Task {
         #[arg(long)]
         all: bool,
     },
-    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, a browser.
-    Judges,
+    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, three-vrm, a browser.
+    Judges {
+        /// Ask only the judges whose names contain this text, such as three-vrm.
+        #[arg(long, value_name = "TEXT")]
+        only: Option<String>,
+    },
     /// Compare with a golden case of the PyTorch reference; exit 1 if a value is too far off.
     Parity {
         /// Folder with config.json, latest.tar, mean.npy, std.npy and case.safetensors.
@@ -124,7 +128,7 @@ fn main() -> ExitCode {
             (_, true) => Backends::All,
             _ => Backends::Possible,
         }),
-        Task::Judges => xtask::judges::run(),
+        Task::Judges { only } => xtask::judges::run(only.as_deref().unwrap_or("")),
         Task::Parity {
             folder,
             device,

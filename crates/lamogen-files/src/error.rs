@@ -20,7 +20,9 @@ pub enum ReadError {
     #[allow(missing_docs)]
     Io { path: PathBuf, reason: io::Error },
     /// The extension of the file's name belongs to no known format.
-    #[error("{path}: expected a name that ends in .bvh, .glb, .gltf, .vrm or .npy, found {found}")]
+    #[error(
+        "{path}: expected a name that ends in .bvh, .glb, .gltf, .vrm, .vrma or .npy, found {found}"
+    )]
     #[allow(missing_docs)]
     Ending { path: PathBuf, found: String },
     /// The frame rate of the options is out of range.
@@ -98,7 +100,7 @@ pub enum ReadError {
 pub enum WriteError {
     /// The extension of the file's name belongs to no known format.
     #[error(
-        "{path}: expected a name that ends in .bvh, .glb, .npy or .features.npy, found {found}"
+        "{path}: expected a name that ends in .bvh, .glb, .vrma, .npy or .features.npy, found {found}"
     )]
     #[allow(missing_docs)]
     Ending { path: PathBuf, found: String },

@@ -4,15 +4,16 @@ use std::io::Write;
 use std::path::Path;
 
 use lamogen_motion::{
-    FRAMES_PER_SECOND, Joint, LoopEnd, Motion, describe_placeholder_at, placeholder,
+    FRAMES_PER_SECOND, Joint, LoopEnd, Motion, RootMotion, describe_placeholder_at, placeholder,
 };
 
 use crate::bvh::{self, BvhOptions};
 use crate::error::{ReadError, WriteError};
-use crate::glb::{self, GlbOptions};
+use crate::glb::{self, GlbError, GlbOptions, GltfMotion};
 use crate::import::{ImportedMotion, ReadOptions, import};
 use crate::npy;
 use crate::units::{Unit, UpAxis};
+use crate::vrma::{self, VrmaOptions};
 
 /// Reads a motion of any known skeleton, at any frame rate.
 ///
@@ -20,6 +21,7 @@ use crate::units::{Unit, UpAxis};
 /// |---|---|
 /// | `.bvh` | BVH |
 /// | `.glb`, `.gltf`, `.vrm` | glTF, with Y up unless the options name another axis |
+/// | `.vrma` | [VRM animation](crate::vrma), whose joints are its human bones, whatever they are called; so is a glTF of another ending with the extension `VRMC_vrm_animation` |
 /// | `.npy` | joints `(frames, 22, 3)` or `(frames, 66)`, or pose features `(frames, 263)`, as HumanML3D stores them |
 ///
 /// Between the frames of the file, rotations are interpolated along the shortest arc.
@@ -40,7 +42,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ImportedMot
     let extension = extension(path);
     if !matches!(
         extension.as_deref(),
-        Some("bvh" | "glb" | "gltf" | "vrm" | "npy")
+        Some("bvh" | "glb" | "gltf" | "vrm" | "vrma" | "npy")
     ) {
         return Err(ReadError::Ending {
             path: path.to_owned(),
@@ -99,15 +101,32 @@ fn read_format(
     match extension(path).as_deref() {
         // Bytes that are not UTF-8 occur in joint names of old files.
         Some("bvh") => bvh::read_text(&String::from_utf8_lossy(bytes), options, path),
-        Some("glb" | "gltf" | "vrm") => {
-            let (clip, other_animations, copyright) =
-                glb::read(bytes, path, folder, options.animation.as_deref())?;
+        Some(extension @ ("glb" | "gltf" | "vrm" | "vrma")) => {
+            let GltfMotion {
+                clip,
+                human_joints,
+                other_animations,
+                copyright,
+            } = glb::read(bytes, path, folder, options.animation.as_deref())?;
+            let human_joints = match human_joints {
+                // A mapping in the options replaces what the file says.
+                _ if options.mapping.is_some() => None,
+                None if extension != "vrma" => None,
+                None => Some(Err("expected it, found none".into())),
+                found => found,
+            };
+            let human_joints = human_joints.transpose().map_err(|reason: String| {
+                let reason = format!("{}: {reason}", vrma::EXTENSION);
+                let path = path.to_owned();
+                GlbError::Format { path, reason }
+            })?;
+            let known = human_joints.map(|joints| (vrma::SCHEME, joints));
             let options = ReadOptions {
                 up: options.up.or(Some(UpAxis::Y)),
                 frames_per_second: None,
                 ..options.clone()
             };
-            let imported = import(&clip, &options, path)?;
+            let imported = import(&clip, known, &options, path)?;
             Ok(ImportedMotion {
                 motion: imported.motion.with_copyright(copyright),
                 other_animations,
@@ -123,37 +142,30 @@ fn read_format(
 }
 
 /// Options for writing a motion.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct WriteOptions {
-    /// Frames per second of all files but those of pose features. The default is 20, the frame rate of the motion, at which files
-    /// hold exactly the frames of the motion.
-    pub frames_per_second: f32,
+    /// Frames per second of all files but those of pose features. The default is `None`: 30 for VRM animations, as their
+    /// specification proposes, and 20 for the others, the frame rate of the motion, at which files hold exactly its frames.
+    pub frames_per_second: Option<f32>,
     /// The options of BVH files.
     pub bvh: BvhOptions,
     /// The options of GLB files.
     pub glb: GlbOptions,
-}
-
-impl Default for WriteOptions {
-    fn default() -> Self {
-        WriteOptions {
-            frames_per_second: FRAMES_PER_SECOND,
-            bvh: BvhOptions::default(),
-            glb: GlbOptions::default(),
-        }
-    }
+    /// The options of VRM animations.
+    pub vrma: VrmaOptions,
 }
 
 /// Writes a motion. The file is replaced atomically, so that a reader never sees half a file.
 ///
-/// The travel of the motion is where [`Motion::root_motion`] says: in the pelvis, in a root above it (`.glb` and `.bvh`), or
-/// nowhere. In a `.glb`, a loop ends with the keyframe that closes it; its frame rate is changed so little that a cycle is a
+/// The travel of the motion is where [`Motion::root_motion`] says: in the pelvis, in a root above it (`.glb` and `.bvh`; in a
+/// `.vrma` it stays in the hips), or nowhere. In a `.glb` and a `.vrma`, a loop ends with the keyframe that closes it; its frame rate is changed so little that a cycle is a
 /// whole number of frames.
 ///
 /// | name ends in | written as |
 /// |---|---|
 /// | `.bvh` | [BVH](crate::bvh::text) |
 /// | `.glb` | [glTF](crate::glb) |
+/// | `.vrma` | [VRM animation](crate::vrma) |
 /// | `.features.npy` | pose features, `(frames, 263)`: those the motion was made from, or else [encoded](lamogen_motion::encode) ones |
 /// | `.npy` | joints, `(frames, 22, 3)`, metres, Y up |
 ///
@@ -168,7 +180,11 @@ pub fn write(
 ) -> Result<(), WriteError> {
     let path = path.as_ref();
     let extension = extension(path);
-    let rate = options.frames_per_second;
+    let default_rate = match extension.as_deref() {
+        Some("vrma") => vrma::FRAMES_PER_SECOND,
+        _ => FRAMES_PER_SECOND,
+    };
+    let rate = options.frames_per_second.unwrap_or(default_rate);
     let expected = match extension.as_deref() {
         Some("npy") if rate != FRAMES_PER_SECOND && is_features_file(path) => {
             Some("20, as pose features have them,")
@@ -183,7 +199,7 @@ pub fn write(
             found: rate,
         });
     }
-    if let Some("bvh" | "glb") = extension.as_deref() {
+    if let Some("bvh" | "glb" | "vrma") = extension.as_deref() {
         check_rig_limits(path, motion, rate)?;
     }
     match extension.as_deref() {
@@ -214,6 +230,24 @@ pub fn write(
                 options.notes.insert("root_motion".into(), note.into());
             }
             Ok(glb::write(path, &keyframes, &options)?)
+        }
+        Some("vrma") => {
+            let travel = match motion.root_motion() {
+                RootMotion::None => RootMotion::None,
+                // A VRM animation moves no node above the hips.
+                RootMotion::Hips | RootMotion::Root => RootMotion::Hips,
+            };
+            let placed = motion.clone().with_root_motion(travel);
+            let rotations = placed.keyframes(rate, LoopEnd::Closed).rotations;
+            let copyright = options.vrma.copyright.as_deref().or(motion.copyright());
+            let mut options = VrmaOptions {
+                copyright: copyright.map(str::to_owned),
+                ..options.vrma.clone()
+            };
+            if let Some(note) = travel.note() {
+                options.notes.insert("root_motion".into(), note.into());
+            }
+            Ok(vrma::write(path, &rotations, &options)?)
         }
         Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
         Some("npy") if rate != FRAMES_PER_SECOND => Ok(npy::write_joints(path, motion, rate)?),
@@ -318,9 +352,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let default = WriteOptions::default;
         let mut no_rate = default();
-        no_rate.frames_per_second = f32::NAN;
+        no_rate.frames_per_second = Some(f32::NAN);
         let mut fast = default();
-        fast.frames_per_second = 60.0;
+        fast.frames_per_second = Some(60.0);
         let mut no_unit = default();
         no_unit.bvh.unit = crate::Unit::Metres(0.0);
         for (name, options, part) in [

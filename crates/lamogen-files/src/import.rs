@@ -11,6 +11,7 @@ use crate::error::ReadError;
 use crate::mapping::JointMapping;
 use crate::names::recognise;
 use crate::plausibility::{ImportNotice, notices};
+use crate::schemes::JointNodes;
 use crate::units::{Unit, UpAxis};
 
 /// Known properties of a file. Properties that are `None` are guessed from the body, and [`ImportedMotion`] reports
@@ -43,7 +44,8 @@ pub struct ImportedMotion {
     /// A joint that was [`placed`](Self::placed) does not turn. Rotations of the file's nodes above it count for the next
     /// joint below.
     pub turning: Option<JointTurning>,
-    /// The naming scheme of the file's joints: a known scheme, or `mapping file`. `None` for arrays.
+    /// The naming scheme of the file's joints: a known scheme, `mapping file`, or `VRM animation` if the file itself says which
+    /// nodes are its human bones. `None` for arrays.
     pub scheme: Option<&'static str>,
     /// The unit of lengths in the file.
     pub unit: Unit,
@@ -76,20 +78,25 @@ pub struct ImportedMotion {
 const MAX_SECONDS: f64 = 3600.0;
 
 /// Converts a clip to a motion. `path` is used only in error messages.
+///
+/// The joints are found by the mapping of the options, or else are the `known` ones, with the name of their scheme, or else
+/// are recognised by the names of the nodes.
 pub(crate) fn import(
     clip: &Clip,
+    known: Option<(&'static str, JointNodes)>,
     options: &ReadOptions,
     path: &Path,
 ) -> Result<ImportedMotion, ReadError> {
-    let (scheme, nodes) = match &options.mapping {
-        Some(mapping) => {
+    let (scheme, nodes) = match (&options.mapping, known) {
+        (Some(mapping), _) => {
             let nodes = mapping.nodes(clip).map_err(|reason| ReadError::Mapping {
                 path: path.to_owned(),
                 reason,
             })?;
             ("mapping file", nodes)
         }
-        None => recognise(clip).map_err(|reason| ReadError::Skeleton {
+        (None, Some(known)) => known,
+        (None, None) => recognise(clip).map_err(|reason| ReadError::Skeleton {
             path: path.to_owned(),
             reason,
         })?,

@@ -2,10 +2,11 @@
 //!
 //! ```text
 //! .bvh ──┐                 names          body              unit, axes, 20 fps
-//! .glb ──┴──▶ clip of any ──────▶ nodes ──────▶ 22 joints ─────────────────────▶ Motion
+//! .glb ──┤
+//! .vrma ─┴──▶ clip of any ──────▶ nodes ──────▶ 22 joints ─────────────────────▶ Motion
 //! .npy ────────────────────────────────────────────────────────────────────────▶ Motion
 //!
-//! Motion ──Rotations──▶ .bvh, .glb;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
+//! Motion ──Rotations──▶ .bvh, .glb, .vrma;  Motion ──▶ .npy;  LabanSeries ──▶ .csv
 //! ```
 //!
 //! [`read`](read()) and [`write`](write()) choose the format by the extension of the file's name. `read` recognises
@@ -28,6 +29,7 @@ mod schemes;
 mod similar_names;
 mod skeleton;
 mod units;
+pub mod vrma;
 
 pub use error::{ReadError, WriteError};
 pub use format::{WriteOptions, read, read_bytes, write};

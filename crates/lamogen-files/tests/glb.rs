@@ -84,7 +84,7 @@ fn another_frame_rate_keeps_the_movement() {
     let path = folder.path().join("motion.glb");
     let motion = motion(61);
     let options = WriteOptions {
-        frames_per_second: 60.0,
+        frames_per_second: Some(60.0),
         ..WriteOptions::default()
     };
     write(&path, &motion, &options).unwrap();

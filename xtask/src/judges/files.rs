@@ -9,11 +9,14 @@ use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
 use lamogen_view::{LabanCurve, Page, PageFigure};
 use serde_json::json;
 
+use super::vrm::VrmFiles;
 use super::{Result, motions};
 
 /// All files that are checked.
 pub struct JudgedFiles {
     pub motions: Vec<MotionFiles>,
+    /// VRM animations of the same motions, and VRM characters.
+    pub vrm: VrmFiles,
     /// A page that shows a motion before and after guidance.
     pub page: PathBuf,
 }
@@ -56,6 +59,7 @@ impl JudgedFiles {
                 .iter()
                 .map(|(name, motion)| MotionFiles::write(folder, name, motion))
                 .collect::<Result<_>>()?,
+            vrm: VrmFiles::write(folder, &motions)?,
             page: page(folder, &jump)?,
         })
     }

@@ -3,6 +3,7 @@
 mod cluster;
 mod files;
 mod motions;
+mod vrm;
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,14 @@ use files::JudgedFiles;
 /// The folder of the files and pictures.
 const FOLDER: &str = "target/judges";
 /// The scripts of the judges and their npm package file, in the folder `judges` of this crate.
-const SCRIPTS: [&str; 4] = ["package.json", "validate.mjs", "page.mjs", "blender.py"];
+const SCRIPTS: [&str; 6] = [
+    "package.json",
+    "validate.mjs",
+    "page.mjs",
+    "vrma.mjs",
+    "player.mjs",
+    "blender.py",
+];
 /// The required programs: a command that fails if the program is missing, and the Debian package that contains it.
 const REQUIRED_PROGRAMS: [(&[&str], &str); 8] = [
     (&["node", "--version"], "nodejs"),
@@ -47,17 +55,24 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A check of the files by another program. The path is the folder of the scripts.
 type Judge = fn(&Path, &JudgedFiles) -> Result<()>;
-const JUDGES: [(&str, Judge); 5] = [
+const JUDGES: [(&str, Judge); 6] = [
     ("glTF validator", check_with_validator),
     ("Blender", check_with_blender),
     ("the page in a browser", check_in_browser),
+    ("three-vrm in a browser", check_with_three_vrm),
     ("HyperQueue", cluster::check_under_hyperqueue),
     ("Slurm", cluster::check_under_slurm),
 ];
 
-/// Writes motions in all formats and lets every judge check them. Fails if a judge is not installed, cannot be run, or finds an
-/// error.
-pub fn run() -> ExitCode {
+/// Writes motions in all formats and lets every judge whose name contains `only` check them. Fails if there is none, or if a
+/// judge is not installed, cannot be run, or finds an error.
+pub fn run(only: &str) -> ExitCode {
+    let chosen = |name: &str| name.to_lowercase().contains(&only.to_lowercase());
+    if !JUDGES.iter().any(|(name, _)| chosen(name)) {
+        let names = JUDGES.map(|(name, _)| name).join(", ");
+        eprintln!("error: expected a part of the name of a judge ({names}), found {only:?}");
+        return ExitCode::FAILURE;
+    }
     let missing: Vec<&str> = REQUIRED_PROGRAMS
         .into_iter()
         .filter(|(command, _)| !succeeds(command))
@@ -81,7 +96,7 @@ pub fn run() -> ExitCode {
         }
     };
     let mut exit_code = ExitCode::SUCCESS;
-    for (name, judge) in JUDGES {
+    for (name, judge) in JUDGES.into_iter().filter(|(name, _)| chosen(name)) {
         println!("\n== {name}");
         if let Err(error) = judge(&scripts, &files) {
             eprintln!("error: {name}: {error}");
@@ -116,6 +131,7 @@ fn check_with_validator(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     for motion in &files.motions {
         node.arg(&motion.glb).arg(&motion.bare_glb);
     }
+    node.args(&files.vrm.animations);
     run_command(&mut node)
 }
 
@@ -174,6 +190,16 @@ fn check_in_browser(scripts: &Path, files: &JudgedFiles) -> Result<()> {
             .arg(scripts.join("page.mjs"))
             .arg(&files.page)
             .arg(Path::new(FOLDER).join("page")),
+    )
+}
+
+/// Checks that VRM animations move VRM characters as the motions say, and lets three.js draw pictures.
+fn check_with_three_vrm(scripts: &Path, files: &JudgedFiles) -> Result<()> {
+    run_command(
+        Command::new("node")
+            .arg(scripts.join("vrma.mjs"))
+            .arg(&files.vrm.list)
+            .arg(Path::new(FOLDER).join("vrm")),
     )
 }
 

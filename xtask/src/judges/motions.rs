@@ -123,6 +123,23 @@ fn motion(frames: usize, pose: fn(f64) -> Pose) -> Motion {
     Motion::from_joints(frames.collect()).expect("formulas give finite positions")
 }
 
+/// Returns the joints of a T-pose. `sizes` are the sizes of legs, trunk and arms in units of those of the motions' body.
+pub fn t_pose([legs, trunk, arms]: [f64; 3]) -> [[f32; 3]; JOINTS] {
+    let mut positions = [DVec3::Y; JOINTS];
+    for joint in Joint::ALL {
+        let size = match joint {
+            Pelvis | LeftHip | RightHip | LeftKnee | RightKnee | LeftAnkle | RightAnkle
+            | LeftFoot | RightFoot => legs,
+            LeftElbow | RightElbow | LeftWrist | RightWrist => arms,
+            _ => trunk,
+        };
+        if let Some(parent) = joint.parent() {
+            positions[joint.index()] = positions[parent.index()] + size * bone(joint);
+        }
+    }
+    positions.map(|position| position.as_vec3().to_array())
+}
+
 /// Returns the position of a joint relative to its parent in metres, in the T-pose of a body of 1.7 m.
 fn bone(joint: Joint) -> DVec3 {
     let [x, y, z] = match joint {

@@ -337,7 +337,7 @@ fn motion_files(folder: &Path) -> Result<BTreeSet<String>, DataError> {
             let extension = inner
                 .extension()
                 .map(|extension| extension.to_string_lossy().to_lowercase());
-            if ["bvh", "glb", "gltf", "npy"].contains(&extension.as_deref().unwrap_or("")) {
+            if ["bvh", "glb", "gltf", "vrma", "npy"].contains(&extension.as_deref().unwrap_or("")) {
                 let parts = inner.iter().map(|part| part.to_string_lossy());
                 files.insert(parts.collect::<Vec<_>>().join("/"));
             }

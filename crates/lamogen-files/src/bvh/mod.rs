@@ -31,6 +31,6 @@ pub fn read_text(
     let bvh = read::parse(text, path)?;
     Ok(ImportedMotion {
         announced_frames: Some(bvh.announced_frames).filter(|n| *n != bvh.clip.frames),
-        ..import(&bvh.clip, options, path)?
+        ..import(&bvh.clip, None, options, path)?
     })
 }

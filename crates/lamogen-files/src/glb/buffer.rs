@@ -2,9 +2,11 @@
 
 use serde_json::{Value, json};
 
+use super::GlbError;
+
 /// The target of a buffer view: vertex attributes, vertex indices, or neither.
 #[derive(Clone, Copy)]
-pub(super) enum BufferViewTarget {
+pub(crate) enum BufferViewTarget {
     Vertices,
     Indices,
     Other,
@@ -13,12 +15,12 @@ pub(super) enum BufferViewTarget {
 /// A buffer under construction. Its arrays follow one another at multiples of four bytes, each with a buffer view and an
 /// accessor.
 #[derive(Default)]
-pub(super) struct BufferBuilder {
-    pub(super) bytes: Vec<u8>,
-    pub(super) views: Vec<Value>,
-    pub(super) accessors: Vec<Value>,
+pub(crate) struct BufferBuilder {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
     /// Whether a float that JSON cannot represent, such as infinity, was added.
-    pub(super) has_non_finite: bool,
+    has_non_finite: bool,
 }
 
 const UNSIGNED_BYTE: u32 = 5121;
@@ -28,7 +30,7 @@ const FLOAT: u32 = 5126;
 impl BufferBuilder {
     /// Adds rows of floats with their smallest and largest values, which viewers need for times and positions. Returns the
     /// index of the accessor.
-    pub(super) fn push_floats<const N: usize>(
+    pub(crate) fn push_floats<const N: usize>(
         &mut self,
         rows: &[[f32; N]],
         target: BufferViewTarget,
@@ -57,6 +59,21 @@ impl BufferBuilder {
     pub(super) fn push_shorts(&mut self, values: &[u16], target: BufferViewTarget) -> usize {
         let bytes = values.iter().flat_map(|x| x.to_le_bytes());
         self.push_array(bytes, UNSIGNED_SHORT, 1, values.len(), target)
+    }
+
+    /// Returns the bytes of a GLB file with a document and this buffer.
+    ///
+    /// # Errors
+    ///
+    /// If a number is not finite, or the file would be larger than 4 GiB.
+    pub(crate) fn into_glb(self, mut document: Value) -> Result<Vec<u8>, GlbError> {
+        if self.has_non_finite {
+            return Err(GlbError::NotFinite);
+        }
+        document["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
+        document["bufferViews"] = Value::Array(self.views);
+        document["accessors"] = Value::Array(self.accessors);
+        glb_container(document.to_string().into_bytes(), self.bytes)
     }
 
     /// Adds the bytes of an array of `count` rows. Returns the index of the accessor.
@@ -96,6 +113,23 @@ impl BufferBuilder {
         self.views.push(view);
         self.accessors.len() - 1
     }
+}
+
+/// Joins the three parts of a GLB file: header, JSON padded with spaces, and bytes.
+fn glb_container(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() + 8 + bytes.len();
+    let length = |n: usize| u32::try_from(n).map_err(|_| GlbError::TooLarge { bytes: total });
+    let mut file = Vec::with_capacity(total);
+    file.extend(b"glTF");
+    file.extend(2u32.to_le_bytes());
+    file.extend(length(total)?.to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", bytes)] {
+        file.extend(length(chunk.len())?.to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    Ok(file)
 }
 
 #[cfg(test)]

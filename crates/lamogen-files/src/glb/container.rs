@@ -17,10 +17,13 @@ use serde_json::Value;
 use super::GlbError;
 use super::meshopt::{self, CompressedView, MAX_DECODED_BYTES};
 use super::reduction::{CompressedViews, reduce_to_animation};
+use crate::vrma;
 
 /// The parts of a glTF file that animate its nodes.
 pub(super) struct GltfFile {
     pub(super) root: Root,
+    /// The extension of VRM animations, if the file has it.
+    pub(super) vrm_animation: Option<Value>,
     buffers: Vec<Vec<u8>>,
     /// The bytes of compressed views, by the index of the view.
     decoded: HashMap<usize, Vec<u8>>,
@@ -63,9 +66,14 @@ impl GltfFile {
             reason,
         };
         let (json, chunk) = split_chunks(bytes).map_err(format_error)?;
-        let (root, compressed) = parse_document(json, animation).map_err(format_error)?;
+        let Document {
+            root,
+            compressed,
+            vrm_animation,
+        } = parse_document(json, animation).map_err(format_error)?;
         let mut file = GltfFile {
             root,
+            vrm_animation,
             buffers: Vec::new(),
             decoded: HashMap::new(),
         };
@@ -350,11 +358,15 @@ pub fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     Ok((json, binary))
 }
 
+/// The parts of a document that animate nodes.
+struct Document {
+    root: Root,
+    compressed: CompressedViews,
+    vrm_animation: Option<Value>,
+}
+
 /// Parses and checks the parts of the document that animate nodes, and ignores those that only change the appearance.
-fn parse_document(
-    json: &[u8],
-    animation: Option<&str>,
-) -> Result<(Root, CompressedViews), FormatProblem> {
+fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Document, FormatProblem> {
     #[derive(Deserialize)]
     struct DocumentVersion {
         asset: Asset,
@@ -378,6 +390,7 @@ fn parse_document(
             .iter()
             .any(|start| name.starts_with(start))
             && !meshopt::EXTENSIONS.contains(&&**name)
+            && name != vrma::EXTENSION
     });
     let mut problems = Vec::new();
     root.validate(&root, gltf_json::Path::new, &mut |path, error| {
@@ -385,7 +398,11 @@ fn parse_document(
     });
     match problems.into_iter().next() {
         Some(problem) => Err(problem),
-        None => Ok((root, compressed)),
+        None => Ok(Document {
+            root,
+            compressed,
+            vrm_animation: document["extensions"].get(vrma::EXTENSION).cloned(),
+        }),
     }
 }
 

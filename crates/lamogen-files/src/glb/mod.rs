@@ -24,13 +24,16 @@ mod grid;
 mod meshopt;
 mod read;
 mod reduction;
+mod skeleton;
 mod write;
 
 use std::io;
 use std::path::PathBuf;
 
+pub(crate) use buffer::{BufferBuilder, BufferViewTarget};
 pub use container::split_chunks;
-pub(crate) use read::read;
+pub(crate) use read::{GltfMotion, read};
+pub(crate) use skeleton::{SkeletonFile, node_index};
 pub use write::{GlbOptions, bytes, write};
 
 /// The errors of reading and writing GLB and glTF files.
@@ -74,13 +77,13 @@ fn quoted_list(names: &[String]) -> String {
 }
 
 #[cfg(test)]
-mod example {
+pub(crate) mod example {
     //! A motion for tests: a body that walks, turns around and swings its limbs.
 
     use glam::{DQuat, DVec3};
     use lamogen_motion::{JOINTS, Joint, Motion, Rotations};
 
-    pub(super) fn motion(frames: usize) -> Motion {
+    pub(crate) fn motion(frames: usize) -> Motion {
         let poses = (0..frames).map(|frame| {
             let time = frame as f64 / 20.0;
             let mut place = [DVec3::ZERO; JOINTS];
@@ -105,7 +108,7 @@ mod example {
         Motion::from_joints(poses.collect()).unwrap()
     }
 
-    pub(super) fn rotations() -> Rotations {
+    pub(crate) fn rotations() -> Rotations {
         Rotations::of(&motion(40))
     }
 

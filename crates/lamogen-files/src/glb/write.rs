@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-use glam::DQuat;
 use lamogen_motion::{JOINTS, Joint, Keyframes, Rotations, write_atomically};
 use serde_json::{Value, json};
 
 use super::GlbError;
 use super::body::{BodySide, body_capsules, t_pose_on_ground};
 use super::buffer::{BufferBuilder, BufferViewTarget};
+use super::skeleton::{ROOT, SkeletonFile, node_index};
 
 /// Options for writing a GLB file.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,12 +38,8 @@ impl Default for GlbOptions {
     }
 }
 
-/// The index of the root node, which is the parent of the pelvis. The joints follow in their own order.
-const ROOT: usize = 0;
-/// Returns the index of the node of a joint.
-const fn node_index(joint: Joint) -> usize {
-    ROOT + 1 + joint.index()
-}
+/// The rotation of a joint that does not turn.
+const STILL: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// Writes keyframes as a GLB file with the content of [`bytes()`].
 ///
@@ -72,89 +68,22 @@ pub fn write(
 pub fn bytes(keyframes: &Keyframes, options: &GlbOptions) -> Result<Vec<u8>, GlbError> {
     let rotations = &keyframes.rotations;
     let mut buffer = BufferBuilder::default();
-    let mut document = skeleton_document(rotations, options);
-    document["animations"] = json!([animation(keyframes, &options.name, &mut buffer)]);
+    let file = SkeletonFile {
+        rotations,
+        root_path: keyframes.root_path.as_deref(),
+        name: &options.name,
+        copyright: options.copyright.as_deref(),
+        notes: &options.notes,
+        node_name: Joint::name,
+        pelvis_height: t_pose_on_ground(rotations.rest())[Joint::Pelvis.index()].y,
+    };
+    let mut document = file.document();
+    let turns_at_all = |_, turns: &[[f32; 4]]| turns.iter().any(|turn| *turn != STILL);
+    document["animations"] = json!([file.animation(&mut buffer, turns_at_all)]);
     if options.body {
         add_body(&mut document, rotations, &mut buffer);
     }
-    if buffer.has_non_finite {
-        return Err(GlbError::NotFinite);
-    }
-    document["buffers"] = json!([{ "byteLength": buffer.bytes.len() }]);
-    document["bufferViews"] = Value::Array(buffer.views);
-    document["accessors"] = Value::Array(buffer.accessors);
-    glb_container(document.to_string().into_bytes(), buffer.bytes)
-}
-
-/// Returns a document with the joints as nodes, in the T-pose below one root.
-fn skeleton_document(rotations: &Rotations, options: &GlbOptions) -> Value {
-    let rest = rotations.rest();
-    let mut nodes = vec![json!({ "name": "lamogen", "children": [node_index(Joint::Pelvis)] })];
-    if !options.notes.is_empty() {
-        nodes[ROOT]["extras"] = json!(options.notes);
-    }
-    for joint in Joint::ALL {
-        let position = match joint {
-            Joint::Pelvis => t_pose_on_ground(rest)[joint.index()].as_vec3().to_array(),
-            _ => rest.offset(joint),
-        };
-        let children: Vec<usize> = joint.children().map(node_index).collect();
-        let mut entry = json!({ "name": joint.name(), "translation": position });
-        if !children.is_empty() {
-            entry["children"] = json!(children);
-        }
-        nodes.push(entry);
-    }
-    let mut asset = json!({
-        "version": "2.0",
-        "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
-    });
-    if let Some(copyright) = &options.copyright {
-        asset["copyright"] = json!(copyright);
-    }
-    json!({
-        "asset": asset,
-        "scene": 0,
-        "scenes": [{ "name": options.name, "nodes": [ROOT] }],
-        "nodes": nodes,
-    })
-}
-
-/// Returns the animation, with a keyframe at every frame: the translation of the pelvis, that of the root if it travels, and
-/// the rotations of the joints that turn at all.
-fn animation(keyframes: &Keyframes, name: &str, buffer: &mut BufferBuilder) -> Value {
-    let rotations = &keyframes.rotations;
-    let rate = f64::from(rotations.frames_per_second());
-    let times: Vec<[f32; 1]> = (0..rotations.frames())
-        .map(|frame| [(frame as f64 / rate) as f32])
-        .collect();
-    let input = buffer.push_floats(&times, BufferViewTarget::Other);
-    let (mut samplers, mut channels) = (Vec::new(), Vec::new());
-    let mut channel = |output: usize, node: usize, path: &str| {
-        channels.push(json!({
-            "sampler": samplers.len(),
-            "target": { "node": node, "path": path },
-        }));
-        samplers.push(json!({ "input": input, "output": output, "interpolation": "LINEAR" }));
-    };
-    let translations = buffer.push_floats(rotations.root(), BufferViewTarget::Other);
-    channel(translations, node_index(Joint::Pelvis), "translation");
-    if let Some(path) = &keyframes.root_path {
-        let path = buffer.push_floats(path, BufferViewTarget::Other);
-        channel(path, ROOT, "translation");
-    }
-    for joint in Joint::ALL {
-        let turns = rotations.local().iter().map(|pose| pose[joint.index()]);
-        let turns: Vec<[f32; 4]> = turns.collect();
-        if turns
-            .iter()
-            .any(|turn| turn != &DQuat::IDENTITY.as_quat().to_array())
-        {
-            let turns = buffer.push_floats(&turns, BufferViewTarget::Other);
-            channel(turns, node_index(joint), "rotation");
-        }
-    }
-    json!({ "name": name, "channels": channels, "samplers": samplers })
+    buffer.into_glb(document)
 }
 
 /// Adds the capsules of the body as one mesh with three materials, bound to the joints.
@@ -226,28 +155,11 @@ fn material(side: BodySide) -> Value {
     })
 }
 
-/// Joins the three parts of a GLB file: header, JSON padded with spaces, and bytes.
-fn glb_container(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let total = 12 + 8 + json.len() + 8 + bytes.len();
-    let length = |n: usize| u32::try_from(n).map_err(|_| GlbError::TooLarge { bytes: total });
-    let mut file = Vec::with_capacity(total);
-    file.extend(b"glTF");
-    file.extend(2u32.to_le_bytes());
-    file.extend(length(total)?.to_le_bytes());
-    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", bytes)] {
-        file.extend(length(chunk.len())?.to_le_bytes());
-        file.extend(kind);
-        file.extend(chunk);
-    }
-    Ok(file)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::glb::example;
-    use glam::{DVec3, Mat4, Quat, Vec3};
+    use glam::{DQuat, DVec3, Mat4, Quat, Vec3};
     use gltf::animation::Property;
 
     fn file(options: &GlbOptions) -> gltf::Gltf {

@@ -74,7 +74,7 @@ fn bvh_at_another_frame_rate_is_the_same_motion() {
     let path = folder.path().join("acrobat.bvh");
     for frames_per_second in [60.0, 120.0] {
         let options = WriteOptions {
-            frames_per_second,
+            frames_per_second: Some(frames_per_second),
             ..WriteOptions::default()
         };
         write(&path, &motion, &options).unwrap();

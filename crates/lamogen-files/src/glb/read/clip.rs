@@ -11,8 +11,12 @@ use crate::glb::container::{FormatProblem, GltfFile};
 use crate::glb::curve::KeyframeCurve;
 use crate::glb::grid::FrameTimes;
 
-/// Builds the clip of an animation: samples its curves at the frames of a common grid.
-pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip, FormatProblem> {
+/// Builds the clip of an animation: samples its curves at the frames of a common grid. Returns also the index in the clip of
+/// each node of the file.
+pub(super) fn build_clip(
+    file: &GltfFile,
+    animation: &Animation,
+) -> Result<(Clip, Vec<usize>), FormatProblem> {
     let nodes = &file.root.nodes;
     let mut tracks = node_tracks(file, animation)?;
     let curves = tracks.iter().flat_map(|tracks| {
@@ -34,7 +38,6 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
     }
 
     let order = parents_first(nodes)?;
-    // The index in the clip of each node of the file.
     let mut clip_index = vec![0; nodes.len()];
     let mut clip = Clip {
         nodes: Vec::with_capacity(nodes.len()),
@@ -74,7 +77,7 @@ pub(super) fn build_clip(file: &GltfFile, animation: &Animation) -> Result<Clip,
             scales,
         });
     }
-    Ok(clip)
+    Ok((clip, clip_index))
 }
 
 /// Returns the times of the keyframes of a curve, and its interpolation.

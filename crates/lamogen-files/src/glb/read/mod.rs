@@ -7,15 +7,26 @@ mod tracks;
 use std::path::Path;
 
 use super::GlbError;
-use super::container::GltfFile;
+use super::container::{FormatProblem, GltfFile};
 use crate::clip::Clip;
+use crate::schemes::JointNodes;
+use crate::vrma::human_joints;
 use clip::build_clip;
 
 /// The most keyframes in all curves together, and the most values of a clip. A motion of half an hour needs this many.
 const MAX_VALUES: u64 = 1 << 24;
 
-/// Reads an animation from the bytes of a `.glb` or `.gltf` file: the one of the given name, or the first one. Returns its clip, the
-/// names of the other animations, and the file's copyright.
+/// An animation that was read from a glTF file.
+pub(crate) struct GltfMotion {
+    pub(crate) clip: Clip,
+    /// The nodes of the joints in the clip, if the file is a VRM animation, or what is wrong with its bones.
+    pub(crate) human_joints: Option<Result<JointNodes, FormatProblem>>,
+    /// The names of the animations that were not read.
+    pub(crate) other_animations: Vec<String>,
+    pub(crate) copyright: Option<String>,
+}
+
+/// Reads an animation from the bytes of a `.glb` or `.gltf` file: the one of the given name, or the first one.
 ///
 /// All nodes are read; those without a name are called, for example, `node 7`. The clip starts at the first keyframe. Its
 /// frames are the keyframes if these lie on a regular grid, and otherwise 120 frames per second; if a curve is not linear,
@@ -31,7 +42,7 @@ pub(crate) fn read(
     path: &Path,
     folder: Option<&Path>,
     animation: Option<&str>,
-) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
+) -> Result<GltfMotion, GlbError> {
     let file = GltfFile::parse(bytes, path, folder, animation)?;
     let format_error = |reason| GlbError::Format {
         path: path.to_owned(),
@@ -51,13 +62,22 @@ pub(crate) fn read(
                 found: animations.iter().filter_map(|a| a.name.clone()).collect(),
             })?,
     };
-    let others = animations
+    let other_animations = animations
         .iter()
         .filter(|animation| !std::ptr::eq(*animation, chosen))
         .map(|animation| animation.name.clone().unwrap_or("without a name".into()))
         .collect();
-    let clip = build_clip(&file, chosen).map_err(format_error)?;
-    Ok((clip, others, file.root.asset.copyright))
+    let (clip, clip_index) = build_clip(&file, chosen).map_err(format_error)?;
+    let human_joints = file.vrm_animation.map(|extension| {
+        let joints = human_joints(&extension, clip_index.len())?;
+        Ok(joints.map(|node| node.map(|node| clip_index[node])))
+    });
+    Ok(GltfMotion {
+        clip,
+        human_joints,
+        other_animations,
+        copyright: file.root.asset.copyright,
+    })
 }
 
 #[cfg(test)]

@@ -103,7 +103,7 @@ fn unused_option_notices(path: &Path, reading: &MotionReadingArguments) -> Vec<S
         ),
         (
             "--input-fps",
-            reading.input_fps.is_some() && ends_with(&["glb", "gltf"]),
+            reading.input_fps.is_some() && ends_with(&["glb", "gltf", "vrm", "vrma"]),
         ),
         ("--names", reading.names.is_some() && ends_with(&["npy"])),
     ];

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use lamogen::character::{Character, RetargetOptions, SaveOptions};
 use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
+use lamogen::files::vrma::VrmaOptions;
 use lamogen::files::{WriteOptions, csv};
 use lamogen_view::{GifOptions, gif, png, save, sheet};
 
@@ -22,6 +23,7 @@ use crate::scene::{Scene, SceneMotion, seconds};
 pub enum OutputFormat {
     Glb,
     Bvh,
+    Vrma,
     Npy,
     #[value(name = "features.npy")]
     Features,
@@ -54,8 +56,9 @@ const PIXELS: f32 = 1.5;
 
 impl OutputFormat {
     /// The formats in which the travel of a motion may be in several places.
-    pub const WITH_TRAVEL: [OutputFormat; 5] = [
+    pub const WITH_TRAVEL: [OutputFormat; 6] = [
         OutputFormat::Glb,
+        OutputFormat::Vrma,
         OutputFormat::Gltf,
         OutputFormat::Vrm,
         OutputFormat::Bvh,
@@ -78,6 +81,7 @@ impl OutputFormat {
             OutputFormat::Vrm => "vrm",
             OutputFormat::Gltf => "gltf",
             OutputFormat::Bvh => "bvh",
+            OutputFormat::Vrma => "vrma",
             OutputFormat::Npy => "npy",
             OutputFormat::Features => "features.npy",
             OutputFormat::Csv => "csv",
@@ -87,6 +91,14 @@ impl OutputFormat {
             OutputFormat::Html => "html",
             OutputFormat::Json => "json",
         }
+    }
+
+    /// Returns whether files of this format hold the motion as rotations of a rigid body.
+    fn has_rotations(self) -> bool {
+        matches!(
+            self,
+            OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Vrma
+        )
     }
 }
 
@@ -174,11 +186,15 @@ impl OutputFile {
             {
                 return self.write_onto(character, scene, writing);
             }
-            OutputFormat::Glb | OutputFormat::Bvh | OutputFormat::Npy | OutputFormat::Features => {
+            OutputFormat::Glb
+            | OutputFormat::Bvh
+            | OutputFormat::Vrma
+            | OutputFormat::Npy
+            | OutputFormat::Features => {
                 let options = write_options(scene, writing, self.format);
                 let scene_motion = scene.main();
                 lamogen::files::write(path, &scene_motion.motion, &options)?;
-                if matches!(self.format, OutputFormat::Glb | OutputFormat::Bvh)
+                if self.format.has_rotations()
                     && !scene.main().motion.is_rigid()
                     && !console.is_quiet()
                 {
@@ -268,11 +284,16 @@ fn write_options(scene: &Scene, writing: &WritingArguments, format: OutputFormat
             notes: scene.glb_notes(),
             ..GlbOptions::default()
         },
+        vrma: VrmaOptions {
+            name: scene.title.clone(),
+            notes: scene.glb_notes(),
+            ..VrmaOptions::default()
+        },
         ..WriteOptions::default()
     };
     // Pose features have one frame rate.
     if format != OutputFormat::Features {
-        options.frames_per_second = writing.fps.unwrap_or(options.frames_per_second);
+        options.frames_per_second = writing.fps;
     }
     options
 }
@@ -298,6 +319,8 @@ mod tests {
         for (name, format) in [
             ("a.glb", OutputFormat::Glb),
             ("b/a.BVH", OutputFormat::Bvh),
+            ("a.vrma", OutputFormat::Vrma),
+            ("a.vrm", OutputFormat::Vrm),
             ("a.npy", OutputFormat::Npy),
             ("a.features.npy", OutputFormat::Features),
             ("a.b.json", OutputFormat::Json),
@@ -306,7 +329,7 @@ mod tests {
         }
         for name in ["a.fbx", "glb", "", "a.", ".glb", "b/.json"] {
             let message = name.parse::<OutputFile>().unwrap_err();
-            assert!(message.contains(".glb, .bvh"), "{message}");
+            assert!(message.contains(".glb, .bvh, .vrma"), "{message}");
         }
     }
 

@@ -140,7 +140,7 @@ fn damaged_files_never_panic_or_grow() {
     };
     let whole = glb::bytes(&rotations.into(), &options).unwrap();
     let attempt = |bytes: &[u8]| {
-        if let Ok((clip, ..)) = read(bytes, Path::new("damaged.glb"), None, None) {
+        if let Ok(GltfMotion { clip, .. }) = read(bytes, Path::new("damaged.glb"), None, None) {
             let end = clip.frames as f64 * clip.seconds_per_frame;
             assert_eq!(clip.positions(end).len(), clip.nodes.len());
         }

@@ -85,12 +85,9 @@ fn read_file(
     path: &Path,
     animation: Option<&str>,
 ) -> Result<(Clip, Vec<String>, Option<String>), GlbError> {
-    read(
-        &std::fs::read(path).unwrap(),
-        path,
-        path.parent(),
-        animation,
-    )
+    let bytes = std::fs::read(path).unwrap();
+    let motion = read(&bytes, path, path.parent(), animation)?;
+    Ok((motion.clip, motion.other_animations, motion.copyright))
 }
 
 fn read_json(json: &Json) -> Result<Clip, GlbError> {

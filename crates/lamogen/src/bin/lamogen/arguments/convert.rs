@@ -10,10 +10,10 @@ use crate::output::OutputFile;
 /// The arguments of `lamogen convert`.
 #[derive(Args)]
 pub struct ConvertArguments {
-    /// The file to read: .bvh, .glb, .gltf, .vrm or .npy; - is standard input.
+    /// The file to read: .bvh, .glb, .gltf, .vrm, .vrma or .npy; - is standard input.
     #[arg(value_name = "FROM")]
     pub source: PathBuf,
-    /// The file to write: .bvh, .glb (.gltf and .vrm with --onto), .npy, .features.npy, .csv (Laban series), .svg, .png, .gif, .html or .json.
+    /// The file to write: .bvh, .glb (.gltf and .vrm with --onto), .vrma, .npy, .features.npy, .csv (Laban series), .svg, .png, .gif, .html or .json.
     pub to: OutputFile,
     /// Give the motion rigid bones and feet that stand where they stand: they neither slide nor sink into the ground, which is taken to be as
     /// low as the feet come.

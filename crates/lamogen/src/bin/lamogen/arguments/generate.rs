@@ -15,7 +15,7 @@ Factors are numbers, words, or keys over time: --weight strong, --weight 1.5, --
 (second:factor, each holds until the next; with ~ between two keys the factor slides). Instead of a factor peak= and mean= ask \
 for a value, in the unit that lamogen laban prints, and any for nothing at all.
 
-Files: .glb and .bvh for Blender and engines, .npy (joints) and .features.npy for NumPy, .html a page that \
+Files: .glb and .bvh for Blender and engines, .vrma for every VRM character, .npy (joints) and .features.npy for NumPy, .html a page that \
 plays the motion, .gif, .svg and .png pictures, .csv the Laban series, .json everything.
 
 Examples:

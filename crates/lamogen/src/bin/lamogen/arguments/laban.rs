@@ -9,7 +9,7 @@ use super::shared::MotionReadingArguments;
 /// The arguments of `lamogen laban`.
 #[derive(Args)]
 pub struct LabanArguments {
-    /// Motion files: .bvh, .glb, .gltf, .vrm or .npy; - is standard input.
+    /// Motion files: .bvh, .glb, .gltf, .vrm, .vrma or .npy; - is standard input.
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// A motion to compare each of them with.

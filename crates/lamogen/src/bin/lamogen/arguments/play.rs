@@ -9,7 +9,7 @@ use super::shared::MotionReadingArguments;
 /// The arguments of `lamogen play`.
 #[derive(Args)]
 pub struct PlayArguments {
-    /// Motion files, up to four: .bvh, .glb, .gltf, .vrm or .npy.
+    /// Motion files, up to four: .bvh, .glb, .gltf, .vrm, .vrma or .npy.
     #[arg(required = true, num_args = 1..=4)]
     pub files: Vec<PathBuf>,
     /// Where to write the page; usually among the temporary files.

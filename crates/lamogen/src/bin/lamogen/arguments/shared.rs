@@ -157,7 +157,7 @@ impl BodyName {
 /// The options of writing motion files.
 #[derive(Args, Clone)]
 pub struct WritingArguments {
-    /// Frames a second of .glb, .bvh and .npy; usually 20, which are exactly the motion's own, and 30 on a character.
+    /// Frames a second of .glb, .bvh, .vrma and .npy; usually 20, which are exactly the motion's own, and 30 in .vrma and on a character.
     #[arg(long, value_parser = parse_fps)]
     pub fps: Option<f32>,
     /// Unit of .bvh: cm, m, dm, mm, in, cmu, or a number of metres.
@@ -271,6 +271,11 @@ impl WritingArguments {
     /// Checks that the options fit the formats, and that the character can be read. Commands call this before their work.
     pub fn check(&self, formats: &[OutputFormat]) -> Result<(), Failure> {
         let usage = |message| Err(Failure::new(FailureCode::Usage, message));
+        if formats.contains(&OutputFormat::Vrma) && self.root_motion() == RootMotion::Root {
+            return usage(
+                "--root-motion: expected hips or none for .vrma, which has no root above the hips, found root".to_owned(),
+            );
+        }
         let character = self.onto.open()?;
         let needs_character = [OutputFormat::Vrm, OutputFormat::Gltf];
         for format in formats {
@@ -280,6 +285,15 @@ impl WritingArguments {
                 return usage(format!(
                     "expected a character for .{ending}, found none: --onto names its file, a .glb, .gltf or .vrm"
                 ));
+            }
+        }
+        let holds_character = character
+            .is_some_and(|character| formats.iter().any(|format| format.holds(character)));
+        if character.is_some() && !holds_character && formats.contains(&OutputFormat::Vrma) {
+            let message = "--onto: expected no character for .vrma, found one: a .vrma plays on every VRM character";
+            return Err(Failure::new(FailureCode::Usage, message).hint(
+                "leave --onto away, or write .vrm for the character with the motion inside",
+            ));
             }
         }
         if let Some(character) = character
@@ -307,6 +321,7 @@ impl WritingArguments {
                 &[
                     OutputFormat::Bvh,
                     OutputFormat::Glb,
+                    OutputFormat::Vrma,
                     OutputFormat::Gltf,
                     OutputFormat::Vrm,
                     OutputFormat::Npy,
@@ -391,7 +406,7 @@ pub struct MotionReadingArguments {
     /// Frames a second of a .bvh, in place of what it says, or of a .npy, which says nothing and is taken for one of 20.
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub input_fps: Option<f32>,
-    /// Animation of a .glb or .gltf, by its name; usually the first.
+    /// Animation of a .glb, .gltf, .vrm or .vrma, by its name; usually the first.
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,
     /// Mapping file for a skeleton with unknown names: a JSON object such as {"pelvis": "Root", …}.
