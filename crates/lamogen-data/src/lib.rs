@@ -36,6 +36,7 @@ pub use checksum::Checksum;
 pub use dataset::Dataset;
 pub use entry::{Caption, Entry};
 pub use error::DataError;
+pub use humanml3d::{BenchmarkClip, BenchmarkSplit};
 pub use mirror::Mirror;
 pub use options::{LoadOptions, Progress};
 pub use pack::{PackOptions, pack, pack_all};
