@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_data::{BenchmarkSplit, Caption, Split};
+use lamogen_data::{BenchmarkClip, BenchmarkSplit, Caption, Split};
 use lamogen_eval::protocol::{
     ClipSample, Protocol, ProtocolScores, PublicEvaluator, PublicFile, PublicFiles, Replication,
 };
@@ -133,7 +133,7 @@ fn the_whole_evaluation_is_that_of_the_public_code() {
     let folder = tempfile::tempdir().unwrap();
     write_data(&case, folder.path());
     let split = BenchmarkSplit::open(folder.path(), Split::Test, &mut |_| ()).unwrap();
-    let clips = split.clips();
+    let clips: Vec<&BenchmarkClip> = split.clips().iter().collect();
     let expected = case["clips"].as_array().unwrap();
     assert_eq!(clips.len(), expected.len());
     for (clip, expected) in clips.iter().zip(expected) {
@@ -149,7 +149,7 @@ fn the_whole_evaluation_is_that_of_the_public_code() {
     let replications = case["replications"].as_array().unwrap();
     let draws: Vec<Replication> = replications.iter().map(replication).collect();
     let as_they_are = |rows: &[f32]| Ok(rows.to_vec());
-    let protocol = Protocol::embed(&evaluator, clips, &draws, &as_they_are).unwrap();
+    let protocol = Protocol::embed(&evaluator, &clips, &draws, &as_they_are).unwrap();
     let places: Vec<usize> = (0..clips.len()).collect();
     let mut rows = [("real", Vec::new()), ("generated", Vec::new())];
     for (number, (draw, recorded)) in draws.iter().zip(replications).enumerate() {
@@ -159,7 +159,7 @@ fn the_whole_evaluation_is_that_of_the_public_code() {
         };
         let motions: Vec<Vec<f32>> = places.iter().map(|&place| made(place, 0)).collect();
         let generated = evaluator.motions(&motions).unwrap();
-        let own = draw.samples.iter().zip(clips);
+        let own = draw.samples.iter().zip(&clips);
         let own: Vec<&[f32]> = own
             .map(|(sample, clip)| {
                 let range = sample.range();
@@ -208,10 +208,11 @@ fn motions_that_are_missing_are_left_out_of_the_batches() {
     let folder = tempfile::tempdir().unwrap();
     write_data(&case, folder.path());
     let split = BenchmarkSplit::open(folder.path(), Split::Test, &mut |_| ()).unwrap();
-    let (clips, evaluator) = (split.clips(), evaluator());
-    let draws = [Replication::draw(clips, 1)];
+    let clips: Vec<&BenchmarkClip> = split.clips().iter().collect();
+    let evaluator = evaluator();
+    let draws = [Replication::draw(&clips, 1)];
     let as_they_are = |rows: &[f32]| Ok(rows.to_vec());
-    let protocol = Protocol::embed(&evaluator, clips, &draws, &as_they_are).unwrap();
+    let protocol = Protocol::embed(&evaluator, &clips, &draws, &as_they_are).unwrap();
     let scores = |places: &[usize]| {
         let motions: Vec<Vec<f32>> = { places.iter() }
             .map(|&place| features(place as u64, draws[0].samples[place].frames))

@@ -1,8 +1,10 @@
 //! Checking requests, and grouping them into batches.
 
+use std::ops::RangeInclusive;
+
 use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
-use lamogen_model::{Denoiser, Tokenizer};
+use lamogen_model::Tokenizer;
 
 use crate::error::RequestError;
 use crate::request::Request;
@@ -74,12 +76,12 @@ pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Ve
 }
 
 /// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
-/// stands in for the prompt, the model reads that sentence.
+/// stands in for the prompt, the model reads that sentence. `lengths` are those of motions in frames.
 pub(crate) fn assign_to_group(
     groups: &mut Vec<JobGroup>,
     (index, request): (usize, &Request),
     stand_in: Option<&str>,
-    model: &impl Denoiser,
+    lengths: &RangeInclusive<usize>,
     tokenizer: &Tokenizer,
     default: Preset,
 ) -> Result<(), RequestError> {
@@ -115,9 +117,7 @@ pub(crate) fn assign_to_group(
         return Err(RequestError::EmptyPrompt);
     }
     let tokens = stand_in.map_or(Ok(tokens), |sentence| tokenizer.encode(sentence))?;
-    let frames = request
-        .length
-        .frames(model.min_frames(), model.max_frames())?;
+    let frames = request.length.frames(*lengths.start(), *lengths.end())?;
     if let Some(goals) = &goals {
         goals.check(frames, &guidance.laban.end_effectors)?;
     }

@@ -175,9 +175,19 @@ impl PublicFiles {
         }
     }
 
-    /// Returns whether the folder has any of the files.
+    /// Returns whether the folder has any of the files. Statistics that lie in the folder itself do not count, because evaluators that lamogen trains have them there, too.
     pub fn is_any(&self) -> bool {
-        self.missing.len() < PublicFile::ALL.len()
+        let is_own = |path: &Option<PathBuf>| {
+            let folder = path.as_ref().and_then(|path| path.parent());
+            folder.is_some_and(|folder| folder.ends_with("meta"))
+        };
+        let words = [
+            PublicFile::WordVectors,
+            PublicFile::Words,
+            PublicFile::WordRows,
+        ];
+        let has_words = words.iter().any(|file| !self.missing.contains(file));
+        self.network.is_some() || has_words || is_own(&self.mean) || is_own(&self.std)
     }
 
     /// Returns the folder that was looked in.

@@ -49,7 +49,7 @@ impl Replication {
     /// # Panics
     ///
     /// If a motion has less than 8 frames.
-    pub fn draw(clips: &[BenchmarkClip], seed: u64) -> Replication {
+    pub fn draw(clips: &[&BenchmarkClip], seed: u64) -> Replication {
         let mut rng = ChaCha12Rng::seed_from_u64(seed);
         let unit = EvaluatorConfig::FRAMES_PER_MOVEMENT;
         let mut pass = || {
@@ -100,6 +100,7 @@ mod tests {
                 features: vec![0.0; (40 + index % 160) * POSE_FEATURES],
             })
             .collect();
+        let clips: Vec<&BenchmarkClip> = clips.iter().collect();
         let draws = Replication::draw(&clips, 5);
         let mut shorter = 0;
         let mut second = 0;

@@ -70,7 +70,7 @@ impl Protocol {
     /// If a replication is not one of these motions.
     pub fn embed(
         evaluator: &PublicEvaluator,
-        clips: &[BenchmarkClip],
+        clips: &[&BenchmarkClip],
         replications: &[Replication],
         form: &dyn Fn(&[f32]) -> Result<Vec<f32>, String>,
     ) -> Result<Protocol, EvaluatorError> {
@@ -229,7 +229,7 @@ struct CaptionEmbeddings {
 }
 
 impl CaptionEmbeddings {
-    fn new(evaluator: &PublicEvaluator, clips: &[BenchmarkClip]) -> Result<Self, EvaluatorError> {
+    fn new(evaluator: &PublicEvaluator, clips: &[&BenchmarkClip]) -> Result<Self, EvaluatorError> {
         let mut count = 0;
         let first = clips.iter().map(|clip| {
             let first = count;
@@ -264,7 +264,7 @@ impl RealEmbeddings {
     fn add(
         &mut self,
         evaluator: &PublicEvaluator,
-        clips: &[BenchmarkClip],
+        clips: &[&BenchmarkClip],
         samples: &[ClipSample],
         form: &dyn Fn(&[f32]) -> Result<Vec<f32>, String>,
     ) -> Result<(), EvaluatorError> {
