@@ -480,7 +480,7 @@ mod tests {
     #[test]
     fn a_curve_counts_how_often_the_clip_that_is_apart_is_found() {
         // Odd clips are as the neutral one, even ones twice as much; people see that nine times in ten.
-        let is_apart = |clip: usize| clip > 0 && clip % 2 == 0;
+        let is_apart = |clip: usize| clip > 0 && clip.is_multiple_of(2);
         let study = study(|left, right| match [left, right].map(is_apart) {
             [true, false] => [1, 0, 9],
             [false, true] => [9, 0, 1],

@@ -270,6 +270,19 @@ fn slice_end(seconds: f64, frames: usize) -> usize {
     frame.clamp(0, length) as usize
 }
 
+/// Parses lines of a caption file and counts those that can be read, for the fuzz targets.
+pub(crate) fn count_lines(text: &str) -> usize {
+    let lines = text.lines().map(BenchmarkLine::parse);
+    let frames = lines.filter_map(|line| {
+        Some(
+            line.ok()?
+                .part
+                .map(|part| part.map(|end| slice_end(end, 100))),
+        )
+    });
+    frames.count()
+}
+
 /// A line of a caption file, as the public evaluation reads it.
 struct BenchmarkLine {
     caption: Caption,

@@ -7,7 +7,7 @@
 //! Mean.npy, Std.npy               statistics, [263]; computed if the files are missing
 //! ```
 
-mod benchmark;
+pub(crate) mod benchmark;
 pub(crate) mod text;
 
 use std::collections::{HashMap, HashSet};

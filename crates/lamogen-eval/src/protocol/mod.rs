@@ -18,4 +18,4 @@ mod scores;
 pub use evaluator::{PublicEvaluator, StatisticsProblem};
 pub use files::{PublicFile, PublicFiles};
 pub use replication::{ClipSample, Replication};
-pub use scores::{Protocol, ProtocolScores};
+pub use scores::{MeasuredForm, Protocol, ProtocolScores};

@@ -19,6 +19,9 @@ pub struct Protocol {
     diversity_pairs: usize,
 }
 
+/// Turns the pose features of a real motion's frames into those that are measured, or says why there are none.
+pub type MeasuredForm<'a> = dyn Fn(&[f32]) -> Result<Vec<f32>, String> + 'a;
+
 /// A replication, embedded.
 #[derive(Clone, Debug)]
 struct Pass {
@@ -72,7 +75,7 @@ impl Protocol {
         evaluator: &PublicEvaluator,
         clips: &[&BenchmarkClip],
         replications: &[Replication],
-        form: &dyn Fn(&[f32]) -> Result<Vec<f32>, String>,
+        form: &MeasuredForm<'_>,
     ) -> Result<Protocol, EvaluatorError> {
         let mut motions = RealEmbeddings::default();
         for replication in replications {
@@ -266,7 +269,7 @@ impl RealEmbeddings {
         evaluator: &PublicEvaluator,
         clips: &[&BenchmarkClip],
         samples: &[ClipSample],
-        form: &dyn Fn(&[f32]) -> Result<Vec<f32>, String>,
+        form: &MeasuredForm<'_>,
     ) -> Result<(), EvaluatorError> {
         assert_eq!(samples.len(), clips.len(), "a sample for each motion");
         let mut motions = Vec::new();
