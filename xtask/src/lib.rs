@@ -5,6 +5,7 @@ pub mod embed;
 pub mod judges;
 pub mod measure;
 pub mod parity;
+pub mod perception;
 pub mod strips;
 pub mod subject;
 pub mod sweep;

@@ -102,6 +102,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Predict the answers of a study on similar motions by Laban features: which of them people see; prints a page of Markdown.
+    Perception {
+        #[command(flatten)]
+        options: xtask::perception::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -187,6 +195,15 @@ fn main() -> ExitCode {
             })
         }
         Task::Truth { options, device } => truth(&options, device),
+        Task::Perception { options, device } => with_device(device, |device| {
+            match xtask::perception::run(&options, device, &mut |line| eprintln!("{line}")) {
+                Ok(page) => {
+                    print!("{page}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::Embed {
             from,
             to,

@@ -36,6 +36,7 @@ pub use checksum::Checksum;
 pub use dataset::Dataset;
 pub use entry::{Caption, Entry};
 pub use error::DataError;
+pub use humanml3d::{BenchmarkClip, BenchmarkSplit};
 pub use mirror::Mirror;
 pub use options::{LoadOptions, Progress};
 pub use pack::{PackOptions, pack, pack_all};
@@ -49,6 +50,7 @@ pub mod fuzzing {
     /// Parses a text as a file of captions in each of its forms.
     pub fn parse_captions(text: &str) {
         let _ = crate::humanml3d::text::parse(text);
+        let _ = crate::humanml3d::benchmark::count_lines(text);
         let _ = crate::more_captions::parse(text);
         let _ = crate::pack::listing::parse(text);
         let _ = text.lines().map(crate::packed::parse_entry).count();

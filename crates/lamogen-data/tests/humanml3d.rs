@@ -3,7 +3,7 @@
 mod common;
 
 use common::{clip, error, open, rows, write};
-use lamogen_data::{Dataset, LoadOptions, ProblemKind, Progress, Split};
+use lamogen_data::{BenchmarkSplit, Dataset, LoadOptions, ProblemKind, Progress, Split};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES, npy};
 
 const TEXT: &str = "a person walks.#a/DET person/NOUN walk/VERB#0.0#0.0\n";
@@ -234,4 +234,78 @@ fn the_error_for_a_folder_of_no_form_names_the_expected_files() {
     };
     let message = Dataset::open(folder, &none, &mut |_| {}).unwrap_err();
     assert!(message.to_string().contains("50 and 40"), "{message}");
+}
+
+#[test]
+fn a_benchmark_counts_recordings_and_parts_as_the_public_evaluation_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let whole = "a person walks.#a/DET person/NOUN walk/VERB#0.0#0.0\n";
+    let part = |start: f32, end: f32| format!("he turns#he/PRON turn/VERB#{start:?}#{end:?}\n");
+    // The shortest and the longest recording there may be, and those that are one frame off.
+    clip(folder, "short", &rows(1, 39), whole);
+    clip(folder, "least", &rows(2, 40), whole);
+    clip(folder, "most", &rows(3, 199), whole);
+    // A recording that is too long is left out with its parts.
+    clip(
+        folder,
+        "long",
+        &rows(4, 200),
+        &(whole.to_owned() + &part(1.0, 5.0)),
+    );
+    // Parts: of 60 frames, of 39 frames, past the end (120 of 130 frames), and the end before the start.
+    let parts = [
+        part(2.0, 5.0),
+        part(2.0, 3.99),
+        part(0.5, 9.0),
+        part(5.0, 2.0),
+    ]
+    .concat();
+    clip(folder, "parts", &rows(5, 130), &(parts + whole));
+    // Only parts: the recording itself is none.
+    clip(folder, "M000007", &rows(6, 100), &part(0.0, 2.0));
+    // A line that cannot be read ends its recording, but the part before stays.
+    let broken = whole.to_owned() + &part(0.0, 3.0) + "he # waves#he/PRON wave/VERB#0.0#0.0\n";
+    clip(folder, "broken", &rows(7, 80), &broken);
+    clip(folder, "mute", &rows(8, 80), "");
+    write(
+        folder,
+        "test.txt",
+        "short\nleast\nmost\nlong\nparts\nM000007\nbroken\nmute\nmissing\nmost\n",
+    );
+    let mut last = None;
+    let split = BenchmarkSplit::open(folder, Split::Test, &mut |p| last = Some(p)).unwrap();
+    assert_eq!(last, Some(Progress { done: 9, all: 9 }));
+    let found: Vec<(&str, usize, usize)> = { split.clips().iter() }
+        .map(|clip| (&*clip.name, clip.frames(), clip.captions.len()))
+        .collect();
+    let expected = [
+        ("least", 40, 1),
+        ("A_M000007", 40, 1),
+        ("A_parts", 60, 1),
+        ("A_broken", 60, 1),
+        ("B_parts", 120, 1),
+        ("parts", 130, 1),
+        ("most", 199, 1),
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(split.listed(), 9);
+    let counts: Vec<_> = split.problems().counts().into_iter().collect();
+    let expected = [
+        (ProblemKind::TooShort, 3),
+        (ProblemKind::TooLong, 1),
+        (ProblemKind::Missing, 1),
+        (ProblemKind::NoCaption, 1),
+        (ProblemKind::Line, 1),
+        (ProblemKind::Twice, 1),
+    ];
+    assert_eq!(counts, expected);
+    // Rows are those of the file, to the last bit.
+    let original = rows(5, 130);
+    assert_eq!(
+        split.clips()[2].features,
+        original[40 * POSE_FEATURES..100 * POSE_FEATURES]
+    );
+    let error = BenchmarkSplit::open(folder, Split::Validation, &mut |_| ()).unwrap_err();
+    assert!(error.to_string().contains("val.txt"), "{error}");
 }

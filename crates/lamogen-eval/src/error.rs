@@ -7,7 +7,8 @@ use lamogen_model::{CheckpointError, TokenizerError};
 use lamogen_motion::NormalizationError;
 use lamogen_motion::npy::NpyError;
 
-use crate::MetricError;
+use crate::protocol::{PublicFile, StatisticsProblem};
+use crate::{MetricError, VocabularyError};
 
 /// An error when an evaluator's network is loaded or saved.
 #[derive(Debug, thiserror::Error)]
@@ -74,7 +75,51 @@ pub enum EvaluatorError {
         features: usize,
         found: usize,
     },
+    /// Files of the public evaluator are missing.
+    #[error("{folder}: expected the public evaluator, found no {}", list_missing(.files))]
+    #[allow(missing_docs)]
+    Missing {
+        folder: PathBuf,
+        files: Vec<PublicFile>,
+    },
+    /// The words of the public evaluator, or the tokens of a caption, cannot be read.
+    #[error(transparent)]
+    Vocabulary(#[from] VocabularyError),
+    /// The vectors of the words have another width than the network reads.
+    #[error(
+        "{path}: expected vectors of {expected} numbers, as the evaluator reads, found {found}"
+    )]
+    #[allow(missing_docs)]
+    WordWidth {
+        path: PathBuf,
+        expected: usize,
+        found: usize,
+    },
+    /// The public evaluator embeds no texts without its words.
+    #[error("expected the words of the public evaluator (glove/our_vab_*), found none")]
+    NoWords,
+    /// A caption has no tokens.
+    #[error(
+        "expected tokens with parts of speech after the caption {caption:?}, such as `a/DET man/NOUN walk/VERB`, found none; HumanML3D's texts have them between the first and the second #"
+    )]
+    #[allow(missing_docs)]
+    NoTokens { caption: String },
+    /// A real motion cannot be brought into the form that is measured.
+    #[error("{name}: {problem}")]
+    #[allow(missing_docs)]
+    Real { name: String, problem: String },
+    /// The statistics are not those of the public evaluator.
+    #[error(transparent)]
+    OtherStatistics(#[from] StatisticsProblem),
     /// The network gives numbers that are not finite, or a metric cannot be computed.
     #[error(transparent)]
     Metric(#[from] MetricError),
+}
+
+/// Lists missing files with their places and sources.
+fn list_missing(files: &[PublicFile]) -> String {
+    let names: Vec<&str> = files.iter().map(|file| file.place()).collect();
+    let mut sources: Vec<&str> = files.iter().map(|file| file.source()).collect();
+    sources.dedup();
+    format!("{} (of {})", names.join(", "), sources.join(", and "))
 }

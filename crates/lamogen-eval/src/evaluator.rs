@@ -5,13 +5,15 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use lamogen_model::{Precision, Tokenizer, TokenizerError, Tokens};
 use lamogen_motion::{Normalization, npy, write_atomically};
 
+use crate::embedding_batches::{
+    MOTIONS_PER_BATCH, MotionInputs, TEXTS_PER_BATCH, embed_in_batches,
+};
 use crate::{
-    Embeddings, EvaluatorConfig, EvaluatorError, EvaluatorNetwork, EvaluatorNetworkError,
-    TextBatch, TextForm,
+    Embeddings, EvaluatorError, EvaluatorNetwork, EvaluatorNetworkError, TextBatch, TextForm,
 };
 
 /// An [`EvaluatorNetwork`] that reads tokens, with its tokenizer and the mean and standard deviation of the motions that
@@ -46,11 +48,6 @@ struct EvaluatorFiles {
 const TOKENIZER: &str = "tokenizer.json";
 const MEAN: &str = "mean.npy";
 const STD: &str = "std.npy";
-
-/// The number of texts that the network embeds at once.
-const TEXTS_PER_BATCH: usize = 128;
-/// The number of motions that the network embeds at once.
-const MOTIONS_PER_BATCH: usize = 32;
 
 impl Evaluator {
     /// Returns an evaluator from its parts: a network on `device`, the content of a `tokenizer.json` (`None` for CLIP's
@@ -193,16 +190,21 @@ impl Evaluator {
         let encode = |text: &_| self.tokenizer.encode(AsRef::as_ref(text));
         let tokens: Result<Vec<Tokens>, _> = texts.iter().map(encode).collect();
         let tokens = tokens?;
-        self.embed_in_batches(
+        let embed = |indices: &[usize]| {
+            let batch: Vec<Tokens> = indices.iter().map(|&i| tokens[i].clone()).collect();
+            let batch = TextBatch::tokens(&batch, &self.device);
+            self.network.embed_text(&batch)
+        };
+        let width = self.network.config().dim_coemb_hidden;
+        let length = |index: usize| tokens[index].own;
+        let count = tokens.len();
+        Ok(embed_in_batches(
             TEXTS_PER_BATCH,
-            &mut |index| tokens[index].own,
-            tokens.len(),
-            |indices| {
-                let batch: Vec<Tokens> = indices.iter().map(|&i| tokens[i].clone()).collect();
-                let batch = TextBatch::tokens(&batch, &self.device);
-                self.network.embed_text(&batch)
-            },
-        )
+            width,
+            &length,
+            count,
+            embed,
+        )?)
     }
 
     /// Embeds motions, in their order.
@@ -214,68 +216,35 @@ impl Evaluator {
     ///
     /// If a motion does not have as many frames as the network reads (4 to [`EvaluatorConfig::max_motion_length`], and
     /// up to 3 more), or the network gives numbers that are not finite.
+    ///
+    /// [`EvaluatorConfig::max_motion_length`]: crate::EvaluatorConfig::max_motion_length
     pub fn motions(&self, motions: &[impl AsRef<[f32]>]) -> Result<Embeddings, EvaluatorError> {
-        let config = self.network.config();
-        let unit = EvaluatorConfig::FRAMES_PER_MOVEMENT;
-        let features = config.dim_pose;
-        let frames = |motion: &[f32]| motion.len() / features / unit * unit;
-        for (index, motion) in motions.iter().enumerate() {
-            let motion = motion.as_ref();
-            let has_length = (unit..=config.max_motion_length).contains(&frames(motion));
-            if !has_length || !motion.len().is_multiple_of(features) {
-                return Err(EvaluatorError::Motion {
-                    motion: index,
-                    shortest: unit,
-                    longest: config.max_motion_length,
-                    features,
-                    found: motion.len(),
-                });
-            }
-        }
-        let frames = |index: usize| frames(motions[index].as_ref());
-        self.embed_in_batches(
-            MOTIONS_PER_BATCH,
-            &mut { frames },
-            motions.len(),
-            |indices| {
-                let lengths: Vec<usize> = indices.iter().map(|&index| frames(index)).collect();
-                let longest = *lengths.iter().max().expect("a batch has members");
-                let mut numbers = vec![0.0; indices.len() * longest * features];
-                let rows = numbers.chunks_exact_mut(longest * features);
-                for ((row, &index), length) in rows.zip(indices).zip(&lengths) {
-                    let count = length * features;
-                    row[..count].copy_from_slice(&motions[index].as_ref()[..count]);
-                }
-                let shape = [indices.len(), longest, features];
-                let x = Tensor::<3>::from_data(TensorData::new(numbers, shape), &self.device);
-                let x = self.normalization.normalize(x);
-                let x = x.narrow(2, 0, config.movement_features());
-                self.network.embed_motion(x, &lengths, None)
-            },
-        )
+        embed_motions(&self.network, &self.normalization, motions, &self.device)
     }
+}
 
-    /// Embeds `count` items in batches of `size` items of about the same length, and returns their embeddings in the
-    /// order of the items. `length` returns the length of the item with an index; `embed` embeds the items with the
-    /// indices of a batch.
-    fn embed_in_batches(
-        &self,
-        size: usize,
-        length: &mut dyn FnMut(usize) -> usize,
-        count: usize,
-        embed: impl Fn(&[usize]) -> Tensor<2>,
-    ) -> Result<Embeddings, EvaluatorError> {
-        let width = self.network.config().dim_coemb_hidden;
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by_key(|&index| length(index));
-        let mut embeddings = Embeddings::new(Vec::new(), width)?;
-        for indices in order.chunks(size) {
-            embeddings.extend(&Embeddings::from_tensor(embed(indices))?)?;
-        }
-        let mut rows = vec![0; count];
-        for (row, index) in order.into_iter().enumerate() {
-            rows[index] = row;
-        }
-        Ok(embeddings.select(rows))
-    }
+/// Embeds motions that are given by their pose features, not normalised, in their order.
+pub(crate) fn embed_motions(
+    network: &EvaluatorNetwork,
+    normalization: &Normalization,
+    motions: &[impl AsRef<[f32]>],
+    device: &Device,
+) -> Result<Embeddings, EvaluatorError> {
+    let config = network.config();
+    let inputs = MotionInputs::new(motions, config)?;
+    let embed = |indices: &[usize]| {
+        let (x, lengths) = inputs.batch(indices, device);
+        let x = normalization.normalize(x);
+        let x = x.narrow(2, 0, config.movement_features());
+        network.embed_motion(x, &lengths, None)
+    };
+    let width = config.dim_coemb_hidden;
+    let length = |index| inputs.frames(index);
+    Ok(embed_in_batches(
+        MOTIONS_PER_BATCH,
+        width,
+        &length,
+        motions.len(),
+        embed,
+    )?)
 }

@@ -26,7 +26,7 @@ pub struct EvaluatorNetwork {
 }
 
 /// The keys of the three encoders in `finest.tar`.
-const PARTS: [&str; 3] = ["movement_encoder", "motion_encoder", "text_encoder"];
+pub(crate) const PARTS: [&str; 3] = ["movement_encoder", "motion_encoder", "text_encoder"];
 
 const CONFIG: &str = "config.json";
 const WEIGHTS: &str = "model.safetensors";

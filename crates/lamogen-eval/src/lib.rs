@@ -10,10 +10,12 @@
 //! 3D Human Motions from Text", CVPR 2022). It maps texts and motions into one space, where a text lies near the
 //! motions that it describes. It loads the public weights without conversion, and smaller networks of the same kind
 //! can be trained with [`contrastive_loss`]. An [`Evaluator`] is such a network that reads tokens, with its tokenizer
-//! and the statistics of its features. The metrics are distances in that space; `docs/evaluation.md` explains each.
+//! and the statistics of its features; a [`PublicEvaluator`](protocol::PublicEvaluator) is the published one with its
+//! words, and [`protocol`] the evaluation that papers on HumanML3D report. The metrics are distances in that space; `docs/evaluation.md` explains each.
 
 mod captioned;
 mod config;
+mod embedding_batches;
 mod error;
 mod evaluator;
 mod evaluator_network;
@@ -21,6 +23,7 @@ mod initial;
 mod loss;
 mod metrics;
 mod network;
+pub mod protocol;
 mod real;
 mod text;
 pub mod truth;
@@ -34,7 +37,7 @@ pub use evaluator_network::EvaluatorNetwork;
 pub use loss::{contrastive_loss, contrastive_loss_all_shifts, random_shift};
 pub use metrics::{
     ChangeMatrix, ControlRange, Embeddings, Gaussian, MatchingScore, MetricError, RetrievalBatches,
-    diversity, fid, mean_distance, multimodality,
+    diversity, draw_pairs, fid, mean_distance, mean_pair_distance, multimodality,
 };
 pub use network::Dropout;
 pub use real::{Estimate, RealMotions, evaluate_real_motions};

@@ -213,6 +213,13 @@ impl Vocabulary {
     }
 }
 
+impl Sentence {
+    /// Returns the number of words, with start and end.
+    pub(crate) fn len(&self) -> usize {
+        self.length
+    }
+}
+
 /// Reads a file of Python's pickle format.
 fn read_pickle(path: &Path) -> Result<PickleValue, VocabularyError> {
     PytorchReader::read_pickle_data(path, None)

@@ -43,7 +43,7 @@ pub use guidance::{Body, Finish, Guidance, GuidanceVariable, Preset, PresetError
 pub use guided::{GuidedMotions, LabanComparison};
 pub use laban_term::LabanTerm;
 pub use lamogen_body::{FitError, FitOptions, FitProgress};
-pub use looped::Looped;
+pub use looped::{Looped, longest_loop};
 pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermComparison};
 pub use noise::noise;
 pub use observer::{Observer, Pass, Step};

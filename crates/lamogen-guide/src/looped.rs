@@ -30,16 +30,16 @@ impl<'a, D: Denoiser> Looped<'a, D> {
         Looped { network, is_looped }
     }
 
-    /// Returns the length of the longest loop of a network, in frames.
-    pub fn longest_loop(network: &D) -> usize {
-        network.max_frames().saturating_sub(MIN_OVERLAP)
-    }
-
     /// Returns the overlaps of the motions of a batch; `None` if the network evaluates motions as they are.
     fn overlaps(&self, mask: &FrameMask, device: &Device) -> Option<Overlaps> {
         self.is_looped
             .then(|| Overlaps::new(mask, self.network.max_frames(), device))
     }
+}
+
+/// Returns the length of the longest loop of a network whose longest motion has `max_frames` frames.
+pub fn longest_loop(max_frames: usize) -> usize {
+    max_frames.saturating_sub(MIN_OVERLAP)
 }
 
 /// The frames that both ends of each motion of a batch share.
@@ -156,7 +156,7 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
 
     fn max_frames(&self) -> usize {
         match self.is_looped {
-            true => Self::longest_loop(self.network),
+            true => longest_loop(self.network.max_frames()),
             false => self.network.max_frames(),
         }
     }

@@ -1,6 +1,6 @@
 //! The model, and the generation of motions from requests.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
 
 use burn::tensor::Device;
 use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
@@ -26,6 +26,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     pub(crate) text_scale: f64,
     pub(crate) known_words: Option<WordList>,
     stand_in: Option<String>,
+    min_frames: usize,
 }
 
 /// The result of a request.
@@ -136,6 +137,7 @@ impl<D: Denoiser> LaMoGen<D> {
         );
         LaMoGen {
             batch_size: default_batch_size(&network.device()),
+            min_frames: network.min_frames(),
             network,
             tokenizer,
             normalization,
@@ -146,6 +148,26 @@ impl<D: Denoiser> LaMoGen<D> {
             known_words: None,
             stand_in: None,
         }
+    }
+
+    /// Sets the length in frames of the shortest motion that may be requested. The default is that of the network ([`Denoiser::min_frames`]), which is the shortest one it was trained on;
+    /// a shorter motion is a network's guess. The public evaluation of HumanML3D generates motions of 36 frames with networks that were trained on 40 and more.
+    ///
+    /// # Panics
+    ///
+    /// If the length is 0 or above that of the longest motion.
+    pub fn with_min_frames(self, min_frames: usize) -> Self {
+        let longest = self.network.max_frames();
+        assert!(
+            (1..=longest).contains(&min_frames),
+            "expected a shortest motion of 1 to {longest} frames, found {min_frames}"
+        );
+        LaMoGen { min_frames, ..self }
+    }
+
+    /// Returns the lengths in frames of motions that may be requested.
+    pub fn lengths(&self) -> RangeInclusive<usize> {
+        self.min_frames..=self.network.max_frames()
     }
 
     /// Returns the number of motions that run together in [`generate_all`](Self::generate_all).
@@ -436,7 +458,7 @@ impl<D: Denoiser> LaMoGen<D> {
             groups,
             (index, request),
             self.stand_in(&request.prompt),
-            &self.network,
+            &self.lengths(),
             &self.tokenizer,
             self.preset,
         )

@@ -1,8 +1,10 @@
 //! Checking requests, and grouping them into batches.
 
-use lamogen_guide::{Body, Guidance, Looped, Preset, Schedule};
+use std::ops::RangeInclusive;
+
+use lamogen_guide::{Body, Guidance, Preset, Schedule, longest_loop};
 use lamogen_laban::{Goals, Scale};
-use lamogen_model::{Denoiser, Tokenizer};
+use lamogen_model::Tokenizer;
 use lamogen_motion::RootMotion;
 
 use crate::error::RequestError;
@@ -77,12 +79,12 @@ pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Ve
 }
 
 /// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
-/// stands in for the prompt, the model reads that sentence.
+/// stands in for the prompt, the model reads that sentence. `lengths` are those of motions in frames.
 pub(crate) fn assign_to_group(
     groups: &mut Vec<JobGroup>,
     (index, request): (usize, &Request),
     stand_in: Option<&str>,
-    model: &impl Denoiser,
+    lengths: &RangeInclusive<usize>,
     tokenizer: &Tokenizer,
     default: Preset,
 ) -> Result<(), RequestError> {
@@ -119,8 +121,11 @@ pub(crate) fn assign_to_group(
     }
     let tokens = stand_in.map_or(Ok(tokens), |sentence| tokenizer.encode(sentence))?;
     let is_looped = request.is_looped;
-    let longest = Looped::new(model, is_looped).max_frames();
-    let frames = request.length.frames(model.min_frames(), longest)?;
+    let longest = match is_looped {
+        true => longest_loop(*lengths.end()),
+        false => *lengths.end(),
+    };
+    let frames = request.length.frames(*lengths.start(), longest)?;
     if let Some(goals) = &goals {
         goals.check(frames, &guidance.laban.end_effectors)?;
     }

@@ -7,6 +7,7 @@
 //! Mean.npy, Std.npy               statistics, [263]; computed if the files are missing
 //! ```
 
+pub(crate) mod benchmark;
 pub(crate) mod text;
 
 use std::collections::{HashMap, HashSet};
@@ -28,6 +29,8 @@ use crate::problems::{Problem, ProblemKind, Problems, check_length};
 use crate::rows::{Rows, to_half};
 use crate::split::Split;
 use crate::statistics::Statistics;
+
+pub use benchmark::{BenchmarkClip, BenchmarkSplit};
 
 /// The folder of the pose features.
 pub(crate) const VECTORS: &str = "new_joint_vecs";

@@ -15,7 +15,7 @@ pub use control::{ChangeMatrix, ControlRange};
 pub use embeddings::Embeddings;
 pub use frechet::{Gaussian, fid};
 pub use matching::MatchingScore;
-pub use spread::{diversity, mean_distance, multimodality};
+pub use spread::{diversity, draw_pairs, mean_distance, mean_pair_distance, multimodality};
 
 /// An error when a metric is computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

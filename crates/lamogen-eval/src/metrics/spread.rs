@@ -82,14 +82,48 @@ fn mean_drawn_distance(
             });
         }
     }
+    let pairs = draw_pairs(first.len(), pairs, seed);
+    mean_pair_distance(sets, &pairs)
+}
+
+/// Draws pairs of indices below `count`: the first ones without replacement, and so the second ones.
+///
+/// # Panics
+///
+/// If there are more pairs than indices.
+pub fn draw_pairs(count: usize, pairs: usize, seed: u64) -> Vec<(usize, usize)> {
     let mut rng = ChaCha12Rng::seed_from_u64(seed);
-    let mut draw = || rand::seq::index::sample(&mut rng, first.len(), pairs).into_vec();
+    let mut draw = || rand::seq::index::sample(&mut rng, count, pairs).into_vec();
     let (left, right) = (draw(), draw());
-    let distances = sets.iter().flat_map(|set| {
-        let pairs = left.iter().zip(&right);
-        pairs.map(|(&a, &b)| distance(set.row(a), set.row(b)))
-    });
-    Ok(distances.sum::<f64>() / (sets.len() * pairs) as f64)
+    left.into_iter().zip(right).collect()
+}
+
+/// Computes the mean distance between the embeddings of given pairs, over all sets. With one set and pairs of any motions this is Diversity, with a set
+/// for each text MultiModality.
+///
+/// # Errors
+///
+/// If there is no set or no pair.
+///
+/// # Panics
+///
+/// If a set has no embedding with an index of a pair.
+pub fn mean_pair_distance(
+    sets: &[Embeddings],
+    pairs: &[(usize, usize)],
+) -> Result<f64, MetricError> {
+    let distances = sets
+        .iter()
+        .flat_map(|set| { pairs.iter() }.map(|&(a, b)| distance(set.row(a), set.row(b))));
+    match sets.len() * pairs.len() {
+        0 => Err(MetricError::TooFew {
+            metric: "a mean distance",
+            what: "pair",
+            needed: 1,
+            found: 0,
+        }),
+        count => Ok(distances.sum::<f64>() / count as f64),
+    }
 }
 
 #[cfg(test)]

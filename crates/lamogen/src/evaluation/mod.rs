@@ -30,6 +30,7 @@
 
 mod document;
 mod error;
+mod judge;
 mod measure;
 mod paper;
 mod pictures;
@@ -49,20 +50,23 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use burn::tensor::Device;
-use lamogen_data::{Checksum, Dataset, Entry, Split};
-use lamogen_eval::{Embeddings, Evaluator};
+use lamogen_data::{BenchmarkClip, BenchmarkSplit, Checksum, Dataset, Entry, Split};
+use lamogen_eval::protocol::{Protocol, PublicEvaluator, Replication};
+use lamogen_eval::{Embeddings, Evaluator, RetrievalBatches};
 use lamogen_guide::Preset;
 use lamogen_model::Denoiser;
 use lamogen_motion::{remove_stale_temporaries, write_atomically};
 use serde_json::{Value, json};
 
+use crate::Motion;
 use crate::generation::LaMoGen;
 pub use error::{EvaluationError, EvaluationErrorKind};
+use judge::{MotionEvaluator, ScoreBasis, ScoreSource};
 pub use measure::MeasurementTarget;
-use plan::{EvalPlan, EvalPrompt, PlanDefaults, PlannedMotion, PromptSelection};
+use plan::{EvalPlan, EvalPrompt, Multimodality, PlanDefaults, PlannedMotion, PromptSelection};
 pub use plan::{Method, Study};
 use record::{BodyMeasurements, MotionOutcome, RecordFile, RecordKey, read_records};
-use runner::{EvalRunner, RealMotions, evaluation_failure};
+use runner::{EvalRunner, evaluation_failure};
 use summary::EvalData;
 
 /// The number of motions that are generated and evaluated together.
@@ -95,6 +99,26 @@ pub struct EvaluationOptions {
     pub shard: Option<(usize, usize)>,
     /// Whether to generate nothing that is missing, and to write the report of the records in the folder.
     pub merge: bool,
+    /// The motions of MultiModality, with the public evaluator only; `None` leaves it out.
+    pub multimodality: Option<MultimodalityOptions>,
+}
+
+/// The motions of MultiModality. The default is that of the public evaluation: 30 for each of 100 texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MultimodalityOptions {
+    /// The number of texts; of fewer sentences, all of them.
+    pub texts: usize,
+    /// The number of motions of each text, at least 2. Distances are of 10 drawn pairs; of 10 motions and fewer, of all pairs.
+    pub motions: u64,
+}
+
+impl Default for MultimodalityOptions {
+    fn default() -> Self {
+        MultimodalityOptions {
+            texts: Protocol::MULTIMODALITY_TEXTS,
+            motions: Protocol::MULTIMODALITY_MOTIONS as u64,
+        }
+    }
 }
 
 impl Default for EvaluationOptions {
@@ -112,8 +136,21 @@ impl Default for EvaluationOptions {
             study_prompts: 64,
             shard: None,
             merge: false,
+            multimodality: Some(MultimodalityOptions::default()),
         }
     }
+}
+
+/// The lengths in frames that the public evaluation draws, of motions of 40 to 199 frames.
+pub const PUBLIC_LENGTHS: RangeInclusive<usize> = 36..=196;
+
+/// The public evaluation of HumanML3D: the published evaluator and a split of the data set ([`lamogen_eval::protocol`]).
+#[derive(Clone, Copy)]
+pub struct PublicBenchmark<'a> {
+    /// The evaluator. Without one, what needs no evaluator is computed; without its words, what needs no texts.
+    pub evaluator: Option<&'a PublicEvaluator>,
+    /// The motions with their captions.
+    pub split: &'a BenchmarkSplit,
 }
 
 /// A model to evaluate.
@@ -187,66 +224,26 @@ pub fn evaluate<D: Denoiser>(
     options: &EvaluationOptions,
     observer: &mut dyn EvaluationObserver,
 ) -> Result<Evaluation, EvaluationError> {
-    if folder.exists() && !folder.is_dir() {
-        let reason = "expected a folder, found a file";
-        return Err(EvaluationError::output(folder, reason));
-    }
-    remove_stale_temporaries(folder);
-    let device = model.model.network().device();
-    let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
-    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
-    let run = check_run(
-        model,
-        evaluator,
-        (&sentences, &device),
-        (folder, &plan),
-        options,
-    )?;
-    let CheckedRun {
-        runner,
-        all,
-        texts,
-        identity,
-        is_begun,
-    } = run;
-    let (prompts, real) = &sentences;
-    if !is_begun {
-        begin_folder(folder, &identity)?;
-    }
-    if !options.merge {
-        generate_missing(folder, options, &all, &runner, observer)?;
-    }
-    let records = read_records(&record_files(folder)?)?;
-    let missing = missing_motions(&all, &records).len();
-    let mut files = Vec::new();
-    if missing > 0 && options.shard.is_some() {
-        observer.notice(&format!(
-            "{missing} of {} motions are for other shards; --merge writes the report of what there is",
-            all.len()
-        ));
-    } else {
-        let data = EvalData {
-            records: &records,
-            prompts,
-            texts: &texts,
-            real,
-            repeats: options.repeats,
-        };
-        if missing > 0 {
-            observer.notice(&format!(
-                "{missing} of {} motions are not made yet; the report is of the others",
-                all.len()
-            ));
-        }
-        let title = format!("Report on {}", model.name);
-        let report = report::Report::new(&plan, &data, &runner, &title, missing);
-        files = report.map_err(evaluation_failure)?.write(folder)?;
-    }
-    Ok(Evaluation {
-        motions: all.len(),
-        missing,
-        files,
-    })
+    let sources = dataset_sources(model.model, evaluator, dataset, options, observer)?;
+    evaluate_sources(model, sources, folder, options, observer)
+}
+
+/// Evaluates a model as papers on HumanML3D do: as [`evaluate`], with the public evaluator and by its rules ([`lamogen_eval::protocol`]). Every repeat is a
+/// replication, with captions and lengths of its own; the public evaluation has 20.
+///
+/// # Errors
+///
+/// As [`evaluate`]; if the model does not generate motions of 36 to 196 frames ([`LaMoGen::with_min_frames`]), a caption has no tokens, or the evaluator's statistics are those of
+/// something else.
+pub fn evaluate_publicly<D: Denoiser>(
+    model: &EvaluatedModel<'_, D>,
+    benchmark: PublicBenchmark<'_>,
+    folder: &Path,
+    options: &EvaluationOptions,
+    observer: &mut dyn EvaluationObserver,
+) -> Result<Evaluation, EvaluationError> {
+    let sources = public_sources(model.model, benchmark, options, observer)?;
+    evaluate_sources(model, sources, folder, options, observer)
 }
 
 /// Checks everything that [`evaluate`] checks, and estimates what is left to do by generating some motions of each setting. Writes nothing.
@@ -262,16 +259,101 @@ pub fn estimate<D: Denoiser>(
     options: &EvaluationOptions,
     observer: &mut dyn EvaluationObserver,
 ) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
+    let sources = dataset_sources(model.model, evaluator, dataset, options, observer)?;
+    estimate_sources(model, sources, folder, options)
+}
+
+/// Checks everything that [`evaluate_publicly`] checks, and estimates what is left to do, as [`estimate`] does.
+///
+/// # Errors
+///
+/// As [`evaluate_publicly`].
+pub fn estimate_publicly<D: Denoiser>(
+    model: &EvaluatedModel<'_, D>,
+    benchmark: PublicBenchmark<'_>,
+    folder: &Path,
+    options: &EvaluationOptions,
+    observer: &mut dyn EvaluationObserver,
+) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
+    let sources = public_sources(model.model, benchmark, options, observer)?;
+    estimate_sources(model, sources, folder, options)
+}
+
+/// Evaluates a model on sentences and real motions.
+fn evaluate_sources<D: Denoiser>(
+    model: &EvaluatedModel<'_, D>,
+    sources: EvalSources<'_>,
+    folder: &Path,
+    options: &EvaluationOptions,
+    observer: &mut dyn EvaluationObserver,
+) -> Result<Evaluation, EvaluationError> {
+    if folder.exists() && !folder.is_dir() {
+        let reason = "expected a folder, found a file";
+        return Err(EvaluationError::output(folder, reason));
+    }
+    remove_stale_temporaries(folder);
     let device = model.model.network().device();
-    let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
-    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
-    let run = check_run(
-        model,
-        evaluator,
-        (&sentences, &device),
-        (folder, &plan),
-        options,
-    )?;
+    let plan = EvalPlan::new(options, model.model.preset(), sources.prompts.len())
+        .with_multimodality(sources.multimodality.clone());
+    let run = check_run(model, (&sources, &device), (folder, &plan), options)?;
+    let CheckedRun {
+        runner,
+        all,
+        texts,
+        identity,
+        is_begun,
+    } = run;
+    if !is_begun {
+        begin_folder(folder, &identity)?;
+    }
+    if !options.merge {
+        generate_missing(folder, options, &all, &runner, observer)?;
+    }
+    let records = read_records(&record_files(folder)?)?;
+    let missing = missing_motions(&all, &records).len();
+    let mut files = Vec::new();
+    if missing > 0 && options.shard.is_some() {
+        observer.notice(&format!(
+            "{missing} of {} motions are for other shards; --merge writes the report of what there is",
+            all.len()
+        ));
+    } else {
+        if missing > 0 {
+            observer.notice(&format!(
+                "{missing} of {} motions are not made yet; the report is of the others",
+                all.len()
+            ));
+        }
+        let data = EvalData {
+            records: &records,
+            prompts: &sources.prompts,
+            bodies: &sources.bodies,
+            scores: sources.score_basis(&texts, options)?,
+            multimodality: plan.multimodality.as_ref(),
+            repeats: options.repeats,
+        };
+        let title = format!("Report on {}", model.name);
+        let report = report::Report::new(&plan, &data, &runner, &title, missing);
+        files = report.map_err(evaluation_failure)?.write(folder)?;
+    }
+    Ok(Evaluation {
+        motions: all.len(),
+        missing,
+        files,
+    })
+}
+
+/// Checks an evaluation on sentences and real motions, and estimates what is left to do.
+fn estimate_sources<D: Denoiser>(
+    model: &EvaluatedModel<'_, D>,
+    sources: EvalSources<'_>,
+    folder: &Path,
+    options: &EvaluationOptions,
+) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
+    let device = model.model.network().device();
+    let plan = EvalPlan::new(options, model.model.preset(), sources.prompts.len())
+        .with_multimodality(sources.multimodality.clone());
+    let run = check_run(model, (&sources, &device), (folder, &plan), options)?;
     let CheckedRun { runner, all, .. } = &run;
     let records = match run.is_begun {
         true => read_records(&record_files(folder)?)?,
@@ -298,6 +380,50 @@ pub fn estimate<D: Denoiser>(
     Ok(estimates)
 }
 
+/// The sentences, the real motions, and the evaluator.
+struct EvalSources<'a> {
+    evaluator: MotionEvaluator<'a>,
+    prompts: Vec<EvalPrompt>,
+    /// The measurements of the prompts' real motions.
+    bodies: Vec<BodyMeasurements>,
+    scores: ScoreSource<'a>,
+    /// The checksum of captions and real motions.
+    checksum: u64,
+    multimodality: Option<Multimodality>,
+}
+
+impl EvalSources<'_> {
+    /// Returns what scores are computed from. `texts` are the embeddings of the captions of every repeat, for evaluators that were trained by lamogen.
+    fn score_basis<'b>(
+        &'b self,
+        texts: &'b [Embeddings],
+        options: &EvaluationOptions,
+    ) -> Result<ScoreBasis<'b>, EvaluationError> {
+        match &self.scores {
+            ScoreSource::None => Ok(ScoreBasis::None),
+            ScoreSource::Trained { real } => Ok(ScoreBasis::Trained { texts, real }),
+            // Fewer motions form no batch.
+            ScoreSource::Public { clips, .. } if clips.len() < RetrievalBatches::SIZE => {
+                Ok(ScoreBasis::None)
+            }
+            ScoreSource::Public {
+                evaluator,
+                clips,
+                replications,
+            } => {
+                let form = |rows: &[f32]| {
+                    let motion = Motion::from_pose_features(rows.as_chunks().0.to_vec());
+                    let motion = motion.map_err(|error| error.to_string())?;
+                    Ok(options.measure.measured_motion(&motion)?.features())
+                };
+                let protocol = Protocol::embed(evaluator, clips, replications, &form);
+                let protocol = protocol.map_err(evaluation_failure)?;
+                Ok(ScoreBasis::Public(Box::new(protocol)))
+            }
+        }
+    }
+}
+
 /// An evaluation of which everything has been checked that can be wrong before the first motion.
 struct CheckedRun<'a, D> {
     runner: EvalRunner<'a, D>,
@@ -314,22 +440,26 @@ struct CheckedRun<'a, D> {
 /// Checks sentences, captions and folder, before anything is generated.
 fn check_run<'a, D: Denoiser>(
     model: &EvaluatedModel<'a, D>,
-    evaluator: &'a Evaluator,
-    ((prompts, real), device): (&'a (Vec<EvalPrompt>, RealMotions), &'a Device),
+    (sources, device): (&'a EvalSources<'a>, &'a Device),
     (folder, plan): (&Path, &'a EvalPlan),
     options: &EvaluationOptions,
 ) -> Result<CheckedRun<'a, D>, EvaluationError> {
     let runner = EvalRunner {
         model: model.model,
-        evaluator,
-        prompts,
+        evaluator: sources.evaluator,
+        prompts: &sources.prompts,
         device,
         measure: options.measure,
     };
     let all: Vec<PlannedMotion<'a>> = plan.planned_motions().collect();
     runner.check(&all)?;
-    let texts = embed_captions(&runner, options.repeats)?;
-    let identity = run_identity(plan, &runner, &model.fingerprint, real);
+    let texts = match sources.evaluator {
+        MotionEvaluator::Trained(evaluator) => {
+            embed_captions(evaluator, &sources.prompts, options.repeats)?
+        }
+        MotionEvaluator::Public(_) | MotionEvaluator::None => Vec::new(),
+    };
+    let identity = run_identity(plan, &runner, &model.fingerprint, sources.checksum);
     Ok(CheckedRun {
         is_begun: is_begun(folder, options, &identity)?,
         runner,
@@ -351,52 +481,34 @@ fn missing_motions<'a>(
 }
 
 /// Returns the evaluator's embeddings of the captions of every repeat.
-fn embed_captions<D: Denoiser>(
-    runner: &EvalRunner<'_, D>,
+fn embed_captions(
+    evaluator: &Evaluator,
+    prompts: &[EvalPrompt],
     repeats: u64,
 ) -> Result<Vec<Embeddings>, EvaluationError> {
     let embed_repeat = |repeat| {
-        let captions = runner.prompts.iter().map(|prompt| prompt.caption(repeat));
+        let captions = prompts.iter().map(|prompt| prompt.caption(repeat));
         let captions: Vec<&str> = captions.collect();
-        runner.evaluator.texts(&captions)
+        evaluator.texts(&captions)
     };
     let texts = (0..repeats).map(embed_repeat).collect::<Result<_, _>>();
     texts.map_err(|error| EvaluationError::new(EvaluationErrorKind::Input, error))
 }
 
-/// Loads the prompts, and embeds and measures the real motions of these prompts.
-fn load_prompts<D: Denoiser>(
+/// Loads the prompts of a data set, and embeds and measures their real motions.
+fn dataset_sources<'a, D: Denoiser>(
     model: &LaMoGen<D>,
-    evaluator: &Evaluator,
+    evaluator: &'a Evaluator,
     data: &Dataset,
     options: &EvaluationOptions,
     observer: &mut dyn EvaluationObserver,
-) -> Result<(Vec<EvalPrompt>, RealMotions), EvaluationError> {
+) -> Result<EvalSources<'a>, EvaluationError> {
     let lengths = accepted_lengths(model.network(), evaluator);
     let entries: Vec<&Entry> = data
         .split(options.split)
         .filter(|entry| !entry.mirror && lengths.contains(&entry.frames))
         .collect();
-    let wanted = options.prompts.unwrap_or(entries.len());
-    if wanted > entries.len() {
-        observer.notice(&format!(
-            "the {} split has {} sentences, not {wanted}: all are taken",
-            options.split,
-            entries.len()
-        ));
-    }
-    let places = PromptSelection::spread(wanted, entries.len()).iter();
-    let entries: Vec<&Entry> = places.map(|place| entries[place]).collect();
-    if entries.len() < 2 {
-        let message = format!(
-            "expected at least 2 motions of {} to {} frames in the {} split of the data set, found {}",
-            lengths.start(),
-            lengths.end(),
-            options.split,
-            entries.len()
-        );
-        return Err(EvaluationError::new(EvaluationErrorKind::Input, message));
-    }
+    let entries = selected(&entries, &lengths, options, observer)?;
     let measure = |entry: &&Entry| {
         let motion = data.motion(entry).map_err(|error| error.to_string())?;
         let measured = options.measure.measured_motion(&motion)?;
@@ -406,19 +518,156 @@ fn load_prompts<D: Denoiser>(
         entries.iter().map(measure).collect();
     let (features, bodies) =
         measurements.map_err(|error| EvaluationError::new(EvaluationErrorKind::Input, error))?;
-    let real = RealMotions {
-        points: evaluator.motions(&features).map_err(evaluation_failure)?,
-        bodies,
-    };
+    let real = evaluator.motions(&features).map_err(evaluation_failure)?;
     let prompts = entries.iter().map(|entry| EvalPrompt {
         captions: entry
             .captions
             .iter()
             .map(|caption| caption.text.clone())
             .collect(),
-        frames: entry.frames,
+        frames: vec![entry.frames],
     });
-    Ok((prompts.collect(), real))
+    let prompts: Vec<EvalPrompt> = prompts.collect();
+    let mut checksum = Checksum::new(0);
+    for (place, prompt) in prompts.iter().enumerate() {
+        let captions = prompt.captions.join("\n");
+        for bytes in [captions.as_bytes(), &prompt.frames[0].to_le_bytes()] {
+            checksum.add(bytes);
+        }
+        for number in real.row(place) {
+            checksum.add(&number.to_le_bytes());
+        }
+    }
+    Ok(EvalSources {
+        evaluator: MotionEvaluator::Trained(evaluator),
+        prompts,
+        bodies,
+        scores: ScoreSource::Trained { real },
+        checksum: checksum.value(),
+        multimodality: None,
+    })
+}
+
+/// Selects as many motions as the options ask for, at equal distances. `lengths` are those of the motions, for the error.
+fn selected<T: Copy>(
+    all: &[T],
+    lengths: &RangeInclusive<usize>,
+    options: &EvaluationOptions,
+    observer: &mut dyn EvaluationObserver,
+) -> Result<Vec<T>, EvaluationError> {
+    let wanted = options.prompts.unwrap_or(all.len());
+    if wanted > all.len() {
+        observer.notice(&format!(
+            "the {} split has {} sentences, not {wanted}: all are taken",
+            options.split,
+            all.len()
+        ));
+    }
+    if all.len() < 2 {
+        let message = format!(
+            "expected at least 2 motions of {} to {} frames in the {} split of the data set, found {}",
+            lengths.start(),
+            lengths.end(),
+            options.split,
+            all.len()
+        );
+        return Err(EvaluationError::new(EvaluationErrorKind::Input, message));
+    }
+    let places = PromptSelection::spread(wanted, all.len()).iter();
+    Ok(places.map(|place| all[place]).collect())
+}
+
+/// Draws the sentences of the public evaluation, and measures the real motions.
+fn public_sources<'a, D: Denoiser>(
+    model: &LaMoGen<D>,
+    benchmark: PublicBenchmark<'a>,
+    options: &EvaluationOptions,
+    observer: &mut dyn EvaluationObserver,
+) -> Result<EvalSources<'a>, EvaluationError> {
+    let input = |error: String| EvaluationError::new(EvaluationErrorKind::Input, error);
+    let accepted = model.lengths();
+    if ![PUBLIC_LENGTHS.start(), PUBLIC_LENGTHS.end()]
+        .into_iter()
+        .all(|length| accepted.contains(length))
+    {
+        return Err(input(format!(
+            "expected a model that generates motions of {} to {} frames, which the public evaluation draws, found one of {} to {}",
+            PUBLIC_LENGTHS.start(),
+            PUBLIC_LENGTHS.end(),
+            accepted.start(),
+            accepted.end()
+        )));
+    }
+    let all: Vec<&'a BenchmarkClip> = benchmark.split.clips().iter().collect();
+    if let Some(evaluator) = benchmark.evaluator {
+        { evaluator.check_statistics(benchmark.split) }
+            .map_err(|error| input(error.to_string()))?;
+        for clip in &all {
+            for caption in &clip.captions {
+                { evaluator.check_caption(caption) }
+                    .map_err(|error| input(format!("{}: {error}", clip.name)))?;
+            }
+        }
+    }
+    let clips = selected(&all, &PUBLIC_LENGTHS, options, observer)?;
+    let replications = (0..options.repeats).map(|repeat| Replication::draw(&clips, repeat));
+    let replications: Vec<Replication> = replications.collect();
+    let prompt = |(place, clip): (usize, &&BenchmarkClip)| {
+        let samples = replications.iter().map(|draws| draws.samples[place]);
+        EvalPrompt {
+            captions: { samples.clone() }
+                .map(|sample| clip.captions[sample.caption].text.clone())
+                .collect(),
+            frames: samples.map(|sample| sample.frames).collect(),
+        }
+    };
+    let prompts = clips.iter().enumerate().map(prompt).collect();
+    let mut checksum = Checksum::new(0);
+    let mut bodies = Vec::new();
+    for clip in &clips {
+        for caption in &clip.captions {
+            checksum.add(caption.text.as_bytes());
+            checksum.add(caption.tokens.as_deref().unwrap_or_default().as_bytes());
+        }
+        for number in &clip.features {
+            checksum.add(&number.to_le_bytes());
+        }
+        let body = Motion::from_pose_features(clip.features.as_chunks().0.to_vec())
+            .map_err(|error| error.to_string())
+            .and_then(|motion| Ok(options.measure.measured_motion(&motion)?.body()));
+        bodies.push(body.map_err(|error| input(format!("{}: {error}", clip.name)))?);
+    }
+    let multimodality = options.multimodality.map(|multimodality| Multimodality {
+        motions: multimodality.motions,
+        prompts: { replications.iter() }
+            .map(|draws| {
+                let texts = multimodality.texts.min(draws.order.len());
+                draws.order[..texts].to_vec()
+            })
+            .collect(),
+    });
+    Ok(match benchmark.evaluator {
+        Some(evaluator) => EvalSources {
+            evaluator: MotionEvaluator::Public(evaluator),
+            prompts,
+            bodies,
+            scores: ScoreSource::Public {
+                evaluator,
+                clips,
+                replications,
+            },
+            checksum: checksum.value(),
+            multimodality,
+        },
+        None => EvalSources {
+            evaluator: MotionEvaluator::None,
+            prompts,
+            bodies,
+            scores: ScoreSource::None,
+            checksum: checksum.value(),
+            multimodality: None,
+        },
+    })
 }
 
 /// Generates and measures the motions of this shard that have no record yet.
@@ -465,18 +714,8 @@ fn run_identity<D: Denoiser>(
     plan: &EvalPlan,
     runner: &EvalRunner<'_, D>,
     fingerprint: &str,
-    real: &RealMotions,
+    data: u64,
 ) -> Value {
-    let mut data = Checksum::new(0);
-    for (place, prompt) in runner.prompts.iter().enumerate() {
-        let captions = prompt.captions.join("\n");
-        for bytes in [captions.as_bytes(), &prompt.frames.to_le_bytes()] {
-            data.add(bytes);
-        }
-        for number in real.points.row(place) {
-            data.add(&number.to_le_bytes());
-        }
-    }
     let PlanDefaults {
         preset,
         given_steps: _,
@@ -484,11 +723,11 @@ fn run_identity<D: Denoiser>(
     } = plan.defaults;
     json!({
         "model": fingerprint,
-        "evaluator": lamogen_train::fingerprint(runner.evaluator.network()),
+        "evaluator": runner.evaluator.fingerprint(),
         "temporal_smoothing": runner.model.temporal_smoothing().map(|smoothing| smoothing.frames),
         "text_scale": runner.model.text_scale(),
         "prompts": runner.prompts.len(),
-        "data": format!("{:016x}", data.value()),
+        "data": format!("{data:016x}"),
         "preset": preset.name(),
         "steps": plan.defaults.steps(),
         "embedding_steps": plan.defaults.steps_of(Preset::Fast),

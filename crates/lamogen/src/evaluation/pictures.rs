@@ -40,7 +40,7 @@ impl<'a, D: Denoiser> ReportPictures<'a, D> {
     /// Returns the request for the motion of the sentence alone.
     fn unguided_request(&self) -> Request {
         Request::new(self.caption())
-            .frames(self.runner.prompts[0].frames)
+            .frames(self.runner.prompts[0].frames(0))
             .steps(self.plan.defaults.steps())
     }
 
@@ -110,6 +110,7 @@ impl<'a, D: Denoiser> ReportPictures<'a, D> {
                     |condition: &&Condition| [None, factor].contains(&condition.factor());
                 for &condition in setting.conditions.iter().filter(is_of_tag) {
                     let planned = PlannedMotion {
+                        variant: 0,
                         setting,
                         condition,
                         prompt: 0,

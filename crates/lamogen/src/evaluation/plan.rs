@@ -8,6 +8,7 @@
 
 mod condition;
 mod method;
+mod multimodality;
 mod prompts;
 mod setting;
 mod study;
@@ -18,6 +19,7 @@ use super::EvaluationOptions;
 pub use condition::Condition;
 use condition::{factor_condition, tag_conditions};
 pub use method::Method;
+pub use multimodality::Multimodality;
 pub use prompts::{EvalPrompt, PromptSelection};
 pub use setting::{MethodSetting, PlannedMotion, planned_motions};
 pub use study::{INTERPOLATION, Study};
@@ -109,6 +111,8 @@ pub struct EvalPlan {
     pub settings: Vec<MethodSetting>,
     /// The number of motions for each prompt and condition, from as many seeds.
     pub repeats: u64,
+    /// The texts with several motions by each method; `None` without MultiModality.
+    pub multimodality: Option<Multimodality>,
 }
 
 impl EvalPlan {
@@ -146,13 +150,37 @@ impl EvalPlan {
             studies,
             settings,
             repeats: options.repeats,
+            multimodality: None,
+        }
+    }
+
+    /// Adds several motions for some texts by each method.
+    pub fn with_multimodality(self, multimodality: Option<Multimodality>) -> EvalPlan {
+        EvalPlan {
+            multimodality,
+            ..self
         }
     }
 
     /// Returns all motions of the plan.
     pub fn planned_motions(&self) -> impl Iterator<Item = PlannedMotion<'_>> {
         let settings = self.settings.iter();
-        settings.flat_map(|setting| planned_motions(setting, self.repeats))
+        settings.flat_map(|setting| {
+            planned_motions(setting, self.repeats).chain(self.further_motions(setting))
+        })
+    }
+
+    /// Returns the motions of a method that are for MultiModality only.
+    fn further_motions<'a>(
+        &'a self,
+        setting: &'a MethodSetting,
+    ) -> impl Iterator<Item = PlannedMotion<'a>> {
+        let is_method = { self.methods.iter() }.any(|method| method.name == setting.name);
+        let multimodality = self.multimodality.as_ref().filter(|_| is_method);
+        let sets = multimodality.into_iter().flat_map(move |multimodality| {
+            (0..self.repeats).flat_map(move |repeat| multimodality.planned_motions(setting, repeat))
+        });
+        sets.flatten().filter(|planned| planned.variant > 0)
     }
 }
 
@@ -196,6 +224,7 @@ mod tests {
             let mut setting = DEFAULTS.method_setting(Method::Laban, selection);
             change(&mut setting);
             let planned = PlannedMotion {
+                variant: 0,
                 setting: &setting,
                 condition,
                 prompt: 0,

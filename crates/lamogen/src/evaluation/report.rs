@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 
 use super::document::{ReportBlock, html, markdown};
 use super::error::EvaluationError;
+use super::judge::ScoreBasis;
 use super::measure::MeasurementTarget;
 use super::paper;
 use super::pictures::ReportPictures;
@@ -64,7 +65,8 @@ impl Report {
         report
             .other_figures
             .insert("real_motions".into(), json!(real));
-        report.add_fidelity(plan, &real);
+        let is_public = matches!(data.scores, ScoreBasis::Public(_));
+        report.add_fidelity(plan, &real, is_public);
         report.add_quality(plan, &real);
         report.add_side_effects(plan);
         let pictures = ReportPictures::new(plan, runner);
@@ -232,7 +234,7 @@ impl Report {
     }
 
     /// Adds the table of text and fidelity (table 2 of the paper).
-    fn add_fidelity(&mut self, plan: &EvalPlan, real: &RealMotionFigures) {
+    fn add_fidelity(&mut self, plan: &EvalPlan, real: &RealMotionFigures, is_public: bool) {
         let with = |value: Option<MeanEstimate>, paper: Option<f64>, digits: usize| match value {
             None => NO_VALUE.to_owned(),
             Some(_) => {
@@ -240,44 +242,73 @@ impl Report {
                 format!("{}{paper}", format_mean(value, digits))
             }
         };
-        let mut rows = Vec::new();
-        let mut add = |title: &str,
-                       figures: (Option<[MeanEstimate; 3]>, [Option<MeanEstimate>; 3]),
-                       paper: Option<[f64; 5]>| {
-            let (ranks, [fid, diversity, matching]) = figures;
+        let row = |title: &str, figures: &TextFigures, paper: Option<[f64; 5]>| {
+            let of_paper = |place: usize| paper.map(|paper| paper[place]);
             let mut row = vec![title.to_owned()];
             row.extend([0, 1, 2].map(|rank| {
-                with(
-                    ranks.map(|ranks| ranks[rank]),
-                    paper.map(|paper| paper[rank]),
-                    3,
-                )
+                let value = figures.r_precision.map(|ranks| ranks[rank]);
+                with(value, of_paper(rank), 3)
             }));
-            row.push(with(fid, paper.map(|paper| paper[3]), 3));
-            row.push(with(diversity, paper.map(|paper| paper[4]), 2));
-            row.push(with(matching, None, 3));
-            rows.push(row);
+            row.push(with(figures.fid, of_paper(3), 3));
+            row.push(with(figures.diversity, of_paper(4), 2));
+            row.push(with(figures.matching, None, 3));
+            if is_public {
+                row.push(with(figures.multimodality, None, 3));
+            }
+            row
         };
-        let others = [None, real.diversity, real.matching];
-        add("Real motions", (real.r_precision, others), None);
+        let mut rows = vec![row(
+            "Real motions",
+            &TextFigures {
+                r_precision: real.r_precision,
+                fid: real.fid,
+                diversity: real.diversity,
+                matching: real.matching,
+                multimodality: None,
+            },
+            None,
+        )];
         for setting in &plan.methods {
             if let Some(figures) = self.figures_of(&setting.name) {
-                let others = [figures.fid, figures.diversity, figures.matching];
-                add(
-                    setting.method.title(),
-                    (figures.r_precision, others),
-                    paper::fidelity(setting.method),
-                );
+                let text_figures = TextFigures {
+                    r_precision: figures.r_precision,
+                    fid: figures.fid,
+                    diversity: figures.diversity,
+                    matching: figures.matching,
+                    multimodality: figures.multimodality,
+                };
+                let paper = paper::fidelity(setting.method);
+                rows.push(row(setting.method.title(), &text_figures, paper));
             }
+        }
+        let text = match is_public {
+            true => PUBLIC_FIDELITY,
+            false => {
+                "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity (of up to 300 motions \
+                 over all pairs, of more over 300), and the distance from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
+                 Motions of edited prompts are held against the sentence as it was."
+            }
+        };
+        let mut header = vec![
+            "method",
+            "top 1",
+            "top 2",
+            "top 3",
+            "FID",
+            "Diversity",
+            "distance to text",
+        ];
+        if is_public {
+            header[6] = "MM-Dist";
+            header.push("MultiModality");
         }
         self.blocks.extend([
             ReportBlock::heading("Text and fidelity"),
-            ReportBlock::text(
-                "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity (of up to 300 motions \
-                 over all pairs, of more over 300), and the distance from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
-                 Motions of edited prompts are held against the sentence as it was.",
-            ),
-            ReportBlock::table(["method", "top 1", "top 2", "top 3", "FID", "Diversity", "distance to text"], rows),
+            ReportBlock::text(text),
+            ReportBlock::Table {
+                header: header.into_iter().map(str::to_owned).collect(),
+                rows,
+            },
         ]);
     }
 
@@ -448,6 +479,22 @@ pub enum ReportError {
     #[error(transparent)]
     Generate(#[from] crate::Error),
 }
+
+/// The figures of a row of the table of text and fidelity.
+struct TextFigures {
+    r_precision: Option<[MeanEstimate; 3]>,
+    fid: Option<MeanEstimate>,
+    diversity: Option<MeanEstimate>,
+    matching: Option<MeanEstimate>,
+    multimodality: Option<MeanEstimate>,
+}
+
+/// What the table of text and fidelity says of the public evaluation.
+const PUBLIC_FIDELITY: &str = "The paper's table 2, by the public evaluation of HumanML3D with the evaluator that it publishes (Guo et al. 2022). In each repeat every motion of the split \
+    has one of its captions and a length that is a multiple of 4 frames, both drawn anew; motions are generated for these. R-precision and MM-Dist (the distance from a text to its motion) are those of \
+    batches of 32 in a drawn order; the last batch is dropped, and FID and Diversity are of the others. FID is against real motions with cuts of another draw, also in the first row. \
+    Diversity is the mean distance of 300 drawn pairs (of 300 motions and fewer, of all pairs), MultiModality that of 10 drawn pairs of motions of one text (of 10 motions and fewer, of all pairs). \
+    ± is 1.96 σ / √n over the repeats. Rows with tags are means over the eight tags; in MultiModality each text has one tag, in turn. Motions of edited prompts are held against the sentence as it was.";
 
 /// The text of a table cell without a value.
 const NO_VALUE: &str = "–";

@@ -2,9 +2,9 @@
 
 use crate::laban::LabanOptions;
 use crate::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
-use lamogen_eval::{Embeddings, Evaluator};
 
 use super::error::{EvaluationError, EvaluationErrorKind};
+use super::judge::MotionEvaluator;
 use super::measure::MeasurementTarget;
 use super::plan::{Condition, EvalPrompt, PlannedMotion};
 use super::record::{
@@ -17,18 +17,11 @@ use lamogen_model::Denoiser;
 /// Generates and measures motions.
 pub struct EvalRunner<'a, D> {
     pub model: &'a LaMoGen<D>,
-    pub evaluator: &'a Evaluator,
+    pub evaluator: MotionEvaluator<'a>,
     pub prompts: &'a [EvalPrompt],
     pub device: &'a Device,
     /// The form of the motions that is measured.
     pub measure: MeasurementTarget,
-}
-
-/// The real motions, one for each prompt.
-pub struct RealMotions {
-    /// The evaluator's embeddings of the motions.
-    pub points: Embeddings,
-    pub bodies: Vec<BodyMeasurements>,
 }
 
 /// A motion and the baseline that it is compared with.
@@ -121,6 +114,7 @@ impl<D: Denoiser> EvalRunner<'_, D> {
             .map(|measured| LabanSeries::of(&measured.motion, &options, self.device));
         let points = self.evaluator.motions(&[motion.features()]);
         let points = points.map_err(|error| error.to_string())?;
+        let point = points.map_or(Vec::new(), |points| points.row(0).to_vec());
         let measured = MotionMeasurements {
             maximum: to_f64(motion_laban.summary(TimeSummary::Maximum)),
             mean: to_f64(motion_laban.summary(TimeSummary::Mean)),
@@ -128,7 +122,7 @@ impl<D: Denoiser> EvalRunner<'_, D> {
             baseline_mean: to_f64(baseline_laban.summary(TimeSummary::Mean)),
             distance: motion.motion.distance(&baseline.motion).into(),
             body: motion.body(),
-            point: points.row(0).to_vec(),
+            point,
         };
         let is_finite = measured.numbers().all(f64::is_finite);
         match is_finite {

@@ -3,17 +3,18 @@
 use std::collections::HashMap;
 
 use crate::{COMPONENTS, Component, Tag};
+use lamogen_eval::protocol::{Protocol, ProtocolScores};
 use lamogen_eval::{
     ChangeMatrix, ControlRange, Embeddings, Estimate, MatchingScore, MetricError, RetrievalBatches,
-    diversity, fid, mean_distance,
+    diversity, fid, mean_distance, multimodality,
 };
 use serde::{Serialize, Serializer};
 
-use super::plan::{Condition, EvalPrompt, MethodSetting, planned_motions};
+use super::judge::ScoreBasis;
+use super::plan::{Condition, EvalPrompt, MethodSetting, Multimodality, planned_motions};
 use super::record::{
     BodyMeasurements, JointTurnMeasurements, MotionMeasurements, MotionOutcome, RecordKey,
 };
-use super::runner::RealMotions;
 use super::side_effects::{
     SideEffects, WorstMotion, untargeted_change_percentile, untargeted_changes, worst_motions,
 };
@@ -27,9 +28,10 @@ const PAIRS: usize = 300;
 pub struct EvalData<'a> {
     pub records: &'a HashMap<RecordKey, MotionOutcome>,
     pub prompts: &'a [EvalPrompt],
-    /// For each repeat, the evaluator's embeddings of the captions of all prompts.
-    pub texts: &'a [Embeddings],
-    pub real: &'a RealMotions,
+    /// The measurements of the prompts' real motions.
+    pub bodies: &'a [BodyMeasurements],
+    pub scores: ScoreBasis<'a>,
+    pub multimodality: Option<&'a Multimodality>,
     pub repeats: u64,
 }
 
@@ -88,6 +90,8 @@ pub struct SettingFigures {
     pub matching: Option<MeanEstimate>,
     pub fid: Option<MeanEstimate>,
     pub diversity: Option<MeanEstimate>,
+    /// The mean distance of motions of one text; with the public evaluator only.
+    pub multimodality: Option<MeanEstimate>,
     /// The distance of the joints from those of the baseline, in metres.
     pub distance: Option<MeanEstimate>,
     #[serde(flatten)]
@@ -257,6 +261,7 @@ impl EvalData<'_> {
             matching: scores.matching,
             fid: scores.fid,
             diversity: scores.diversity,
+            multimodality: self.multimodality_of(setting)?,
             distance: mean(&|measured| measured.distance),
             bodies: BodyMeans::of(
                 { motions.iter() }.map(|motion| &motion.measured.body),
@@ -279,7 +284,7 @@ impl EvalData<'_> {
                 let set = set.filter(|m| m.condition == *condition && m.repeat == repeat);
                 let set: Vec<&GeneratedMotion<'_>> = set.collect();
                 if set.len() > 1 {
-                    scores.push(self.set_scores(&set, repeat)?);
+                    scores.extend(self.set_scores(&set, repeat)?);
                 }
             }
             scores_by_repeat.push(scores);
@@ -300,22 +305,76 @@ impl EvalData<'_> {
         })
     }
 
+    /// Computes MultiModality: the mean distance of motions of one text. Texts that lack a motion are left out.
+    fn multimodality_of(
+        &self,
+        setting: &MethodSetting,
+    ) -> Result<Option<MeanEstimate>, MetricError> {
+        let (Some(plan), ScoreBasis::Public(_)) = (self.multimodality, &self.scores) else {
+            return Ok(None);
+        };
+        let mut values = Vec::new();
+        for repeat in 0..self.repeats {
+            let mut sets = Vec::new();
+            for text in plan.planned_motions(setting, repeat) {
+                let points = text.map(|planned| match self.records.get(&planned.key())? {
+                    MotionOutcome::Motion(measured) => Some(&measured.point[..]),
+                    MotionOutcome::Failed(_) => None,
+                });
+                let points: Option<Vec<&[f32]>> = points.collect();
+                if let Some(points) = points.filter(|points| !points.is_empty()) {
+                    sets.push(Embeddings::new(points.concat(), points[0].len())?);
+                }
+            }
+            let drawn = Protocol::MULTIMODALITY_PAIRS;
+            match sets.first() {
+                None => {}
+                Some(first) if first.len() > drawn => {
+                    values.push(multimodality(&sets, drawn, repeat)?);
+                }
+                Some(_) => {
+                    let distances = sets
+                        .iter()
+                        .map(mean_distance)
+                        .collect::<Result<Vec<_>, _>>();
+                    values.push(mean(distances?.into_iter()));
+                }
+            }
+        }
+        Ok(MeanEstimate::of(values))
+    }
+
     /// Computes the figures of the real motions.
     pub fn real_motion_figures(&self) -> Result<RealMotionFigures, MetricError> {
-        let places: Vec<usize> = (0..self.prompts.len()).collect();
-        let scores = { 0..self.repeats }
-            .map(|repeat| self.embedding_scores(&places, &self.real.points, repeat));
-        let scores: Vec<MotionSetScores> = scores.collect::<Result<_, _>>()?;
+        let score = |repeat: u64| match &self.scores {
+            ScoreBasis::None => Ok(None),
+            ScoreBasis::Public(protocol) => {
+                let scores = protocol.real_scores(repeat as usize)?;
+                Ok(Some(MotionSetScores::of(&scores)))
+            }
+            ScoreBasis::Trained { real, .. } => {
+                let places: Vec<usize> = (0..self.prompts.len()).collect();
+                self.embedding_scores(&places, real, repeat)
+            }
+        };
+        let scores: Vec<Option<MotionSetScores>> =
+            (0..self.repeats).map(score).collect::<Result<_, _>>()?;
         let over_repeats = |score: &dyn Fn(&MotionSetScores) -> Option<f64>| {
-            MeanEstimate::of(scores.iter().filter_map(score))
+            MeanEstimate::of(scores.iter().flatten().filter_map(score))
         };
         let ranks = [0, 1, 2].map(|rank| over_repeats(&|set| Some(set.matching?.0[rank])));
+        // The motions themselves are those that others are compared with, unless there are two passes.
+        let fid = match &self.scores {
+            ScoreBasis::Public(_) => over_repeats(&|set| Some(set.fid)),
+            ScoreBasis::Trained { .. } | ScoreBasis::None => None,
+        };
         Ok(RealMotionFigures {
-            bodies: BodyMeans::of(self.real.bodies.iter(), |value| {
-                MeanEstimate::of([mean(self.real.bodies.iter().map(value))])
+            bodies: BodyMeans::of(self.bodies.iter(), |value| {
+                MeanEstimate::of([mean(self.bodies.iter().map(value))])
             }),
             r_precision: all_or_none(ranks),
             matching: over_repeats(&|set| Some(set.matching?.1)),
+            fid,
             diversity: over_repeats(&|set| Some(set.diversity)),
         })
     }
@@ -342,13 +401,16 @@ impl EvalData<'_> {
         ratios.collect()
     }
 
-    /// Computes the scores of motions of one condition and repeat.
+    /// Computes the scores of motions of one condition and repeat, if there is an evaluator and there are enough.
     fn set_scores(
         &self,
         set: &[&GeneratedMotion<'_>],
         repeat: u64,
-    ) -> Result<MotionSetScores, MetricError> {
+    ) -> Result<Option<MotionSetScores>, MetricError> {
         let width = set[0].measured.point.len();
+        if width == 0 {
+            return Ok(None);
+        }
         let points = set.iter().flat_map(|m| m.measured.point.iter().copied());
         let motions = Embeddings::new(points.collect(), width)?;
         let places: Vec<usize> = set.iter().map(|m| m.prompt).collect();
@@ -361,9 +423,18 @@ impl EvalData<'_> {
         places: &[usize],
         motions: &Embeddings,
         repeat: u64,
-    ) -> Result<MotionSetScores, MetricError> {
+    ) -> Result<Option<MotionSetScores>, MetricError> {
+        let (texts, real) = match &self.scores {
+            ScoreBasis::None => return Ok(None),
+            ScoreBasis::Public(_) if places.len() < RetrievalBatches::SIZE => return Ok(None),
+            ScoreBasis::Public(protocol) => {
+                let scores = protocol.scores(repeat as usize, places, motions)?;
+                return Ok(Some(MotionSetScores::of(&scores)));
+            }
+            ScoreBasis::Trained { texts, real } => (&texts[repeat as usize], real),
+        };
         let places = || places.iter().copied();
-        let texts = self.texts[repeat as usize].select(places());
+        let texts = texts.select(places());
         let captions = places().map(|prompt| self.prompts[prompt].caption(repeat));
         let captions: Vec<&str> = captions.collect();
         let mut draws = Vec::new();
@@ -376,17 +447,17 @@ impl EvalData<'_> {
             draws.push(MatchingScore::of(&texts, motions, &batches)?);
         }
         let mean = |value: &dyn Fn(&MatchingScore) -> f64| mean(draws.iter().map(value));
-        Ok(MotionSetScores {
+        Ok(Some(MotionSetScores {
             matching: (!draws.is_empty()).then(|| {
                 let ranks = [0, 1, 2].map(|rank| mean(&|score| score.r_precision[rank]));
                 (ranks, mean(&|score| score.distance))
             }),
-            fid: fid(&self.real.points.select(places()), motions)?,
+            fid: fid(&real.select(places()), motions)?,
             diversity: match motions.len() > PAIRS {
                 true => diversity(motions, PAIRS, repeat)?,
                 false => mean_distance(motions)?,
             },
-        })
+        }))
     }
 }
 
@@ -395,6 +466,8 @@ impl EvalData<'_> {
 pub struct RealMotionFigures {
     pub r_precision: Option<[MeanEstimate; 3]>,
     pub matching: Option<MeanEstimate>,
+    /// The distance to other cuts of the same motions; with the public evaluator only.
+    pub fid: Option<MeanEstimate>,
     pub diversity: Option<MeanEstimate>,
     #[serde(flatten)]
     pub bodies: BodyMeans,
@@ -432,6 +505,18 @@ struct MotionSetScores {
     matching: Option<([f64; 3], f64)>,
     fid: f64,
     diversity: f64,
+}
+
+impl MotionSetScores {
+    /// Returns the scores of the public evaluation.
+    fn of(scores: &ProtocolScores) -> MotionSetScores {
+        let matching = scores.matching.as_ref();
+        MotionSetScores {
+            matching: matching.map(|matching| (matching.r_precision, matching.distance)),
+            fid: scores.fid,
+            diversity: scores.diversity,
+        }
+    }
 }
 
 /// Returns the three values if all of them are known.

@@ -1,19 +1,23 @@
 //! `lamogen eval`: evaluates a model as in the paper, and reports the results.
 
 use indicatif::ProgressBar;
+use lamogen::Device;
 use lamogen::evaluation::{
-    EvaluatedModel, EvaluationError, EvaluationErrorKind, EvaluationEstimate, EvaluationObserver,
-    EvaluationOptions, accepted_lengths, estimate, evaluate,
+    EvaluatedModel, Evaluation, EvaluationError, EvaluationErrorKind, EvaluationEstimate,
+    EvaluationObserver, EvaluationOptions, MultimodalityOptions, PUBLIC_LENGTHS, PublicBenchmark,
+    accepted_lengths, estimate, estimate_publicly, evaluate, evaluate_publicly,
 };
 pub use lamogen::evaluation::{MeasurementTarget, Method, Study};
-use lamogen_data::LoadOptions;
-use lamogen_eval::Evaluator;
+use lamogen_data::{BenchmarkSplit, DataError, LoadOptions};
+use lamogen_eval::protocol::{Protocol, PublicEvaluator, PublicFile, PublicFiles};
+use lamogen_eval::{Evaluator, EvaluatorError};
 use serde_json::json;
 
 use crate::arguments::{EvalArguments, PresetName};
 use crate::console::Console;
 use crate::dataset;
 use crate::failure::{Failure, FailureCode};
+use crate::pack::print_problems;
 use crate::source::{EMBEDDED, ModelSource, open_device};
 
 /// Runs `lamogen eval`.
@@ -23,17 +27,15 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> Result<(), Failure> 
         return Err(Failure::output(&arguments.out, reason));
     }
     let device = open_device(arguments.source.device)?;
-    let source = ModelSource::open(&arguments.source, console)?;
-    let evaluator = Evaluator::load(&arguments.evaluator, &device).map_err(|error| {
-        Failure::new(FailureCode::Input, error)
-            .hint("lamogen train --evaluator makes one: its folder is best")
-    })?;
-    let lengths = accepted_lengths(source.model.network(), &evaluator);
-    let limits = LoadOptions {
-        min_frames: *lengths.start(),
-        max_frames: LoadOptions::default().max_frames.max(*lengths.end()),
-    };
-    let dataset = dataset::open(&arguments.data, &limits, console)?;
+    let files = public_files(arguments);
+    if let Some(files) = &files {
+        check_missing(files, arguments, console)?;
+    }
+    let mut source = ModelSource::open(&arguments.source, console)?;
+    if files.is_some() {
+        let shortest = *PUBLIC_LENGTHS.start().min(source.model.lengths().start());
+        source.model = source.model.with_min_frames(shortest);
+    }
     let name = match source.name.as_str() {
         EMBEDDED => "the embedded model".into(),
         name => format!("the model {name}"),
@@ -43,30 +45,133 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> Result<(), Failure> 
         name: &name,
         fingerprint: lamogen_train::fingerprint(source.model.network()),
     };
-    let options = options(arguments);
+    let options = options(arguments, files.is_some());
     let mut progress = Progress { console, bar: None };
-    if arguments.dry_run {
-        let folder = &arguments.out;
-        let estimates = estimate(
-            &model,
-            &evaluator,
-            &dataset,
-            folder,
-            &options,
-            &mut progress,
-        )?;
-        return print_estimates(&estimates, console);
-    }
-    let evaluation = evaluate(
-        &model,
-        &evaluator,
-        &dataset,
-        &arguments.out,
-        &options,
-        &mut progress,
-    );
+    let (progress, folder) = (&mut progress, &arguments.out);
+    let outcome = match &files {
+        Some(files) => {
+            let evaluator = load_public(files, &device)?;
+            let split = open_benchmark(arguments, console)?;
+            let benchmark = PublicBenchmark {
+                evaluator: evaluator.as_ref(),
+                split: &split,
+            };
+            match arguments.dry_run {
+                true => estimate_publicly(&model, benchmark, folder, &options, progress)
+                    .map(EvalOutcome::Estimates),
+                false => evaluate_publicly(&model, benchmark, folder, &options, progress)
+                    .map(EvalOutcome::Evaluation),
+            }
+        }
+        None => {
+            let evaluator = Evaluator::load(&arguments.evaluator, &device).map_err(|error| {
+                Failure::new(FailureCode::Input, error)
+                    .hint("lamogen train --evaluator makes one: its folder is best; the public one has text_mot_match, Comp_v6_KLD01 and glove")
+            })?;
+            let lengths = accepted_lengths(source.model.network(), &evaluator);
+            let limits = LoadOptions {
+                min_frames: *lengths.start(),
+                max_frames: LoadOptions::default().max_frames.max(*lengths.end()),
+            };
+            let data = dataset::open(&arguments.data, &limits, console)?;
+            match arguments.dry_run {
+                true => estimate(&model, &evaluator, &data, folder, &options, progress)
+                    .map(EvalOutcome::Estimates),
+                false => evaluate(&model, &evaluator, &data, folder, &options, progress)
+                    .map(EvalOutcome::Evaluation),
+            }
+        }
+    };
     progress.finish();
-    let evaluation = evaluation?;
+    match outcome? {
+        EvalOutcome::Estimates(estimates) => {
+            let missing = files.as_ref().map_or(&[][..], PublicFiles::missing);
+            print_estimates(&estimates, missing, console)
+        }
+        EvalOutcome::Evaluation(evaluation) => print_evaluation(&evaluation, console),
+    }
+}
+
+/// What an evaluation or a dry run gives.
+enum EvalOutcome {
+    Estimates(Vec<EvaluationEstimate>),
+    Evaluation(Evaluation),
+}
+
+/// Returns the files of the public evaluator, if the evaluator's folder has them and is not one that lamogen wrote.
+fn public_files(arguments: &EvalArguments) -> Option<PublicFiles> {
+    let is_own = ["config.json", "model.safetensors"]
+        .iter()
+        .any(|name| arguments.evaluator.join(name).exists());
+    let files = PublicFiles::find(&arguments.evaluator);
+    (!is_own && files.is_any()).then_some(files)
+}
+
+/// Says which files of the public evaluator are missing. Only a dry run, or one that was asked to, goes on without them.
+fn check_missing(
+    files: &PublicFiles,
+    arguments: &EvalArguments,
+    console: &Console,
+) -> Result<(), Failure> {
+    if files.missing().is_empty() {
+        return Ok(());
+    }
+    if !arguments.dry_run && !arguments.partial {
+        let error = EvaluatorError::Missing {
+            folder: files.folder().to_owned(),
+            files: files.missing().to_vec(),
+        };
+        return Err(Failure::new(FailureCode::Input, error)
+            .hint("--partial leaves out what needs these files; --dry-run says what that is"));
+    }
+    for file in files.missing() {
+        let (without, source) = (file.needed_for(), file.source());
+        console.notice(format!(
+            "missing: {file}. Without it there is no {without}. It is in {source}"
+        ));
+    }
+    Ok(())
+}
+
+/// Loads the public evaluator; `None` if its networks or statistics are missing.
+fn load_public(files: &PublicFiles, device: &Device) -> Result<Option<PublicEvaluator>, Failure> {
+    if files.network().is_none() || files.statistics().is_none() {
+        return Ok(None);
+    }
+    let evaluator = PublicEvaluator::load(files, device);
+    let evaluator = evaluator.map_err(|error| Failure::new(FailureCode::Input, error))?;
+    Ok(Some(evaluator))
+}
+
+/// Reads the split of HumanML3D's folder with a progress bar, and prints which motions were left out.
+fn open_benchmark(arguments: &EvalArguments, console: &Console) -> Result<BenchmarkSplit, Failure> {
+    let bar = console.progress_bar("files");
+    let split = BenchmarkSplit::open(&arguments.data, arguments.split, &mut |progress| {
+        bar.set_length(progress.all as u64);
+        bar.set_position(progress.done as u64);
+    });
+    bar.finish_and_clear();
+    let split = split.map_err(|error| {
+        let is_read = matches!(error, DataError::Read { .. });
+        let failure = Failure::from(error);
+        match is_read {
+            true => failure.hint(
+                "the public evaluator reads HumanML3D's own folder: new_joint_vecs, texts and test.txt",
+            ),
+            false => failure,
+        }
+    })?;
+    print_problems(split.problems(), console);
+    console.notice(format!(
+        "{} motions of {} recordings, as the public evaluation counts them",
+        split.clips().len(),
+        split.listed()
+    ));
+    Ok(split)
+}
+
+/// Prints the files of a report, or how far the work is.
+fn print_evaluation(evaluation: &Evaluation, console: &Console) -> Result<(), Failure> {
     let paths = evaluation
         .files
         .iter()
@@ -83,20 +188,28 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> Result<(), Failure> 
 }
 
 /// Returns the options of an evaluation.
-fn options(arguments: &EvalArguments) -> EvaluationOptions {
+fn options(arguments: &EvalArguments, is_public: bool) -> EvaluationOptions {
+    let (repeats, measure) = match is_public {
+        true => (Protocol::REPLICATIONS, MeasurementTarget::Joints),
+        false => (1, MeasurementTarget::Rig),
+    };
     EvaluationOptions {
         split: arguments.split,
         prompts: arguments.prompts.map(|count| count as usize),
-        repeats: arguments.repeats,
+        repeats: arguments.repeats.unwrap_or(repeats),
         preset: arguments.preset.map(PresetName::preset),
         steps: arguments.steps,
         noise_steps: arguments.noise_steps,
         methods: arguments.methods.clone(),
         studies: arguments.studies.clone(),
-        measure: arguments.measure,
+        measure: arguments.measure.unwrap_or(measure),
         study_prompts: arguments.study_prompts as usize,
         shard: arguments.shard,
         merge: arguments.merge,
+        multimodality: (arguments.mm_texts > 0).then_some(MultimodalityOptions {
+            texts: arguments.mm_texts as usize,
+            motions: arguments.mm_motions,
+        }),
     }
 }
 
@@ -134,8 +247,12 @@ impl EvaluationObserver for Progress<'_> {
     }
 }
 
-/// Prints how many motions are missing, and about how long they take.
-fn print_estimates(estimates: &[EvaluationEstimate], console: &Console) -> Result<(), Failure> {
+/// Prints how many motions are missing, and about how long they take. `missing_files` are those of the public evaluator.
+fn print_estimates(
+    estimates: &[EvaluationEstimate],
+    missing_files: &[PublicFile],
+    console: &Console,
+) -> Result<(), Failure> {
     let motions: usize = estimates.iter().map(|setting| setting.motions).sum();
     let seconds = estimates
         .iter()
@@ -146,7 +263,11 @@ fn print_estimates(estimates: &[EvaluationEstimate], console: &Console) -> Resul
             json!({ "setting": setting.setting, "motions": setting.motions, "seconds_each": setting.seconds_each })
         });
         let settings: Vec<_> = settings.collect();
-        let estimate = json!({ "motions": motions, "seconds": seconds, "settings": settings });
+        let missing_files = missing_files.iter().map(|file| {
+            json!({ "file": file.place(), "source": file.source(), "needed_for": file.needed_for() })
+        });
+        let missing_files: Vec<_> = missing_files.collect();
+        let estimate = json!({ "motions": motions, "seconds": seconds, "settings": settings, "missing_files": missing_files });
         return console.print(estimate.to_string());
     }
     let rows = estimates.iter().map(|setting| {

@@ -1,16 +1,22 @@
 //! The prompts, and the selection of some of them.
 
-/// The captions of a motion of the data set, and the length of the motion in frames.
+/// The captions of a motion of the data set, and the lengths of the motions that are generated for them.
 #[derive(Clone, Debug)]
 pub struct EvalPrompt {
     pub captions: Vec<String>,
-    pub frames: usize,
+    /// The lengths in frames, which the repeats take in turn.
+    pub frames: Vec<usize>,
 }
 
 impl EvalPrompt {
     /// Returns the caption for a repeat. The repeats take the captions in turn.
     pub fn caption(&self, repeat: u64) -> &str {
         &self.captions[repeat as usize % self.captions.len()]
+    }
+
+    /// Returns the length in frames for a repeat.
+    pub fn frames(&self, repeat: u64) -> usize {
+        self.frames[repeat as usize % self.frames.len()]
     }
 }
 

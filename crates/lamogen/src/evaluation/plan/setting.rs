@@ -40,6 +40,8 @@ pub struct PlannedMotion<'a> {
     pub prompt: usize,
     /// The number of the repeat, from 0.
     pub repeat: u64,
+    /// The number of the motion among those of one prompt, condition and repeat: above 0 only for MultiModality.
+    pub variant: u64,
 }
 
 impl PlannedMotion<'_> {
@@ -50,6 +52,7 @@ impl PlannedMotion<'_> {
             condition,
             prompt,
             repeat,
+            variant,
         } = self;
         let (guidance, phrase) = match condition {
             Condition::Nothing => (None, ""),
@@ -58,8 +61,15 @@ impl PlannedMotion<'_> {
         };
         let mut options = Checksum::new(0);
         options.add(format!("{} {guidance:?}{phrase}", setting.steps).as_bytes());
+        let variant = match variant {
+            0 => String::new(),
+            variant => format!(" / {variant}"),
+        };
         RecordKey {
-            id: format!("{} / {condition} / {prompt} / {repeat}", setting.name),
+            id: format!(
+                "{} / {condition} / {prompt} / {repeat}{variant}",
+                setting.name
+            ),
             options: format!("{:016x}", options.value()),
         }
     }
@@ -92,11 +102,14 @@ impl PlannedMotion<'_> {
     /// Returns the request for a motion of `text` without guidance.
     fn unguided(&self, prompt: &EvalPrompt, text: String) -> Request {
         Request::new(text)
-            .frames(prompt.frames)
+            .frames(prompt.frames(self.repeat))
             .steps(self.setting.steps)
-            .seed(100_000 * self.repeat + self.prompt as u64)
+            .seed(VARIANT_SEEDS * self.variant + 100_000 * self.repeat + self.prompt as u64)
     }
 }
+
+/// How far the seeds of two motions of one prompt are from each other: further than those of any prompts and repeats.
+const VARIANT_SEEDS: u64 = 1 << 40;
 
 /// Returns all motions of a setting.
 pub fn planned_motions(
@@ -111,6 +124,7 @@ pub fn planned_motions(
                 condition,
                 prompt,
                 repeat,
+                variant: 0,
             })
         })
     })

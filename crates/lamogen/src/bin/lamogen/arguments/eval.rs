@@ -17,7 +17,10 @@ their records and one eval.json in one folder, --merge writes the report.
 Example:
   lamogen train --evaluator --data data --out judge --steps 1000
   lamogen eval --data data --evaluator judge/best --out evidence --dry-run
-  lamogen eval --data data --evaluator judge/best --out evidence";
+  lamogen eval --data data --evaluator judge/best --out evidence
+
+With the public evaluator in the folder t2m, the data of HumanML3D, and a network that was trained on it:
+  lamogen eval --model t2m_motiondiffuse --data HumanML3D --evaluator t2m --out table2 --studies --dry-run";
 
 /// The arguments of `lamogen eval`.
 #[derive(Args)]
@@ -27,7 +30,8 @@ pub struct EvalArguments {
     /// Folder of the data: packed by lamogen pack, or HumanML3D's.
     #[arg(long, value_name = "FOLDER")]
     pub data: PathBuf,
-    /// Folder of the evaluator, as lamogen train --evaluator leaves it in best.
+    /// Folder of the evaluator: as lamogen train --evaluator leaves it in best, or the public one of HumanML3D (text_mot_match, Comp_v6_KLD01
+    /// and glove), with which the evaluation is the one that papers report.
     #[arg(long, value_name = "FOLDER")]
     pub evaluator: PathBuf,
     /// Folder for the records and the report.
@@ -39,9 +43,9 @@ pub struct EvalArguments {
     /// How many sentences, at least 2; usually all. R-precision needs 32.
     #[arg(long, value_name = "N", value_parser = parse_sentence_count)]
     pub prompts: Option<u64>,
-    /// Motions of each sentence, from as many seeds; intervals are over these.
-    #[arg(long, default_value_t = 1, value_name = "R", value_parser = clap::value_parser!(u64).range(1..=1000))]
-    pub repeats: u64,
+    /// Motions of each sentence, from as many seeds; intervals are over these. Usually 1; with the public evaluator 20.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub repeats: Option<u64>,
     /// Steps and guidance together; usually the model's own.
     #[arg(long, value_enum)]
     pub preset: Option<PresetName>,
@@ -57,12 +61,21 @@ pub struct EvalArguments {
     /// What is varied; --studies without a name leaves all out.
     #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values = ["interpolation", "pareto-front", "presets", "learning-rate", "rise", "steps", "update", "updates", "finish", "divisor", "smoothing"])]
     pub studies: Vec<Study>,
-    /// On what motions are measured.
-    #[arg(long, value_enum, default_value = "rig")]
-    pub measure: MeasurementTarget,
+    /// On what motions are measured. Usually the rig; with the public evaluator the joints.
+    #[arg(long, value_enum)]
+    pub measure: Option<MeasurementTarget>,
     /// How many sentences each study is made with, at least 2.
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = parse_sentence_count)]
     pub study_prompts: u64,
+    /// Public evaluator: texts with several motions, for MultiModality; 0 leaves it out.
+    #[arg(long, default_value_t = 100, value_name = "N")]
+    pub mm_texts: u64,
+    /// Public evaluator: motions of each of these texts, at least 2.
+    #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1000))]
+    pub mm_motions: u64,
+    /// Public evaluator: go on without the files that are missing, and leave out what needs them.
+    #[arg(long)]
+    pub partial: bool,
     /// Do a part of the work only: the I-th of N.
     #[arg(long, value_name = "I/N", value_parser = parse_shard, conflicts_with = "merge")]
     pub shard: Option<(usize, usize)>,
