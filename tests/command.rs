@@ -567,10 +567,10 @@ fn what_is_strange_or_unused_is_said() {
     ];
     let (_, notices) = running::succeeds(
         folder,
-        &[&walk[..], &["--fps", "60", "--emphasis", "3"]].concat(),
+        &[&walk[..], &["--bvh-unit", "m", "--emphasis", "3"]].concat(),
     );
     for part in [
-        "--fps changes nothing here: it is for .bvh and .glb",
+        "--bvh-unit changes nothing here: it is for .bvh",
         "--emphasis changes nothing here",
     ] {
         assert!(notices.contains(part), "{notices}");
@@ -683,8 +683,8 @@ fn motions_are_put_on_a_character_whose_file_stays() {
         ),
         (
             &["convert", "jump.bvh", "--onto", "jump.bvh", "a.glb"],
-            3,
-            "not glTF",
+            2,
+            "ends in .bvh for the character jump.bvh",
         ),
         (
             &["convert", "jump.bvh", "--onto", "hero.glb", "a.gltf"],

@@ -6,34 +6,64 @@ use lamogen_motion::JOINTS;
 /// The number of frames before and after the seam over which a jump is spread.
 const SPREAD: usize = 10;
 
-/// Spreads what is left of a jump between the last frame of a loop and the first one, which follows it, so that the step at the
-/// seam is the mean of the steps beside it, in the position of the root and in the local rotations.
+/// Spreads what is left of a jump between the last frame of a loop and the first one, which follows it, over the frames around:
+/// of positions and of velocities, of the root and of the local rotations. The step at the seam becomes the mean of the steps
+/// beside it, and the velocities beside it differ by what the accelerations there say.
 ///
-/// `travel` is the travel of a cycle in metres. Loops of fewer than four frames are left as they are.
+/// `travel` is the travel of a cycle in metres. Loops of fewer than six frames are left as they are.
 pub(crate) fn close_seam(root: &mut [DVec3], local: &mut [[DQuat; JOINTS]], travel: DVec3) {
     let frames = root.len();
     let spread = SPREAD.min(frames / 2);
-    if frames < 4 {
+    if frames < 6 {
         return;
     }
-    let before = root[frames - 1] - root[frames - 2];
-    let after = root[1] - root[0];
-    let jump = root[0] + travel - root[frames - 1] - (before + after) / 2.0;
-    let turns: [DVec3; JOINTS] = std::array::from_fn(|joint| {
+    let last = frames - 1;
+    let root_step = |from: usize, to: usize| match from == last {
+        true => root[to] + travel - root[from],
+        false => root[to] - root[from],
+    };
+    let root_jump = SeamJump::new(root_step, last);
+    let turn_jumps: [SeamJump; JOINTS] = std::array::from_fn(|joint| {
         let at = |frame: usize| local[frame][joint];
         let step =
             |from: usize, to: usize| (at(from).inverse() * near(at(to), at(from))).to_scaled_axis();
-        let mean = (step(frames - 2, frames - 1) + step(0, 1)) / 2.0;
-        step(frames - 1, 0) - mean
+        SeamJump::new(step, last)
     });
     for k in 0..spread {
-        let share = weight(k, spread) / 2.0;
-        for (frame, share) in [(frames - 1 - k, share), (k, -share)] {
-            root[frame] += share * jump;
-            for (turn, joint) in turns.iter().zip(&mut local[frame]) {
-                *joint = (*joint * DQuat::from_scaled_axis(share * *turn)).normalize();
+        for (frame, side) in [(last - k, 1.0), (k, -1.0)] {
+            root[frame] += root_jump.correction(k, side, spread);
+            for (jump, joint) in turn_jumps.iter().zip(&mut local[frame]) {
+                let turn = DQuat::from_scaled_axis(jump.correction(k, side, spread));
+                *joint = (*joint * turn).normalize();
             }
         }
+    }
+}
+
+/// What is left over at a seam, compared with the frames beside it.
+#[derive(Clone, Copy, Debug)]
+struct SeamJump {
+    /// The part of the step at the seam that goes beyond the mean of the steps beside it.
+    position: DVec3,
+    /// The part of the difference between the steps beside the seam that goes beyond what the accelerations beside it say.
+    velocity: DVec3,
+}
+
+impl SeamJump {
+    /// Measures the jump between the last frame and frame 0. `step` returns the step from a frame to another.
+    fn new(step: impl Fn(usize, usize) -> DVec3, last: usize) -> SeamJump {
+        let (before, after) = (step(last - 1, last), step(0, 1));
+        let accelerations = before - step(last - 2, last - 1) + step(1, 2) - after;
+        SeamJump {
+            position: step(last, 0) - (before + after) / 2.0,
+            velocity: after - before - accelerations,
+        }
+    }
+
+    /// Returns the change of a frame that is `k` frames from the end of the loop (`side` is 1) or from its beginning (-1).
+    fn correction(&self, k: usize, side: f64, spread: usize) -> DVec3 {
+        let share = weight(k, spread) / 2.0;
+        share * (side * self.position - k as f64 * self.velocity)
     }
 }
 

@@ -118,7 +118,16 @@ impl MotionFit {
         if repeated.is_some() {
             close_seams(&offsets, frames, &mut reference, &mut solved);
         }
-        let mut contacts = find_contacts(&reference, features.as_deref(), ground);
+        let find =
+            |reference: &[[DVec3; JOINTS]]| find_contacts(reference, features.as_deref(), ground);
+        let mut contacts = find(&reference);
+        // A body with a foot that stands throughout a cycle does not travel.
+        let stands_throughout =
+            |contact: &FootContact| contact.from <= frames && contact.until >= 2 * frames;
+        if repeated.is_some() && contacts.iter().any(stands_throughout) {
+            remove_travel(frames, &mut reference);
+            contacts = find(&reference);
+        }
         contacts.retain(|contact| {
             trust[contact.from..contact.until]
                 .iter()
@@ -501,6 +510,17 @@ impl MotionFit {
             ));
         }
         all
+    }
+}
+
+/// Removes the travel of a loop that is played three times, evenly over its frames. The second cycle begins where it began.
+fn remove_travel(frames: usize, reference: &mut [[DVec3; JOINTS]]) {
+    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
+    for (t, pose) in reference.iter_mut().enumerate() {
+        let shift = travel * (t as f64 / frames as f64 - 1.0);
+        for place in pose {
+            *place -= shift;
+        }
     }
 }
 

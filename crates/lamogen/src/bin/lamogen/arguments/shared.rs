@@ -287,14 +287,13 @@ impl WritingArguments {
                 ));
             }
         }
-        let holds_character = character
-            .is_some_and(|character| formats.iter().any(|format| format.holds(character)));
+        let holds_character =
+            character.is_some_and(|character| formats.iter().any(|format| format.holds(character)));
         if character.is_some() && !holds_character && formats.contains(&OutputFormat::Vrma) {
             let message = "--onto: expected no character for .vrma, found one: a .vrma plays on every VRM character";
             return Err(Failure::new(FailureCode::Usage, message).hint(
                 "leave --onto away, or write .vrm for the character with the motion inside",
             ));
-            }
         }
         if let Some(character) = character
             && !formats.iter().any(|format| format.holds(character))
