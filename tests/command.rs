@@ -768,3 +768,111 @@ fn gltf_json(bytes: &[u8]) -> Value {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     serde_json::from_slice(&bytes[20..20 + length]).unwrap()
 }
+
+#[test]
+fn loops_and_their_travel_are_written_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let walk = [
+        "generate",
+        "a person walks forward",
+        "--loop",
+        "--steps",
+        "6",
+        "--seconds",
+        "3",
+    ];
+    let outputs = [
+        "--out", "w.glb", "--out", "w.bvh", "--out", "w.npy", "--out", "w.json", "--fps", "30",
+    ];
+    running::succeeds(folder, &[&walk[..], &outputs].concat());
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("w.json")).unwrap()).unwrap();
+    assert_eq!(json["loop"], true);
+    let travel = json["loop_travel"][1].as_f64().unwrap();
+    assert!(travel > 0.5, "{travel}");
+    // Ninety frames, and in the GLB the one that closes the loop.
+    let shape = |name: &str| lamogen::motion::npy::read(folder.join(name)).unwrap().shape;
+    assert_eq!(shape("w.npy"), [90, 22, 3]);
+    let bvh = std::fs::read_to_string(folder.join("w.bvh")).unwrap();
+    assert!(bvh.contains("Frames: 90\n"));
+    let read = |name: &str| {
+        let options = lamogen::files::ReadOptions::default();
+        lamogen::files::read(folder.join(name), &options).unwrap()
+    };
+    assert_eq!(read("w.glb").source_frames, 91);
+    let pelvis =
+        |name: &str, frame: usize| read(name).motion.position(frame, lamogen::Joint::Pelvis);
+    let last = read("w.glb").motion.frames() - 1;
+    let travelled = pelvis("w.glb", last)[2] - pelvis("w.glb", 0)[2];
+    assert!(
+        (f64::from(travelled) - travel).abs() < 0.01,
+        "{travelled} {travel}"
+    );
+
+    let outputs = [
+        "--out",
+        "p.glb",
+        "--out",
+        "p.bvh",
+        "--out",
+        "p.npy",
+        "--out",
+        "p.vrma",
+        "--in-place",
+    ];
+    running::succeeds(folder, &[&walk[..], &outputs].concat());
+    for name in ["p.glb", "p.bvh", "p.npy", "p.vrma"] {
+        let motion = read(name).motion;
+        for frame in 0..motion.frames() {
+            let [x, _, z] = motion.position(frame, lamogen::Joint::Pelvis);
+            assert!(x.hypot(z) < 0.2, "{name}: {x} {z} at {frame}");
+        }
+    }
+    let text = String::from_utf8_lossy(&std::fs::read(folder.join("p.glb")).unwrap()).into_owned();
+    assert!(text.contains("planted feet slide"));
+
+    let outputs = ["--out", "r.glb", "--out", "r.bvh", "--root-motion", "root"];
+    running::succeeds(folder, &[&walk[..], &outputs].concat());
+    for name in ["r.glb", "r.bvh"] {
+        let motion = read(name).motion;
+        let last = motion.frames() - 1;
+        let moved = pelvis(name, last)[2] - pelvis(name, 0)[2];
+        assert!(moved > 0.5, "{name}: {moved}");
+    }
+    let bvh = std::fs::read_to_string(folder.join("r.bvh")).unwrap();
+    assert!(bvh.starts_with("HIERARCHY\nROOT root\n"));
+
+    let requests = "{\"prompt\": \"a person walks forward\", \"loop\": true, \"in_place\": true, \"id\": \"w\", \"seconds\": 3}\n";
+    std::fs::write(folder.join("requests.jsonl"), requests).unwrap();
+    let batch = [
+        "batch",
+        "requests.jsonl",
+        "--out",
+        "many",
+        "--format",
+        "bvh",
+    ];
+    running::succeeds(folder, &[&batch[..], &["--steps", "6"]].concat());
+    let same = std::fs::read_to_string(folder.join("many/w.bvh")).unwrap();
+    assert!(same == std::fs::read_to_string(folder.join("p.bvh")).unwrap());
+
+    for (arguments, part) in [
+        (
+            &["--in-place", "--root-motion", "root"][..],
+            "cannot be used with",
+        ),
+        (
+            &["--root-motion", "root", "--out", "a.vrma"],
+            "no root above the hips",
+        ),
+        (&["--seconds", "9.8"], "2.0 to 9.3 s"),
+        (&["--root-motion", "feet"], "possible values"),
+    ] {
+        let walk = ["generate", "a person walks forward", "--loop"];
+        fails(folder, &[&walk[..], arguments].concat(), 2, part);
+    }
+    let requests = "{\"prompt\": \"a\", \"in_place\": true, \"root_motion\": \"root\"}\n";
+    std::fs::write(folder.join("requests.jsonl"), requests).unwrap();
+    fails(folder, &batch, 2, "found both");
+}

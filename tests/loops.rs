@@ -1,15 +1,7 @@
 //! Loops: the last frame leads into the first, in the sampling and on the body.
 
 use lamogen::motion::Rotations;
-use lamogen::{Device, LaMoGen, Motion, Request, Tag};
-
-/// The largest of the values over the joints, at every frame.
-fn largest(steps: &[Vec<f64>]) -> Vec<f64> {
-    steps
-        .iter()
-        .map(|joints| joints.iter().copied().fold(0.0, f64::max))
-        .collect()
-}
+use lamogen::{Device, LaMoGen, LabanOptions, LabanSeries, Motion, Request, Tag};
 
 /// Returns the mean of the values over the joints, at every frame.
 fn means(steps: &[Vec<f64>]) -> Vec<f64> {
@@ -93,26 +85,62 @@ fn the_seam_of_a_loop_is_like_any_other_step() {
         for motion in [&generation.baseline, &generation.guided] {
             let frames = motion.frames();
             assert_eq!(frames, 80);
+            let [x, _, z] = motion.position(0, lamogen::Joint::Pelvis);
+            assert!(x.hypot(z) < 0.15, "{request}: begins at {x}, {z}");
             let twice = motion.repeated(2).unwrap();
-            // Of accelerations, the two at the seam count: from the last step to the seam's, and from there to the first.
-            for ((what, steps), seam) in ["position", "velocity", "rotation"]
+            // Of velocities there are two steps at the seam: from the last step to the seam's, and from there to the first. The
+            // larger of two typical values is above a percentile of single ones more often than one in ten times.
+            for ((what, steps), (seam, tolerance)) in ["position", "velocity", "rotation"]
                 .iter()
                 .zip(steps(&twice))
-                .zip([frames - 1..frames, frames - 2..frames, frames - 1..frames])
+                .zip([
+                    (frames - 1..frames, 1.0),
+                    (frames - 2..frames, 1.3),
+                    (frames - 1..frames, 1.0),
+                ])
             {
-                for (kind, values) in [("mean", means(&steps)), ("largest", largest(&steps))] {
-                    let own = percentile_90(&values[..frames - 1]);
-                    let found = values[seam.clone()].iter().copied().fold(0.0, f64::max);
-                    let line =
-                        format!("{request}: {kind} step of {what}: seam {found:.4}, own {own:.4}");
-                    println!("{line}");
-                    if found > own {
-                        failures.push(line);
-                    }
+                let values = means(&steps);
+                let own = percentile_90(&values[..frames - 1]);
+                let found = values[seam].iter().copied().fold(0.0, f64::max);
+                if found > tolerance * own {
+                    failures.push(format!("{request}: {what}: seam {found:.4}, own {own:.4}"));
                 }
             }
         }
     }
-    println!("{} of {}", failures.len(), 12 * SENTENCES.len());
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+#[test]
+fn factors_hold_for_loops() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    for (tag, factor, component) in [(Tag::Strong, 1.5, 0), (Tag::Near, 0.5, 3)] {
+        let request = Request::new("a person walks forward")
+            .tag(tag)
+            .seconds(3.0)
+            .seed(2)
+            .looped(true);
+        let generation = model.generate(&request).unwrap();
+        // Measured where the loop is played over its seam.
+        let [baseline, guided] = [&generation.baseline, &generation.guided].map(|motion| {
+            let three = motion.repeated(3).unwrap();
+            let series = LabanSeries::of(&three, &LabanOptions::default(), &Device::flex());
+            let values: Vec<f32> = (60..120)
+                .map(|frame| series.frames()[frame][component])
+                .collect();
+            values.iter().sum::<f32>() / values.len() as f32
+        });
+        let found = guided / baseline;
+        assert!((found / factor - 1.0).abs() < 0.1, "{tag}: {found}");
+    }
+}
+
+#[test]
+fn a_loop_that_the_network_has_no_room_for_is_refused() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let request = Request::new("a person walks forward")
+        .seconds(9.8)
+        .looped(true);
+    let message = model.generate(&request).unwrap_err().to_string();
+    assert!(message.contains("2.0 to 9.3 s"), "{message}");
 }

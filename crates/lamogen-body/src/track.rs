@@ -154,6 +154,13 @@ impl MotionFit {
                 contact.from = contact.from.max(kept.start) - kept.start;
                 contact.until = contact.until.min(kept.end) - kept.start;
             }
+            // The second cycle is moved back to the place of the first one.
+            for place in reference.as_flattened_mut() {
+                *place -= seam.travel;
+            }
+            for contact in &mut contacts {
+                contact.position = (DVec3::from(contact.position) - seam.travel).to_array();
+            }
             seam
         });
         let mut point = vec![0.0; FRAME_WIDTH * frames];
@@ -513,11 +520,11 @@ impl MotionFit {
     }
 }
 
-/// Removes the travel of a loop that is played three times, evenly over its frames. The second cycle begins where it began.
+/// Removes the travel of a loop that is played several times, evenly over its frames. Its first frame stays where it is.
 fn remove_travel(frames: usize, reference: &mut [[DVec3; JOINTS]]) {
     let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
     for (t, pose) in reference.iter_mut().enumerate() {
-        let shift = travel * (t as f64 / frames as f64 - 1.0);
+        let shift = travel * (t as f64 / frames as f64);
         for place in pose {
             *place -= shift;
         }
