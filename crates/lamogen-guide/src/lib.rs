@@ -19,7 +19,7 @@
 //! ```
 //!
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
-//! deterministic: the same noise gives the same motion.
+//! deterministic: the same noise, at the start and at each step, gives the same motion.
 
 mod classifier_free;
 mod error;
@@ -43,7 +43,7 @@ pub use guided::{GuidedMotions, LabanComparison};
 pub use laban_term::LabanTerm;
 pub use lamogen_body::{FitError, FitOptions, FitProgress};
 pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermComparison};
-pub use noise::noise;
+pub use noise::{StepNoise, noise};
 pub use observer::{Observer, Pass, Step};
 pub use prompt_editing::prompt_with_tags;
 pub use rig::{Rig, RigMotions};

@@ -1,4 +1,4 @@
-//! DDIM sampling: the first pass, and the steps of both passes.
+//! Sampling: the first pass, and the steps of both passes.
 
 use burn::tensor::Tensor;
 use lamogen_laban::SmoothingWindow;
@@ -6,12 +6,16 @@ use lamogen_model::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Pr
 use lamogen_motion::Normalization;
 
 use crate::error::GuideError;
+use crate::noise::StepNoise;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
 
-/// A deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
-/// Generation").
+/// A sampler that goes from noise to motions step by step.
+///
+/// It is a deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
+/// Generation"), or the stochastic sampler of the training (DDPM, Ho et al. 2020) for a batch with
+/// [`step_noise`](Batch::step_noise).
 pub struct Sampler<'a, D> {
     pub(crate) model: &'a D,
     pub(crate) normalization: &'a Normalization,
@@ -30,6 +34,8 @@ pub struct Batch<C> {
     pub noise: Tensor<3>,
     /// The number of frames of each motion; further frames are padding.
     pub lengths: Vec<usize>,
+    /// The noise that both passes add at each step; `None` for DDIM, which adds none.
+    pub step_noise: Option<StepNoise>,
 }
 
 /// The state of a pass between two steps: the noisy motions, and the other inputs of the network.
@@ -42,6 +48,7 @@ pub(crate) struct SamplerState<'a, C> {
     /// The offsets of scales and shifts, `[batch, modulations]`, if there are any.
     pub(crate) modulation: Option<Tensor<2>>,
     pub(crate) context: &'a C,
+    step_noise: Option<&'a StepNoise>,
     pub(crate) mask: FrameMask,
     /// The window that smooths predictions along time, if they are smoothed.
     window: Option<SmoothingWindow>,
@@ -53,13 +60,13 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Errors
     ///
-    /// If `steps` is 0 or above 1000.
+    /// If `steps` is 0 or above the number of timesteps that the model was trained with.
     pub fn new(
         model: &'a D,
         normalization: &'a Normalization,
         steps: usize,
     ) -> Result<Self, GuideError> {
-        let steps = Schedule::linear().ddim(steps)?;
+        let steps = Schedule::new(model.noise_schedule()).ddim(steps)?;
         let timesteps: Vec<usize> = steps.iter().map(|step| step.timestep).collect();
         Ok(Sampler {
             model,
@@ -112,7 +119,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         for (index, step) in self.steps.iter().enumerate() {
             let output = self.evaluate(&state, index);
             let prediction = self.clean_motion(&state, output.clone(), step);
-            state.x = self.advance(&state, &prediction, output, step);
+            state.x = self.advance(&state, &prediction, output, index);
             let step = Step {
                 pass: Pass::Baseline,
                 index,
@@ -146,6 +153,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             embedding: batch.prompt.embedding.clone(),
             modulation: None,
             context: &batch.prompt.context,
+            step_noise: batch.step_noise.as_ref(),
             mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
             window: { self.temporal_smoothing }.map(|temporal_smoothing| {
                 temporal_smoothing.window(&batch.lengths, frames, &batch.noise.device())
@@ -261,20 +269,38 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         state: &SamplerState<'_, D::Context>,
         clean: &Tensor<3>,
         output: Tensor<3>,
-        step: &DdimStep,
+        index: usize,
     ) -> Tensor<3> {
+        let step = &self.steps[index];
         let noise = self.predicted_noise(state, state.x.clone(), clean, output, step);
-        add_noise(clean, noise, step)
+        self.add_noise(state, clean, noise, index)
     }
-}
 
-/// Adds the noise of the next timestep to a clean motion; after the last timestep there is none.
-pub(crate) fn add_noise(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
-    if step.next_alpha_cumprod == 1.0 {
-        return clean.clone();
+    /// Adds the noise of the next timestep to a clean motion; after the last timestep there is none. `noise` is the noise
+    /// that the network found. If the sampler draws noise at each step, a part of it is replaced by fresh noise, so that
+    /// the motion is distributed as in training.
+    pub(crate) fn add_noise(
+        &self,
+        state: &SamplerState<'_, D::Context>,
+        clean: &Tensor<3>,
+        noise: Tensor<3>,
+        index: usize,
+    ) -> Tensor<3> {
+        let step = &self.steps[index];
+        if step.next_alpha_cumprod == 1.0 {
+            return clean.clone();
+        }
+        let (signal_scale, noise_scale) = coefficients(step.next_alpha_cumprod);
+        let signal = clean.clone() * signal_scale;
+        let Some(step_noise) = state.step_noise else {
+            return signal + noise * noise_scale;
+        };
+        let [_, frames, features] = clean.dims();
+        let fresh = step_noise.at(index, [frames, features], &clean.device());
+        let variance = step.posterior_variance();
+        let kept = (1.0 - step.next_alpha_cumprod - variance).max(0.0).sqrt();
+        signal + noise * kept + fresh * variance.sqrt()
     }
-    let (signal_scale, noise_scale) = coefficients(step.next_alpha_cumprod);
-    clean.clone() * signal_scale + noise * noise_scale
 }
 
 /// Returns the coefficients of the clean motion and of the noise in `x`: `√ᾱ` and `√(1 - ᾱ)`.

@@ -2,7 +2,7 @@
 
 use lamogen_guide::{Body, Guidance, Preset, Schedule};
 use lamogen_laban::{Goals, Scale};
-use lamogen_model::{Denoiser, Tokenizer};
+use lamogen_model::{Denoiser, Tokenizer, Tokens};
 
 use crate::error::RequestError;
 use crate::request::Request;
@@ -12,10 +12,8 @@ use crate::request::Request;
 pub(crate) struct GenerationJob {
     /// The place among the requests, from 0.
     pub(crate) request: usize,
-    /// The token ids of the sentence that the model reads.
-    pub(crate) ids: Vec<u32>,
-    /// The number of tokens that did not fit the model.
-    pub(crate) cut_tokens: usize,
+    /// The tokens of the sentence that the model reads.
+    pub(crate) tokens: Tokens,
     pub(crate) frames: usize,
     pub(crate) seed: u64,
     /// `None` where the motion of the text alone is requested.
@@ -73,6 +71,11 @@ pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Ve
     batches
 }
 
+/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer.
+pub(crate) fn default_steps(preset: Preset, model: &impl Denoiser) -> usize {
+    preset.steps().min(model.noise_schedule().timesteps())
+}
+
 /// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
 /// stands in for the prompt, the model reads that sentence.
 pub(crate) fn assign_to_group(
@@ -103,8 +106,8 @@ pub(crate) fn assign_to_group(
         }
     };
     let preset = request.preset.unwrap_or(default);
-    let steps = request.steps.unwrap_or(preset.steps());
-    Schedule::linear().ddim(steps)?;
+    let steps = request.steps.unwrap_or(default_steps(preset, model));
+    Schedule::new(model.noise_schedule()).ddim(steps)?;
     let mut guidance = request.guidance.clone().unwrap_or(preset.guidance());
     let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
     guidance.loss_terms = terms.cloned().collect();
@@ -124,8 +127,7 @@ pub(crate) fn assign_to_group(
     let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
     let job = GenerationJob {
         request: index,
-        ids: tokens.ids,
-        cut_tokens: tokens.cut,
+        tokens,
         frames,
         seed: request.seed,
         goals,

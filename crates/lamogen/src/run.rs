@@ -2,13 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
     Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Pass, Rig,
-    Sampler, Step, TermComparison, noise,
+    Sampler, Step, StepNoise, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
-use lamogen_model::Denoiser;
+use lamogen_model::{Denoiser, SamplingMethod, TokenBatch};
 use lamogen_motion::{Motion, MotionError, Rotations};
 
 use crate::error::{
@@ -50,8 +50,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             text_scale,
             ..
         } = self.model;
-        let unconditional = tokenizer.unconditional().ids;
-        let network = ClassifierFree::new(network, *text_scale, &unconditional)
+        let wordless = tokenizer.unconditional();
+        let network = ClassifierFree::new(network, *text_scale, &wordless)
             .map_err(|error| self.interrupted(error, &[]))?;
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
@@ -100,7 +100,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let jobs = self.group.jobs.iter().zip(motions).enumerate();
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
-                cut_tokens: job.cut_tokens,
+                cut_tokens: job.tokens.cut,
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
@@ -149,7 +149,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         jobs.map(|(job, (motion, network))| {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
-                cut_tokens: job.cut_tokens,
+                cut_tokens: job.tokens.cut,
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: Goals::default(),
@@ -173,27 +173,28 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
 
     /// Encodes the prompts and draws the start noise, padded to the longest motion.
     fn batch<N: Denoiser>(&self, network: &N) -> Batch<N::Context> {
-        let tokenizer = &self.model.tokenizer;
         let device = network.device();
         let jobs = &self.group.jobs;
         let (size, features) = (jobs.len(), network.pose_features());
         let lengths = self.lengths();
         let frames = lengths.iter().copied().max().unwrap_or(0);
-        let ids: Vec<i32> = jobs
-            .iter()
-            .flat_map(|job| &job.ids)
-            .map(|&id| id as i32)
-            .collect();
-        let ids = TensorData::new(ids, [size, tokenizer.context_length()]);
+        let tokens = TokenBatch::new(jobs.iter().map(|job| &job.tokens), &device);
         let noise: Vec<f32> = jobs
             .iter()
             .flat_map(|job| noise(job.seed, frames, features))
             .collect();
         let noise = TensorData::new(noise, [size, frames, features]);
         Batch {
-            prompt: network.encode(Tensor::<2, Int>::from_data(ids, &device)),
+            prompt: network.encode(&tokens),
             noise: Tensor::from_data(noise, &device),
             lengths,
+            step_noise: match self.model.sampling_method {
+                SamplingMethod::Ddim => None,
+                SamplingMethod::Ddpm => {
+                    let seeds = jobs.iter().map(|job| job.seed).collect();
+                    Some(StepNoise::Seeded(seeds))
+                }
+            },
         }
     }
 

@@ -13,7 +13,7 @@ use lamogen_model::Denoiser;
 use super::adam_variable::AdamVariable;
 use super::objective::{LossGradient, MotionPath, NonFinite, Objective};
 use crate::guidance::{Guidance, GuidanceVariable, UpdateTiming};
-use crate::sampler::{Batch, Sampler, SamplerState, add_noise};
+use crate::sampler::{Batch, Sampler, SamplerState};
 
 /// The result of one step.
 pub(super) struct StepOutput {
@@ -143,7 +143,7 @@ impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
         };
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean_motion(&self.state, output.clone(), step);
-        self.state.x = { self.sampler }.advance(&self.state, &prediction, output, step);
+        self.state.x = { self.sampler }.advance(&self.state, &prediction, output, index);
         Ok(StepOutput {
             loss: evaluation.loss,
             gradient: Some(evaluation.gradient),
@@ -217,7 +217,7 @@ impl<D: Denoiser> Variable for PredictionVariable<'_, '_, D> {
             prediction = prediction - evaluation.gradient * rate;
             loss = evaluation.loss;
         }
-        state.x = add_noise(&prediction, noise, step);
+        state.x = sampler.add_noise(state, &prediction, noise, index);
         Ok(StepOutput {
             loss,
             gradient: None,
@@ -336,14 +336,14 @@ impl<'s, 'a, D: Denoiser> NoiseVariable<'s, 'a, D> {
             let linearized = sampler.linearize_motion(&state, &self.batch.prompt.context, index);
             let (x, output) = (state.x.clone(), linearized.output.clone());
             let prediction = sampler.clean_motion(&state, output.clone(), step);
-            let next = sampler.advance(&state, &prediction, output.clone(), step);
+            let next = sampler.advance(&state, &prediction, output.clone(), index);
             let before = state.clone();
             pullbacks.push(Box::new(move |gradient: Tensor<3>| {
                 let [x, output] = [x, output].map(|leaf| leaf.autodiff().require_grad());
                 let clean = sampler.clean_motion_at(&before, x.clone(), output.clone(), step);
                 let noise =
                     sampler.predicted_noise(&before, x.clone(), &clean, output.clone(), step);
-                let next = add_noise(&clean, noise, step);
+                let next = sampler.add_noise(&before, &clean, noise, index);
                 let mut gradients = (next * gradient.autodiff()).sum().backward();
                 let [x_gradient, output_gradient] = [x, output].map(|leaf| {
                     let gradient = leaf.grad_remove(&mut gradients);
