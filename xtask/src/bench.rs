@@ -130,6 +130,7 @@ fn batch(
         noise: Tensor::from_data(start, device),
         lengths: vec![frames; motions],
         step_noise: None,
+        continuation: None,
     }
 }
 

@@ -42,6 +42,7 @@ fn steps(criterion: &mut Criterion) {
             noise: Tensor::from_data(start, &device),
             lengths: vec![FRAMES; motions],
             step_noise: None,
+            continuation: None,
         };
         let baseline = || sampler.baseline(&batch, &mut ()).expect("a baseline");
         group.bench_function(BenchmarkId::new("baseline", motions), |bencher| {

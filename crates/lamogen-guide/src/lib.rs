@@ -35,6 +35,7 @@ mod rig;
 mod sampler;
 mod schedule;
 mod temporal_smoothing;
+mod windows;
 
 pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales};
 pub use error::{GuideError, Quantity, StoppedPass};
@@ -50,6 +51,7 @@ pub use rig::{Rig, RigMotions};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
 pub use temporal_smoothing::TemporalSmoothing;
+pub use windows::Continuation;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

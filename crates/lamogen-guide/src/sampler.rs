@@ -10,6 +10,7 @@ use crate::noise::StepNoise;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
+use crate::windows::{Continuation, WindowChain, window_count};
 
 /// A sampler that goes from noise to motions step by step.
 ///
@@ -36,6 +37,8 @@ pub struct Batch<C> {
     pub lengths: Vec<usize>,
     /// The noise that both passes add at each step; `None` for DDIM, which adds none.
     pub step_noise: Option<StepNoise>,
+    /// What a network that continues motions a window at a time needs; `None` for other networks.
+    pub continuation: Option<Continuation<C>>,
 }
 
 /// The state of a pass between two steps: the noisy motions, and the other inputs of the network.
@@ -47,8 +50,10 @@ pub(crate) struct SamplerState<'a, C> {
     pub(crate) embedding: Tensor<2>,
     /// The offsets of scales and shifts, `[batch, modulations]`, if there are any.
     pub(crate) modulation: Option<Tensor<2>>,
-    pub(crate) context: &'a C,
+    pub(crate) context: C,
     step_noise: Option<&'a StepNoise>,
+    /// The number of steps that were made in earlier windows.
+    earlier_steps: usize,
     pub(crate) mask: FrameMask,
     /// The window that smooths predictions along time, if they are smoothed.
     window: Option<SmoothingWindow>,
@@ -100,7 +105,14 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         &self.steps
     }
 
+    /// Returns the number of windows in which the network makes the motions of a batch: 1 unless it continues motions.
+    pub fn windows(&self, batch: &Batch<D::Context>) -> usize {
+        window_count(self.model.window(), batch.noise.dims()[1])
+    }
+
     /// Runs pass 1. Returns the motions from the text alone, normalised, `[batch, frames, features]`.
+    ///
+    /// A network that continues motions makes all steps of a window before it begins with the next.
     ///
     /// # Errors
     ///
@@ -108,39 +120,61 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Panics
     ///
-    /// If noise, lengths and prompts differ in the number of motions, or a length is 0 or larger than the
-    /// number of frames of the noise.
+    /// If noise, lengths and prompts differ in the number of motions, a length is 0 or larger than the number of frames of
+    /// the noise, or, with a network that continues motions, there is no prefix or the frames of the noise are not whole
+    /// windows.
     pub fn baseline(
         &self,
         batch: &Batch<D::Context>,
         observer: &mut dyn Observer,
     ) -> Result<Tensor<3>, GuideError> {
-        let mut state = self.initial_state(batch);
-        for (index, step) in self.steps.iter().enumerate() {
-            let output = self.evaluate(&state, index);
-            let prediction = self.clean_motion(&state, output.clone(), step);
-            state.x = self.advance(&state, &prediction, output, index);
-            let step = Step {
-                pass: Pass::Baseline,
-                index,
-                steps: self.steps.len(),
-                timestep: step.timestep,
-                loss: None,
-                gradient: None,
-                embedding: &state.embedding,
-                prediction: &prediction,
-            };
-            if observer.step(&step).is_break() {
-                return Err(GuideError::stopped(&step, &[]));
+        let mut chain = self.chain();
+        let windows = self.windows(batch);
+        loop {
+            let mut state = self.window_state(batch, &chain);
+            for (index, step) in self.steps.iter().enumerate() {
+                let output = self.evaluate(&state, index);
+                let prediction = self.clean_motion(&state, output.clone(), step);
+                state.x = self.advance(&state, &prediction, output, index);
+                let step = Step {
+                    pass: Pass::Baseline,
+                    index: state.earlier_steps + index,
+                    steps: windows * self.steps.len(),
+                    timestep: step.timestep,
+                    loss: None,
+                    gradient: None,
+                    embedding: &state.embedding,
+                    prediction: &chain.followed_by(prediction),
+                };
+                if observer.step(&step).is_break() {
+                    return Err(GuideError::stopped(&step, &[]));
+                }
             }
+            if chain.index() + 1 == windows {
+                return Ok(chain.followed_by(state.x));
+            }
+            chain.push(state.x);
         }
-        Ok(state.x)
     }
 
-    /// Returns the state before the first step: the start noise with the prompts of the batch.
+    /// Returns the windows of a pass before its first step.
+    pub(crate) fn chain(&self) -> WindowChain {
+        WindowChain::new(self.model.window())
+    }
+
+    /// Returns the state before the first step of the first window.
     pub(crate) fn initial_state<'b>(
         &self,
         batch: &'b Batch<D::Context>,
+    ) -> SamplerState<'b, D::Context> {
+        self.window_state(batch, &self.chain())
+    }
+
+    /// Returns the state before the first step of the window after those of `chain`: its start noise with its prompts.
+    pub(crate) fn window_state<'b>(
+        &self,
+        batch: &'b Batch<D::Context>,
+        chain: &WindowChain,
     ) -> SamplerState<'b, D::Context> {
         let [size, frames, _] = batch.noise.dims();
         assert_eq!(
@@ -148,15 +182,26 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
             "noise, lengths and prompts must be of as many motions"
         );
+        let (window, device) = (chain.frames(frames), batch.noise.device());
+        let prompt = chain.prompt(batch);
+        // A window is made whole, however many of its frames a motion needs.
+        let (context, lengths) = match chain.prefix(batch) {
+            None => (prompt.context.clone(), batch.lengths.clone()),
+            Some(prefix) => {
+                let context = self.model.with_prefix(prompt.context.clone(), prefix);
+                (context, vec![window.len(); size])
+            }
+        };
         SamplerState {
-            x: batch.noise.clone(),
-            embedding: batch.prompt.embedding.clone(),
+            x: batch.noise.clone().narrow(1, window.start, window.len()),
+            embedding: prompt.embedding.clone(),
             modulation: None,
-            context: &batch.prompt.context,
+            context,
             step_noise: batch.step_noise.as_ref(),
-            mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
+            earlier_steps: chain.index() * self.steps.len(),
+            mask: FrameMask::new(&lengths, window.len(), &device),
             window: { self.temporal_smoothing }.map(|temporal_smoothing| {
-                temporal_smoothing.window(&batch.lengths, frames, &batch.noise.device())
+                temporal_smoothing.window(&lengths, window.len(), &device)
             }),
         }
     }
@@ -173,7 +218,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
 
     /// Returns the network's output at a step.
     pub(crate) fn evaluate(&self, state: &SamplerState<'_, D::Context>, index: usize) -> Tensor<3> {
-        self.model.denoise(self.input(state, index), state.context)
+        self.model.denoise(self.input(state, index), &state.context)
     }
 
     /// Returns the network's output at a step, with its derivative with respect to the noisy motion.
@@ -195,7 +240,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         index: usize,
     ) -> LinearizedEvaluation<'b> {
         self.model
-            .linearize(self.input(state, index), state.context)
+            .linearize(self.input(state, index), &state.context)
     }
 
     /// Returns the input of the network at a step.
@@ -296,7 +341,8 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             return signal + noise * noise_scale;
         };
         let [_, frames, features] = clean.dims();
-        let fresh = step_noise.at(index, [frames, features], &clean.device());
+        let place = state.earlier_steps + index;
+        let fresh = step_noise.at(place, [frames, features], &clean.device());
         let variance = step.posterior_variance();
         let kept = (1.0 - step.next_alpha_cumprod - variance).max(0.0).sqrt();
         signal + noise * kept + fresh * variance.sqrt()

@@ -65,6 +65,7 @@ fn batch(network: &ToyDenoiser<SwingNetwork>, sizes: &[i32]) -> Batch<()> {
         ]),
         lengths: vec![FRAMES; sizes.len()],
         step_noise: None,
+        continuation: None,
     }
 }
 

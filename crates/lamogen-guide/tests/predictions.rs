@@ -72,6 +72,7 @@ fn batch() -> Batch<()> {
         noise: start.reshape([1, FRAMES, POSE_FEATURES]),
         lengths: vec![FRAMES],
         step_noise: None,
+        continuation: None,
     }
 }
 

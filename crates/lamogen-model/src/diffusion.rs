@@ -1,5 +1,7 @@
 //! The diffusion process that a network was trained for.
 
+use std::str::FromStr;
+
 use serde::Serialize;
 
 /// The schedule of the noise `β_t`, over the timesteps that the network was trained with.
@@ -44,6 +46,28 @@ pub enum SamplingMethod {
     Ddim,
     /// A part of the noise is drawn anew at each step, as in training (Ho et al. 2020).
     Ddpm,
+}
+
+impl SamplingMethod {
+    /// Returns the name, `ddim` or `ddpm`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            SamplingMethod::Ddim => "ddim",
+            SamplingMethod::Ddpm => "ddpm",
+        }
+    }
+}
+
+impl FromStr for SamplingMethod {
+    type Err = &'static str;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        match name {
+            "ddim" => Ok(SamplingMethod::Ddim),
+            "ddpm" => Ok(SamplingMethod::Ddpm),
+            _ => Err("expected ddim or ddpm"),
+        }
+    }
 }
 
 /// The windows of a network that continues a motion a few frames at a time.

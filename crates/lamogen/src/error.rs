@@ -191,6 +191,16 @@ pub enum RequestError {
         shortest: usize,
         longest: usize,
     },
+    /// The request continues a motion or changes its sentence, but the model makes whole motions.
+    #[error(
+        "expected a model that makes a motion a window at a time, such as DiP, for {what}; this one makes whole motions"
+    )]
+    #[allow(missing_docs)]
+    NoWindows { what: &'static str },
+    /// The motion to continue is too short.
+    #[error("expected a motion of at least {expected} frames to continue, found {found}")]
+    #[allow(missing_docs)]
+    Prefix { expected: usize, found: usize },
     /// The request has tags, and factors or other goals too.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,

@@ -33,7 +33,7 @@ pub struct LaMoGen<D = AnyNetwork> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Generation {
-    /// The number of tokens of the prompt that did not fit the model and were left out.
+    /// The number of tokens of the prompt, and of the sentences after it, that did not fit the model and were left out.
     pub cut_tokens: usize,
     /// Words of the prompt that occur in no caption that the model was trained on. The list is empty if the model's
     /// words are not [known](LaMoGen::known_words). The motion follows the other words, and the letters that these
@@ -352,7 +352,8 @@ impl<D: Denoiser> LaMoGen<D> {
         observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Vec<Generation>, Error> {
         let groups = self.groups(requests)?;
-        let total = groups.iter().map(JobGroup::max_steps).sum();
+        let window = self.network.window();
+        let total = groups.iter().map(|group| group.max_steps(window)).sum();
         let mut done = 0;
         let mut observe_step = |step: &Step<'_>| {
             done += 1;

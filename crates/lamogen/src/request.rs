@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
-use lamogen_motion::FRAMES_PER_SECOND;
+use lamogen_motion::{FRAMES_PER_SECOND, Motion, POSE_FEATURES, encode_every_frame};
 
 use crate::error::RequestError;
 
@@ -40,6 +40,9 @@ pub struct Request {
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
     pub(crate) loss_terms: LossTerms,
+    pub(crate) further_prompts: Vec<String>,
+    /// The pose features of the frames before the motion.
+    pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
 }
 
 impl Request {
@@ -60,6 +63,8 @@ impl Request {
             steps: None,
             guidance: None,
             loss_terms: LossTerms::default(),
+            further_prompts: Vec::new(),
+            prefix: None,
         }
     }
 
@@ -148,7 +153,7 @@ impl Request {
         }
     }
 
-    /// Sets the DDIM steps of each pass, 1 to 1000.
+    /// Sets the steps of each pass: 1 to 1000, or to as many timesteps as the model was trained with.
     pub fn steps(self, steps: usize) -> Self {
         Request {
             steps: Some(steps),
@@ -161,6 +166,33 @@ impl Request {
     pub fn loss_term(self, term: Arc<dyn LossTerm>) -> Self {
         Request {
             loss_terms: self.loss_terms.with(term),
+            ..self
+        }
+    }
+
+    /// Adds the sentence of the next window, for a model that makes a motion a window at a time, such as DiP with windows of
+    /// two seconds. The last sentence is that of all windows after it.
+    ///
+    /// ```
+    /// use lamogen::Request;
+    ///
+    /// // Two seconds of walking, and then waving for the rest of the six.
+    /// let request = Request::new("a person walks forward").then("a person waves").seconds(6.0);
+    /// ```
+    pub fn then(mut self, prompt: impl Into<String>) -> Self {
+        self.further_prompts.push(prompt.into());
+        self
+    }
+
+    /// Sets the motion whose last frames this motion continues, for a model that makes a motion a window at a time. Without
+    /// it such a model continues a body that stands still.
+    pub fn after(self, motion: &Motion) -> Self {
+        let features = match motion.features() {
+            Some(features) => features.to_vec(),
+            None => encode_every_frame(motion.joints()),
+        };
+        Request {
+            prefix: Some(features.into()),
             ..self
         }
     }

@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Pass, Rig,
-    Sampler, Step, StepNoise, TermComparison, noise,
+    Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, LabanComparison,
+    Pass, Rig, Sampler, Step, StepNoise, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
-use lamogen_model::{Denoiser, SamplingMethod, TokenBatch};
+use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch};
 use lamogen_motion::{Motion, MotionError, Rotations};
 
 use crate::error::{
@@ -18,6 +18,7 @@ use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValu
 use crate::groups::JobGroup;
 use crate::licence::Licence;
 use crate::request::Request;
+use crate::standing::standing;
 
 /// A function that is called after every step and may stop the run.
 type StepObserver<'o> = &'o mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
@@ -100,7 +101,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let jobs = self.group.jobs.iter().zip(motions).enumerate();
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
-                cut_tokens: job.tokens.cut,
+                cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
@@ -149,7 +150,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         jobs.map(|(job, (motion, network))| {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
-                cut_tokens: job.tokens.cut,
+                cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: Goals::default(),
@@ -178,6 +179,9 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let (size, features) = (jobs.len(), network.pose_features());
         let lengths = self.lengths();
         let frames = lengths.iter().copied().max().unwrap_or(0);
+        // Windows are made whole, and what is beyond a motion's length is left out.
+        let frames =
+            { network.window() }.map_or(frames, |window| frames.next_multiple_of(window.frames));
         let tokens = TokenBatch::new(jobs.iter().map(|job| &job.tokens), &device);
         let noise: Vec<f32> = jobs
             .iter()
@@ -195,6 +199,35 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                     Some(StepNoise::Seeded(seeds))
                 }
             },
+            continuation: { network.window() }.map(|window| self.continuation(network, window)),
+        }
+    }
+
+    /// Encodes the sentences of further windows and the frames that the motions continue.
+    fn continuation<N: Denoiser>(
+        &self,
+        network: &N,
+        window: MotionWindow,
+    ) -> Continuation<N::Context> {
+        let (jobs, device) = (&self.group.jobs, network.device());
+        let sentences = jobs.iter().map(|job| job.further_tokens.len()).max();
+        let prompts = (0..sentences.unwrap_or(0)).map(|place| {
+            let tokens = jobs.iter().map(|job| {
+                let further = job.further_tokens.iter().take(place + 1);
+                further.last().unwrap_or(&job.tokens)
+            });
+            network.encode(&TokenBatch::new(tokens, &device))
+        });
+        let prefixes = jobs.iter().flat_map(|job| match &job.prefix {
+            Some(features) => features[features.len() - window.prefix..].to_vec(),
+            None => standing(window.prefix),
+        });
+        let prefixes: Vec<f32> = prefixes.flatten().collect();
+        let shape = [jobs.len(), window.prefix, network.pose_features()];
+        let prefix = Tensor::from_data(TensorData::new(prefixes, shape), &device);
+        Continuation {
+            prefix: self.model.normalization.normalize(prefix),
+            prompts: prompts.collect(),
         }
     }
 
@@ -204,8 +237,9 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
 
     /// Decodes one motion of `normalized`, the pose features of the batch with shape `(motions, frames, features)`.
     fn motion(&self, normalized: &Tensor<3>, index: usize) -> Result<Motion, MotionError> {
-        let [_, _, features] = normalized.dims();
-        let frames = self.group.jobs[index].frames;
+        let [_, made, features] = normalized.dims();
+        // A run that was stopped has not made all windows.
+        let frames = self.group.jobs[index].frames.min(made);
         let rows = normalized.clone().narrow(0, index, 1).narrow(1, 0, frames);
         let rows = self.model.normalization.denormalize(rows);
         let motion = Motion::from_features(rows.reshape([frames, features]))?;

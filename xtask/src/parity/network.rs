@@ -146,6 +146,7 @@ impl Network {
             noise: case.tensor("in.z")?,
             lengths: case.lengths()?,
             step_noise: None,
+            continuation: None,
         })
     }
 
@@ -195,6 +196,7 @@ impl Network {
             noise,
             lengths: case.lengths()?,
             step_noise: None,
+            continuation: None,
         };
         let size = batch.lengths.len();
         let scales = vec![case.scale()?.into(); size];

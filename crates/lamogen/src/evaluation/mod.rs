@@ -194,7 +194,7 @@ pub fn evaluate<D: Denoiser>(
     remove_stale_temporaries(folder);
     let device = model.model.network().device();
     let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
-    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
+    let plan = EvalPlan::new(options, plan_defaults(model.model), sentences.0.len());
     let run = check_run(
         model,
         evaluator,
@@ -264,7 +264,7 @@ pub fn estimate<D: Denoiser>(
 ) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
     let device = model.model.network().device();
     let sentences = load_prompts(model.model, evaluator, dataset, options, observer)?;
-    let plan = EvalPlan::new(options, model.model.preset(), sentences.0.len());
+    let plan = EvalPlan::new(options, plan_defaults(model.model), sentences.0.len());
     let run = check_run(
         model,
         evaluator,
@@ -481,8 +481,9 @@ fn run_identity<D: Denoiser>(
         preset,
         given_steps: _,
         noise_steps,
+        timesteps: _,
     } = plan.defaults;
-    json!({
+    let mut identity = json!({
         "model": fingerprint,
         "evaluator": lamogen_train::fingerprint(runner.evaluator.network()),
         "temporal_smoothing": runner.model.temporal_smoothing().map(|smoothing| smoothing.frames),
@@ -495,7 +496,18 @@ fn run_identity<D: Denoiser>(
         "noise_steps": noise_steps,
         "measure": runner.measure.name(),
         "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
-    })
+    });
+    let method = runner.model.sampling_method();
+    if method != runner.model.network().sampling_method() {
+        identity["sampler"] = method.name().into();
+    }
+    identity
+}
+
+/// Returns the preset of a model, and the number of timesteps that its network was trained with.
+fn plan_defaults<D: Denoiser>(model: &LaMoGen<D>) -> (Preset, usize) {
+    let timesteps = model.network().noise_schedule().timesteps();
+    (model.preset(), timesteps)
 }
 
 /// Whether the folder has records of this run. A folder with records of another run, or with records of an unknown run,

@@ -33,6 +33,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
             let request = Request::new(&options.prompt)
                 .seconds(options.seconds)
                 .seed(seed);
+            let request = options.then.iter().fold(request, Request::then);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),
@@ -159,6 +160,7 @@ pub fn generation_facts(
         "body": pass.body.unwrap_or(BodyName::of(preset.guidance().body)).name(),
         "temporal_smoothing": source.temporal_smoothing_frames(),
         "text_scale": source.model.text_scale(),
+        "sampler": source.model.sampling_method().name(),
         "cut_tokens": generation.cut_tokens,
         "unseen_words": generation.unseen_words,
         "stand_in": generation.stand_in,
