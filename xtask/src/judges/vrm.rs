@@ -139,7 +139,10 @@ impl VrmCharacter {
     /// Returns the bytes of the file: the skinned capsules of a GLB around a body of this size, made a VRM.
     fn file(&self) -> Result<Vec<u8>> {
         let body = Motion::from_joints(vec![motions::t_pose(self.sizes)])?;
-        let plain = glb::bytes(&body.rotations().into_owned().into(), &GlbOptions::default())?;
+        let plain = glb::bytes(
+            &body.rotations().into_owned().into(),
+            &GlbOptions::default(),
+        )?;
         let (json, binary) = split_chunks(&plain)?;
         let mut document: Value = serde_json::from_slice(json)?;
         let mut binary = binary.ok_or("expected a binary chunk")?.to_vec();
