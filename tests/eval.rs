@@ -6,12 +6,12 @@ mod swings;
 use std::fs;
 use std::path::Path;
 
-use burn::tensor::{Int, Tensor};
+use burn::tensor::Tensor;
 use lamogen::evaluation::{
     EvaluatedModel, Evaluation, EvaluationErrorKind, EvaluationObserver, EvaluationOptions, Method,
     accepted_lengths, estimate, evaluate,
 };
-use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, Tokenizer};
+use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, TokenBatch, Tokenizer};
 use lamogen::motion::POSE_FEATURES;
 use lamogen::{Device, LaMoGen};
 use lamogen_data::{Dataset, LoadOptions, Split};
@@ -366,8 +366,8 @@ impl Denoiser for Pendulum {
         Device::flex()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        let words = tokens.greater_elem(0).float().sum_dim(1);
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<()> {
+        let words = tokens.ids.clone().greater_elem(0).float().sum_dim(1);
         Prompt {
             embedding: words * 0.02,
             context: (),

@@ -5,12 +5,12 @@ mod running;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use burn::tensor::{Int, Tensor};
+use burn::tensor::Tensor;
 use lamogen::evaluation::{
     EvaluatedModel, EvaluationErrorKind, EvaluationOptions, MeasurementTarget,
     MultimodalityOptions, PublicBenchmark, estimate_publicly, evaluate_publicly,
 };
-use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, Tokenizer};
+use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, TokenBatch, Tokenizer};
 use lamogen::motion::{Normalization, POSE_FEATURES, npy};
 use lamogen::{Device, LaMoGen};
 use lamogen_data::{BenchmarkClip, BenchmarkSplit, Split};
@@ -94,8 +94,8 @@ impl Denoiser for Noise {
         Device::flex()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
-        let words = tokens.greater_elem(0).float().sum_dim(1);
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<()> {
+        let words = tokens.ids.clone().greater_elem(0).float().sum_dim(1);
         Prompt {
             embedding: words * 0.02,
             context: (),

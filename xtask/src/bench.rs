@@ -66,7 +66,10 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
     let normalization = loaded.normalization();
     let full;
     let model = match (options.size, &options.model) {
-        (Size::Compact, _) | (_, Some(_)) => loaded.network(),
+        (Size::Compact, _) | (_, Some(_)) => {
+            let network = loaded.network().motion_diffuse();
+            network.ok_or("expected a MotionDiffuse, found an MDM")?
+        }
         (Size::Full, None) => {
             full = MotionDiffuse::new(&ModelConfig::motion_diffuse(), device);
             &full
@@ -123,9 +126,11 @@ fn batch(
         .collect();
     let start = TensorData::new(start, [motions, frames, model.pose_features()]);
     Batch {
-        prompt: model.encode(Tensor::<2, Int>::from_data(tokens, device)),
+        prompt: model.encode(&Tensor::<2, Int>::from_data(tokens, device).into()),
         noise: Tensor::from_data(start, device),
         lengths: vec![frames; motions],
+        step_noise: None,
+        continuation: None,
     }
 }
 

@@ -48,7 +48,10 @@ pub fn run(
         ("license".to_owned(), license),
         ("attribution".to_owned(), attribution),
     ]);
-    model.network().save(&weights, precision, metadata)?;
+    let network = model.network().motion_diffuse();
+    let network =
+        network.ok_or("expected a model of the kind that lamogen trains, found an MDM")?;
+    network.save(&weights, precision, metadata)?;
     for (name, bytes) in copied {
         let path = to.join(name);
         write_atomically(&path, |file| file.write_all(&bytes))

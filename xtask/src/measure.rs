@@ -54,7 +54,8 @@ pub fn run(
     let model = options.subject.open(device)?;
     let dataset = Dataset::open(&options.data, &LoadOptions::default(), &mut |_| ())?;
     let evaluator = Evaluator::load(&options.evaluator, device)?;
-    let network = model.network();
+    let network = model.network().motion_diffuse();
+    let network = network.ok_or("expected a MotionDiffuse, found an MDM")?;
     let lengths = network.min_frames()..=network.max_frames();
     let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
     let mut losses = serde_json::Map::new();

@@ -38,9 +38,11 @@ fn steps(criterion: &mut Criterion) {
             .collect();
         let start = TensorData::new(start, [motions, FRAMES, POSE_FEATURES]);
         let batch = Batch {
-            prompt: model.encode(Tensor::<2, Int>::from_data(tokens, &device)),
+            prompt: model.encode(&Tensor::<2, Int>::from_data(tokens, &device).into()),
             noise: Tensor::from_data(start, &device),
             lengths: vec![FRAMES; motions],
+            step_noise: None,
+            continuation: None,
         };
         let baseline = || sampler.baseline(&batch, &mut ()).expect("a baseline");
         group.bench_function(BenchmarkId::new("baseline", motions), |bencher| {

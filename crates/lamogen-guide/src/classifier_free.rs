@@ -1,10 +1,10 @@
 //! Classifier-free guidance: how strongly a network follows the sentence.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_model::{
-    Denoiser, DenoiserInput, LABAN_FEATURES, LinearizedEvaluation, Prediction, Prompt,
+    Denoiser, DenoiserInput, LABAN_FEATURES, LinearizedEvaluation, MotionWindow, NoiseSchedule,
+    Prediction, Prompt, SamplingMethod, TokenBatch, Tokens, limited_text_scales,
 };
-use lamogen_motion::FeatureGroup;
 
 use crate::error::GuideError;
 
@@ -15,8 +15,8 @@ use crate::error::GuideError;
 /// is that of the network itself. Above 1 motions follow the sentence more closely and differ less from each other. The
 /// network must have been trained with text dropout.
 ///
-/// The turning of the root has a scale of at most 1 ([`feature_scales`]). It is one feature of 263 and is summed over
-/// all frames, so a scale of 2.5 would turn the body by half a circle where a quarter was requested.
+/// The network may limit the scale of some features, such as the turning of the root ([`Denoiser::text_scales`]), and
+/// decides what takes the place of the sentence ([`Denoiser::unconditional`]).
 ///
 /// The network is evaluated twice a step. Gradients with respect to the embedding or modulation go through the
 /// conditional evaluation, those with respect to the noisy motion through both.
@@ -30,8 +30,8 @@ pub struct ClassifierFree<'a, D> {
 struct TextGuidance {
     /// The scale of each feature, `[1, 1, features]`.
     scales: Tensor<3>,
-    /// The token ids of a text without words.
-    unconditional_tokens: Vec<i32>,
+    /// A text without words.
+    wordless: Tokens,
 }
 
 /// The context of a sentence, and the encoded text without words.
@@ -42,21 +42,21 @@ pub struct ClassifierFreeContext<C> {
 }
 
 impl<'a, D: Denoiser> ClassifierFree<'a, D> {
-    /// Wraps a network at a scale. `unconditional` are the token ids of a text without words
+    /// Wraps a network at a scale. `wordless` is a text without words
     /// (`lamogen_model::Tokenizer::unconditional`).
     ///
     /// # Errors
     ///
     /// If the scale is not finite or below 0.
-    pub fn new(network: &'a D, scale: f64, unconditional: &[u32]) -> Result<Self, GuideError> {
+    pub fn new(network: &'a D, scale: f64, wordless: &Tokens) -> Result<Self, GuideError> {
         if !(scale.is_finite() && scale >= 0.0) {
             return Err(GuideError::Guidance(format!(
                 "expected a finite text scale of at least 0, found {scale}"
             )));
         }
         let text_guidance = (scale != 1.0).then(|| TextGuidance {
-            scales: feature_scales(scale, network.pose_features(), &network.device()),
-            unconditional_tokens: unconditional.iter().map(|&id| id as i32).collect(),
+            scales: scales_tensor(network.text_scales(scale), &network.device()),
+            wordless: wordless.clone(),
         });
         Ok(ClassifierFree {
             network,
@@ -72,11 +72,7 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
     ) -> Option<(DenoiserInput, &'c D::Context, Tensor<3>)> {
         let text_guidance = self.text_guidance.as_ref()?;
         let prompt = context.unconditional.as_ref()?;
-        let input = DenoiserInput {
-            embedding: prompt.embedding.clone(),
-            modulation: None,
-            ..input.clone()
-        };
+        let input = input.without_text(prompt);
         Some((input, &prompt.context, text_guidance.scales.clone()))
     }
 
@@ -92,13 +88,14 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
 }
 
 /// Returns the scale of each pose feature, `[1, 1, features]`: the given scale, but at most 1 for the turning of the
-/// root ([`FeatureGroup::RootYaw`]).
+/// root, as by default in [`Denoiser::text_scales`].
 pub fn feature_scales(scale: f64, features: usize, device: &Device) -> Tensor<3> {
-    let mut scales = vec![scale as f32; features];
-    for yaw_scale in &mut scales[FeatureGroup::RootYaw.range()] {
-        *yaw_scale = yaw_scale.min(1.0);
-    }
-    Tensor::from_data(TensorData::new(scales, [1, 1, features]), device)
+    scales_tensor(limited_text_scales(scale, features), device)
+}
+
+fn scales_tensor(scales: Vec<f32>, device: &Device) -> Tensor<3> {
+    let shape = [1, 1, scales.len()];
+    Tensor::from_data(TensorData::new(scales, shape), device)
 }
 
 /// Computes `unconditional + scales · (conditional - unconditional)`.
@@ -129,21 +126,46 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         self.network.device()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context> {
-        let [batch, _] = tokens.dims();
-        let unconditional = self.text_guidance.as_ref().map(|text_guidance| {
-            let ids = &text_guidance.unconditional_tokens;
-            let ids = TensorData::new(ids.repeat(batch), [batch, ids.len()]);
-            self.network
-                .encode(Tensor::from_data(ids, &tokens.device()))
-        });
+    fn noise_schedule(&self) -> NoiseSchedule {
+        self.network.noise_schedule()
+    }
+
+    fn sampling_method(&self) -> SamplingMethod {
+        self.network.sampling_method()
+    }
+
+    fn window(&self) -> Option<MotionWindow> {
+        self.network.window()
+    }
+
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<Self::Context> {
         let conditional = self.network.encode(tokens);
+        let unconditional = self.text_guidance.as_ref().map(|text_guidance| {
+            let wordless = vec![&text_guidance.wordless; tokens.lengths.len()];
+            let wordless = TokenBatch::new(wordless, &tokens.ids.device());
+            self.network.unconditional(&conditional, &wordless)
+        });
         Prompt {
             embedding: conditional.embedding,
             context: ClassifierFreeContext {
                 conditional: conditional.context,
                 unconditional,
             },
+        }
+    }
+
+    fn with_prefix(&self, context: Self::Context, prefix: Tensor<3>) -> Self::Context {
+        let ClassifierFreeContext {
+            conditional,
+            unconditional,
+        } = context;
+        let unconditional = unconditional.map(|prompt| Prompt {
+            embedding: prompt.embedding,
+            context: self.network.with_prefix(prompt.context, prefix.clone()),
+        });
+        ClassifierFreeContext {
+            conditional: self.network.with_prefix(conditional, prefix),
+            unconditional,
         }
     }
 
@@ -156,12 +178,15 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        let unconditional = self.denoise_unconditionally(&input, context);
-        let conditional = self.network.denoise(input, &context.conditional);
-        match unconditional {
-            Some((unconditional, scales)) => combine(conditional, unconditional, scales),
-            None => conditional,
-        }
+        let (Some(text_guidance), Some(unconditional)) =
+            (&self.text_guidance, &context.unconditional)
+        else {
+            return self.network.denoise(input, &context.conditional);
+        };
+        let [conditional, unconditional] =
+            self.network
+                .denoise_with_unconditional(input, &context.conditional, unconditional);
+        combine(conditional, unconditional, text_guidance.scales.clone())
     }
 
     fn linearize<'a>(
@@ -184,6 +209,10 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
 
     fn modulation_width(&self) -> usize {
         self.network.modulation_width()
+    }
+
+    fn token_offset_width(&self) -> usize {
+        self.network.token_offset_width()
     }
 
     fn linearize_motion<'a>(

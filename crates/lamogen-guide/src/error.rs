@@ -20,11 +20,21 @@ pub enum GuideError {
     /// A guidance option is invalid.
     #[error("guidance: {0}")]
     Guidance(String),
-    /// Guidance shall move scales and shifts, but the network has no stylization layers.
+    /// Guidance shall move scales and shifts, but the network has none.
     #[error(
         "guidance: expected a network whose stylization layers have scales and shifts to move, found one without; move its sentence embedding"
     )]
     NoModulation,
+    /// Guidance shall move offsets of tokens, but the network has no tokens that carry sentence and timestep.
+    #[error(
+        "guidance: expected a network with tokens of sentence and timestep to move, such as an MDM, found one without; move its sentence embedding"
+    )]
+    NoTokens,
+    /// Guidance shall move the start noise of a network that makes motions in several passes.
+    #[error(
+        "guidance: expected a network that makes whole motions for moving their start noise, found one that continues motions a window at a time; move its sentence embedding"
+    )]
+    NoStartNoise,
     /// The network was not trained with Laban features as a condition.
     #[error(
         "guidance: expected a network that was trained with Laban features as a condition (laban_condition in its config.json), found one without; guide it by gradients"

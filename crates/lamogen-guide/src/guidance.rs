@@ -42,11 +42,15 @@ pub enum GuidanceVariable {
     #[default]
     Embedding,
     /// Offsets that are added to the scales and shifts of the stylization layers, which the layers compute from
-    /// embedding and timestep. Each layer has its own. They start at 0, and Adam moves them at every DDIM step of a
+    /// embedding and timestep, or, in MDM, to the gains and biases of the norms. Each layer has its own. They start at 0, and Adam moves them at every DDIM step of a
     /// second pass. They relate to the embedding as the style space of image generators relates to their latent code
     /// (Wu et al. 2021, "StyleSpace Analysis"): they have as many dimensions as the layers have channels, so that one
     /// property of the motion can be moved and the others kept.
     Modulation,
+    /// Offsets that are added to the tokens that carry sentence and timestep, at the input of each layer. Each layer has
+    /// its own. They start at 0, and Adam moves them at every step of a second pass. This is for networks that have such
+    /// tokens, as MDM has ([`Denoiser::token_offset_width`](lamogen_model::Denoiser::token_offset_width)).
+    Tokens,
     /// The clean motion that the network predicts. It is moved down the gradient at every DDIM step of a second pass
     /// (the paper's comparison method "classifier guidance").
     Prediction,
@@ -172,8 +176,8 @@ pub enum Preset {
     #[default]
     Fast,
     /// 25 steps, an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
-    /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse; it
-    /// is the one of the embedded model.
+    /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse, and
+    /// was chosen on the embedded model, which runs with it. MDM has norms to move instead.
     Precise,
 }
 
@@ -306,11 +310,12 @@ impl Guidance {
         }
     }
 
-    /// Returns the number of steps of a guided pass of the network, for a first pass of `ddim` DDIM steps.
+    /// Returns the number of steps of a guided pass of the network, for a first pass of `ddim` steps over all windows.
     pub fn steps(&self, ddim: usize) -> usize {
         let steps = match self.variable {
             GuidanceVariable::Embedding
             | GuidanceVariable::Modulation
+            | GuidanceVariable::Tokens
             | GuidanceVariable::Prediction
             | GuidanceVariable::None => ddim,
             GuidanceVariable::Motion { iterations } | GuidanceVariable::Noise { iterations } => {

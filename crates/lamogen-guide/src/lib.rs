@@ -19,7 +19,7 @@
 //! ```
 //!
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
-//! deterministic: the same noise gives the same motion.
+//! deterministic: the same noise, at the start and at each step, gives the same motion.
 
 mod classifier_free;
 mod error;
@@ -36,6 +36,7 @@ mod rig;
 mod sampler;
 mod schedule;
 mod temporal_smoothing;
+mod windows;
 
 pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales};
 pub use error::{GuideError, Quantity, StoppedPass};
@@ -45,13 +46,14 @@ pub use laban_term::LabanTerm;
 pub use lamogen_body::{FitError, FitOptions, FitProgress};
 pub use looped::{Looped, longest_loop};
 pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermComparison};
-pub use noise::noise;
+pub use noise::{StepNoise, noise};
 pub use observer::{Observer, Pass, Step};
 pub use prompt_editing::prompt_with_tags;
 pub use rig::{Rig, RigMotions};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
 pub use temporal_smoothing::TemporalSmoothing;
+pub use windows::Continuation;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

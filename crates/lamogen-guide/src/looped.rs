@@ -2,7 +2,8 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
-    Denoiser, DenoiserInput, FrameMask, LABAN_FEATURES, LinearizedEvaluation, Prediction, Prompt,
+    Denoiser, DenoiserInput, FrameMask, LABAN_FEATURES, LinearizedEvaluation, MotionWindow,
+    NoiseSchedule, Prediction, Prompt, SamplingMethod, TokenBatch,
 };
 use lamogen_motion::{FeatureGroup, Normalization};
 
@@ -169,8 +170,36 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
         self.network.device()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context> {
+    fn noise_schedule(&self) -> NoiseSchedule {
+        self.network.noise_schedule()
+    }
+
+    fn sampling_method(&self) -> SamplingMethod {
+        self.network.sampling_method()
+    }
+
+    fn window(&self) -> Option<MotionWindow> {
+        self.network.window()
+    }
+
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<Self::Context> {
         self.network.encode(tokens)
+    }
+
+    fn unconditional(
+        &self,
+        prompts: &Prompt<Self::Context>,
+        wordless: &TokenBatch,
+    ) -> Prompt<Self::Context> {
+        self.network.unconditional(prompts, wordless)
+    }
+
+    fn text_scales(&self, scale: f64) -> Vec<f32> {
+        self.network.text_scales(scale)
+    }
+
+    fn with_prefix(&self, context: Self::Context, prefix: Tensor<3>) -> Self::Context {
+        self.network.with_prefix(context, prefix)
     }
 
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
@@ -210,6 +239,10 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
 
     fn modulation_width(&self) -> usize {
         self.network.modulation_width()
+    }
+
+    fn token_offset_width(&self) -> usize {
+        self.network.token_offset_width()
     }
 
     fn linearize_motion<'a>(

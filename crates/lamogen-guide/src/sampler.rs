@@ -1,4 +1,4 @@
-//! DDIM sampling: the first pass, and the steps of both passes.
+//! Sampling: the first pass, and the steps of both passes.
 
 use burn::tensor::Tensor;
 use lamogen_laban::SmoothingWindow;
@@ -7,12 +7,17 @@ use lamogen_motion::Normalization;
 
 use crate::error::GuideError;
 use crate::looped::HeadingClosure;
+use crate::noise::StepNoise;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
+use crate::windows::{Continuation, WindowChain, window_count};
 
-/// A deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
-/// Generation").
+/// A sampler that goes from noise to motions step by step.
+///
+/// It is a deterministic DDIM sampler (Song et al. 2020; paper, section "Diffusion-Based Motion
+/// Generation"), or the stochastic sampler of the training (DDPM, Ho et al. 2020) for a batch with
+/// [`step_noise`](Batch::step_noise).
 pub struct Sampler<'a, D> {
     pub(crate) model: &'a D,
     pub(crate) normalization: &'a Normalization,
@@ -33,6 +38,10 @@ pub struct Batch<C> {
     pub noise: Tensor<3>,
     /// The number of frames of each motion; further frames are padding.
     pub lengths: Vec<usize>,
+    /// The noise that both passes add at each step; `None` for DDIM, which adds none.
+    pub step_noise: Option<StepNoise>,
+    /// What a network that continues motions a window at a time needs; `None` for other networks.
+    pub continuation: Option<Continuation<C>>,
 }
 
 /// The state of a pass between two steps: the noisy motions, and the other inputs of the network.
@@ -44,7 +53,10 @@ pub(crate) struct SamplerState<'a, C> {
     pub(crate) embedding: Tensor<2>,
     /// The offsets of scales and shifts, `[batch, modulations]`, if there are any.
     pub(crate) modulation: Option<Tensor<2>>,
-    pub(crate) context: &'a C,
+    pub(crate) context: C,
+    step_noise: Option<&'a StepNoise>,
+    /// The number of steps that were made in earlier windows.
+    earlier_steps: usize,
     pub(crate) mask: FrameMask,
     /// The window that smooths predictions along time, if they are smoothed.
     window: Option<SmoothingWindow>,
@@ -58,13 +70,13 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Errors
     ///
-    /// If `steps` is 0 or above 1000.
+    /// If `steps` is 0 or above the number of timesteps that the model was trained with.
     pub fn new(
         model: &'a D,
         normalization: &'a Normalization,
         steps: usize,
     ) -> Result<Self, GuideError> {
-        let steps = Schedule::linear().ddim(steps)?;
+        let steps = Schedule::new(model.noise_schedule()).ddim(steps)?;
         let timesteps: Vec<usize> = steps.iter().map(|step| step.timestep).collect();
         Ok(Sampler {
             model,
@@ -109,7 +121,14 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         &self.steps
     }
 
+    /// Returns the number of windows in which the network makes the motions of a batch: 1 unless it continues motions.
+    pub fn windows(&self, batch: &Batch<D::Context>) -> usize {
+        window_count(self.model.window(), batch.noise.dims()[1])
+    }
+
     /// Runs pass 1. Returns the motions from the text alone, normalised, `[batch, frames, features]`.
+    ///
+    /// A network that continues motions makes all steps of a window before it begins with the next.
     ///
     /// # Errors
     ///
@@ -117,39 +136,61 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ///
     /// # Panics
     ///
-    /// If noise, lengths and prompts differ in the number of motions, or a length is 0 or larger than the
-    /// number of frames of the noise.
+    /// If noise, lengths and prompts differ in the number of motions, a length is 0 or larger than the number of frames of
+    /// the noise, or, with a network that continues motions, there is no prefix or the frames of the noise are not whole
+    /// windows.
     pub fn baseline(
         &self,
         batch: &Batch<D::Context>,
         observer: &mut dyn Observer,
     ) -> Result<Tensor<3>, GuideError> {
-        let mut state = self.initial_state(batch);
-        for (index, step) in self.steps.iter().enumerate() {
-            let output = self.evaluate(&state, index);
-            let prediction = self.clean_motion(&state, output.clone(), step);
-            state.x = self.advance(&state, &prediction, output, step);
-            let step = Step {
-                pass: Pass::Baseline,
-                index,
-                steps: self.steps.len(),
-                timestep: step.timestep,
-                loss: None,
-                gradient: None,
-                embedding: &state.embedding,
-                prediction: &prediction,
-            };
-            if observer.step(&step).is_break() {
-                return Err(GuideError::stopped(&step, &[]));
+        let mut chain = self.chain();
+        let windows = self.windows(batch);
+        loop {
+            let mut state = self.window_state(batch, &chain);
+            for (index, step) in self.steps.iter().enumerate() {
+                let output = self.evaluate(&state, index);
+                let prediction = self.clean_motion(&state, output.clone(), step);
+                state.x = self.advance(&state, &prediction, output, index);
+                let step = Step {
+                    pass: Pass::Baseline,
+                    index: state.earlier_steps + index,
+                    steps: windows * self.steps.len(),
+                    timestep: step.timestep,
+                    loss: None,
+                    gradient: None,
+                    embedding: &state.embedding,
+                    prediction: &chain.followed_by(prediction),
+                };
+                if observer.step(&step).is_break() {
+                    return Err(GuideError::stopped(&step, &[]));
+                }
             }
+            if chain.index() + 1 == windows {
+                return Ok(chain.followed_by(state.x));
+            }
+            chain.push(state.x);
         }
-        Ok(state.x)
     }
 
-    /// Returns the state before the first step: the start noise with the prompts of the batch.
+    /// Returns the windows of a pass before its first step.
+    pub(crate) fn chain(&self) -> WindowChain {
+        WindowChain::new(self.model.window())
+    }
+
+    /// Returns the state before the first step of the first window.
     pub(crate) fn initial_state<'b>(
         &self,
         batch: &'b Batch<D::Context>,
+    ) -> SamplerState<'b, D::Context> {
+        self.window_state(batch, &self.chain())
+    }
+
+    /// Returns the state before the first step of the window after those of `chain`: its start noise with its prompts.
+    pub(crate) fn window_state<'b>(
+        &self,
+        batch: &'b Batch<D::Context>,
+        chain: &WindowChain,
     ) -> SamplerState<'b, D::Context> {
         let [size, frames, _] = batch.noise.dims();
         assert_eq!(
@@ -157,24 +198,30 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
             "noise, lengths and prompts must be of as many motions"
         );
+        let (window, device) = (chain.frames(frames), batch.noise.device());
+        let prompt = chain.prompt(batch);
+        // A window is made whole, however many of its frames a motion needs.
+        let (context, lengths) = match chain.prefix(batch) {
+            None => (prompt.context.clone(), batch.lengths.clone()),
+            Some(prefix) => {
+                let context = self.model.with_prefix(prompt.context.clone(), prefix);
+                (context, vec![window.len(); size])
+            }
+        };
         SamplerState {
-            x: batch.noise.clone(),
-            embedding: batch.prompt.embedding.clone(),
+            x: batch.noise.clone().narrow(1, window.start, window.len()),
+            embedding: prompt.embedding.clone(),
             modulation: None,
-            context: &batch.prompt.context,
-            mask: FrameMask::new(&batch.lengths, frames, &batch.noise.device()),
+            context,
+            step_noise: batch.step_noise.as_ref(),
+            earlier_steps: chain.index() * self.steps.len(),
+            mask: FrameMask::new(&lengths, window.len(), &device),
             window: { self.temporal_smoothing }.map(|temporal_smoothing| {
-                temporal_smoothing.window(
-                    &batch.lengths,
-                    frames,
-                    self.samples_loops,
-                    &batch.noise.device(),
-                )
+                temporal_smoothing.window(&lengths, window.len(), self.samples_loops, &device)
             }),
-            heading_closure: self.samples_loops.then(|| {
-                let device = batch.noise.device();
-                HeadingClosure::new(&batch.lengths, frames, self.normalization, &device)
-            }),
+            heading_closure: self
+                .samples_loops
+                .then(|| HeadingClosure::new(&lengths, window.len(), self.normalization, &device)),
         }
     }
 
@@ -190,7 +237,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
 
     /// Returns the network's output at a step.
     pub(crate) fn evaluate(&self, state: &SamplerState<'_, D::Context>, index: usize) -> Tensor<3> {
-        self.model.denoise(self.input(state, index), state.context)
+        self.model.denoise(self.input(state, index), &state.context)
     }
 
     /// Returns the network's output at a step, with its derivative with respect to the noisy motion.
@@ -212,7 +259,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         index: usize,
     ) -> LinearizedEvaluation<'b> {
         self.model
-            .linearize(self.input(state, index), state.context)
+            .linearize(self.input(state, index), &state.context)
     }
 
     /// Returns the input of the network at a step.
@@ -292,20 +339,39 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         state: &SamplerState<'_, D::Context>,
         clean: &Tensor<3>,
         output: Tensor<3>,
-        step: &DdimStep,
+        index: usize,
     ) -> Tensor<3> {
+        let step = &self.steps[index];
         let noise = self.predicted_noise(state, state.x.clone(), clean, output, step);
-        add_noise(clean, noise, step)
+        self.add_noise(state, clean, noise, index)
     }
-}
 
-/// Adds the noise of the next timestep to a clean motion; after the last timestep there is none.
-pub(crate) fn add_noise(clean: &Tensor<3>, noise: Tensor<3>, step: &DdimStep) -> Tensor<3> {
-    if step.next_alpha_cumprod == 1.0 {
-        return clean.clone();
+    /// Adds the noise of the next timestep to a clean motion; after the last timestep there is none. `noise` is the noise
+    /// that the network found. If the sampler draws noise at each step, a part of it is replaced by fresh noise, so that
+    /// the motion is distributed as in training.
+    pub(crate) fn add_noise(
+        &self,
+        state: &SamplerState<'_, D::Context>,
+        clean: &Tensor<3>,
+        noise: Tensor<3>,
+        index: usize,
+    ) -> Tensor<3> {
+        let step = &self.steps[index];
+        if step.next_alpha_cumprod == 1.0 {
+            return clean.clone();
+        }
+        let (signal_scale, noise_scale) = coefficients(step.next_alpha_cumprod);
+        let signal = clean.clone() * signal_scale;
+        let Some(step_noise) = state.step_noise else {
+            return signal + noise * noise_scale;
+        };
+        let [_, frames, features] = clean.dims();
+        let place = state.earlier_steps + index;
+        let fresh = step_noise.at(place, [frames, features], &clean.device());
+        let variance = step.posterior_variance();
+        let kept = (1.0 - step.next_alpha_cumprod - variance).max(0.0).sqrt();
+        signal + noise * kept + fresh * variance.sqrt()
     }
-    let (signal_scale, noise_scale) = coefficients(step.next_alpha_cumprod);
-    clean.clone() * signal_scale + noise * noise_scale
 }
 
 /// Returns the coefficients of the clean motion and of the noise in `x`: `√ᾱ` and `√(1 - ᾱ)`.

@@ -57,13 +57,15 @@ fn batch(network: &ToyDenoiser<SwingNetwork>, sizes: &[i32]) -> Batch<()> {
         .flat_map(|seed| noise(seed, FRAMES, POSE_FEATURES))
         .collect();
     Batch {
-        prompt: network.encode(tokens),
+        prompt: network.encode(&tokens.into()),
         noise: Tensor::<1>::from_floats(start.as_slice(), &device).reshape([
             sizes.len(),
             FRAMES,
             POSE_FEATURES,
         ]),
         lengths: vec![FRAMES; sizes.len()],
+        step_noise: None,
+        continuation: None,
     }
 }
 

@@ -7,7 +7,7 @@ use batches::batch;
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_guide::{ClassifierFree, Guidance, GuidanceVariable, GuideError, Sampler};
 use lamogen_laban::{Goals, Scale};
-use lamogen_model::{Denoiser, DenoiserInput, FrameMask};
+use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Tokens};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
 use toy::{ToyDenoiser, ToyNetwork, normalization};
 
@@ -38,6 +38,16 @@ fn yaw_and_height(tensor: &Tensor<3>) -> [f32; 2] {
     [FeatureGroup::RootYaw, FeatureGroup::RootHeight].map(|group| values[group.range().start])
 }
 
+/// Returns a text without words.
+fn wordless() -> Tokens {
+    Tokens {
+        ids: vec![1],
+        length: 1,
+        cut: 0,
+        own: 0,
+    }
+}
+
 #[test]
 fn the_scale_extrapolates_from_the_unconditional_output() {
     let toy = ToyDenoiser(SquaredEmbeddingNetwork);
@@ -49,8 +59,8 @@ fn the_scale_extrapolates_from_the_unconditional_output() {
         // The scale of the yaw is at most 1.
         (2.5, [9.0, 1.0 + 2.5 * 8.0]),
     ] {
-        let network = ClassifierFree::new(&toy, scale, &[1]).unwrap();
-        let prompt = network.encode(token(3));
+        let network = ClassifierFree::new(&toy, scale, &wordless()).unwrap();
+        let prompt = network.encode(&token(3).into());
         let input = input(&network, prompt.embedding.clone());
         let output = network.denoise(input.clone(), &prompt.context);
         assert_eq!(yaw_and_height(&output), expected);
@@ -68,7 +78,7 @@ fn the_scale_extrapolates_from_the_unconditional_output() {
 #[test]
 fn an_invalid_scale_is_refused() {
     for scale in [-1.0, f64::NAN, f64::INFINITY] {
-        let result = ClassifierFree::new(&ToyDenoiser(SquaredEmbeddingNetwork), scale, &[1]);
+        let result = ClassifierFree::new(&ToyDenoiser(SquaredEmbeddingNetwork), scale, &wordless());
         let message = result.err().expect("an error").to_string();
         assert!(
             message.contains("text scale") && message.contains("found"),

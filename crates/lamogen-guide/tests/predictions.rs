@@ -71,6 +71,8 @@ fn batch() -> Batch<()> {
         },
         noise: start.reshape([1, FRAMES, POSE_FEATURES]),
         lengths: vec![FRAMES],
+        step_noise: None,
+        continuation: None,
     }
 }
 

@@ -17,7 +17,7 @@ fn denoiser(criterion: &mut Criterion) {
         let model = MotionDiffuse::new(&config, &device);
         let tokens: Vec<i32> = (1..=config.clip.context_length as i32).collect();
         let tokens = Tensor::<1, Int>::from_data(tokens.as_slice(), &device);
-        let prompt = model.encode(tokens.unsqueeze());
+        let prompt = model.encode(&tokens.unsqueeze::<2>().into());
         let numbers = |i: usize| (i as f32 * 0.731).sin();
         let x_t: Vec<f32> = (0..frames * config.input_feats).map(numbers).collect();
         let x_t = TensorData::new(x_t, [1, frames, config.input_feats]);

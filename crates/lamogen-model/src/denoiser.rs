@@ -1,9 +1,11 @@
 //! The interface through which guidance uses a network.
 
-use burn::tensor::{Device, Int, Tensor};
-use lamogen_motion::frame_mask;
+use burn::tensor::{Device, Tensor};
+use lamogen_motion::{FeatureGroup, frame_mask};
 
 use crate::config::{LABAN_FEATURES, Prediction};
+use crate::diffusion::{MotionWindow, NoiseSchedule, SamplingMethod};
+use crate::tokens::TokenBatch;
 
 /// A text-to-motion denoiser that can be sampled from and guided.
 ///
@@ -29,6 +31,21 @@ pub trait Denoiser {
         1
     }
 
+    /// Returns the noise schedule that the network was trained with. The default is MotionDiffuse's.
+    fn noise_schedule(&self) -> NoiseSchedule {
+        NoiseSchedule::default()
+    }
+
+    /// Returns the sampling method that the network's authors use, which is the default for generating motions with it.
+    fn sampling_method(&self) -> SamplingMethod {
+        SamplingMethod::default()
+    }
+
+    /// Returns the windows in which the network continues a motion, or `None`, the default, if it makes whole motions.
+    fn window(&self) -> Option<MotionWindow> {
+        None
+    }
+
     /// Returns the device that holds the weights.
     fn device(&self) -> Device;
 
@@ -36,13 +53,41 @@ pub trait Denoiser {
     ///
     /// # Shapes
     ///
-    /// - `tokens`: `[batch, context_length]`, the end token being the largest id of each row
+    /// - `tokens`: `[batch, tokens]`, as the network's own tokenizer pads them
     /// - output: see [`Prompt`]
     ///
     /// # Panics
     ///
     /// May panic if an id is beyond the vocabulary or there are more tokens than the context holds.
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<Self::Context>;
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<Self::Context>;
+
+    /// Returns what takes the place of the prompts in the unconditional evaluation of classifier-free guidance.
+    ///
+    /// `wordless` is a batch of as many texts without words. The default encodes them. A network that was trained to drop the
+    /// text in another way overrides this method.
+    fn unconditional(
+        &self,
+        prompts: &Prompt<Self::Context>,
+        wordless: &TokenBatch,
+    ) -> Prompt<Self::Context> {
+        let _ = prompts;
+        self.encode(wordless)
+    }
+
+    /// Returns the scale of classifier-free guidance of each pose feature, for a given scale of the text.
+    ///
+    /// The default limits the turning of the root ([`FeatureGroup::RootYaw`]) to a scale of 1. It is one feature of 263 and
+    /// is summed over all frames, so a scale of 2.5 would turn the body by half a circle where a quarter was requested.
+    fn text_scales(&self, scale: f64) -> Vec<f32> {
+        limited_text_scales(scale, self.pose_features())
+    }
+
+    /// Returns the context of motions that continue `prefix`, the normalised frames `[batch, frames, features]` before the
+    /// window. Only networks with a [`window`](Denoiser::window) read a prefix; the default returns the context as it is.
+    fn with_prefix(&self, context: Self::Context, prefix: Tensor<3>) -> Self::Context {
+        let _ = prefix;
+        context
+    }
 
     /// Computes everything that depends on the timesteps alone: `[timesteps, d_condition]`.
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2>;
@@ -67,6 +112,28 @@ pub trait Denoiser {
     /// May panic if there are more frames than [`max_frames`](Denoiser::max_frames), if the number of features differs from
     /// [`pose_features`](Denoiser::pose_features), or if the input and the context have different numbers of motions.
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3>;
+
+    /// Evaluates the network for the prompts and without a text, as classifier-free guidance needs it. Returns both outputs,
+    /// in this order.
+    ///
+    /// The default calls [`denoise`](Denoiser::denoise) twice. A network that is faster on one batch of twice the size
+    /// overrides this method.
+    ///
+    /// # Panics
+    ///
+    /// In the same cases as [`denoise`](Denoiser::denoise).
+    fn denoise_with_unconditional(
+        &self,
+        input: DenoiserInput,
+        context: &Self::Context,
+        unconditional: &Prompt<Self::Context>,
+    ) -> [Tensor<3>; 2] {
+        let without_text = input.without_text(unconditional);
+        [
+            self.denoise(input, context),
+            self.denoise(without_text, &unconditional.context),
+        ]
+    }
 
     /// Evaluates the network once and prepares its derivative with respect to the embedding, or to the modulation if the
     /// input has one.
@@ -93,6 +160,15 @@ pub trait Denoiser {
         0
     }
 
+    /// Returns the number of offsets of the conditioning tokens of all layers together: one for each channel of each layer.
+    ///
+    /// The offsets follow the scales and shifts in [`DenoiserInput::modulation`], and a network adds them to the tokens that
+    /// carry sentence and timestep, at the input of each layer. The number is 0, the default, if the network has no such
+    /// tokens.
+    fn token_offset_width(&self) -> usize {
+        0
+    }
+
     /// Evaluates the network once and prepares its derivative with respect to the noisy motion `x_t`.
     ///
     /// Methods that optimise the start noise through all steps of a pass need this derivative. Otherwise the method is like
@@ -108,6 +184,16 @@ pub trait Denoiser {
     ) -> LinearizedEvaluation<'a, 3> {
         LinearizedEvaluation::of_motion_by_autodiff(input, |input| self.denoise(input, context))
     }
+}
+
+/// Returns the scale of each pose feature: the given scale, but at most 1 for the turning of the root (see
+/// [`Denoiser::text_scales`]).
+pub fn limited_text_scales(scale: f64, features: usize) -> Vec<f32> {
+    let mut scales = vec![scale as f32; features];
+    for yaw_scale in &mut scales[FeatureGroup::RootYaw.range()] {
+        *yaw_scale = yaw_scale.min(1.0);
+    }
+    scales
 }
 
 /// An evaluation of a network with the derivative of its output.
@@ -217,11 +303,23 @@ pub struct DenoiserInput {
     pub time: Tensor<2>,
     /// The sentence embedding, `[batch, d_condition]`.
     pub embedding: Tensor<2>,
-    /// An optional offset that is added to the scales and shifts of all stylization layers, `[batch, modulations]` (see
-    /// [`Denoiser::modulation_width`]). Networks without such layers ignore it.
+    /// An optional offset that is added to the scales and shifts of all stylization layers (see
+    /// [`Denoiser::modulation_width`]), followed by the offsets of the conditioning tokens (see
+    /// [`Denoiser::token_offset_width`]): `[batch, modulations + token offsets]`. Networks without both ignore it.
     pub modulation: Option<Tensor<2>>,
     /// The mask of the frames that are part of each motion.
     pub mask: FrameMask,
+}
+
+impl DenoiserInput {
+    /// Returns the input of the unconditional evaluation: the same motion without the sentence and what guidance added to it.
+    pub fn without_text<C>(&self, unconditional: &Prompt<C>) -> Self {
+        DenoiserInput {
+            embedding: unconditional.embedding.clone(),
+            modulation: None,
+            ..self.clone()
+        }
+    }
 }
 
 /// The mask of the frames of a padded batch that are part of its motions.

@@ -37,7 +37,7 @@ fn message(result: Result<MotionDiffuse, CheckpointError>) -> String {
 /// Computes the output of a network for a fixed input.
 fn output(model: &MotionDiffuse) -> Vec<f32> {
     let device = Device::flex();
-    let prompt = model.encode(Tensor::<2, Int>::from_data([[1, 7, 19, 0, 0]], &device));
+    let prompt = model.encode(&Tensor::<2, Int>::from_data([[1, 7, 19, 0, 0]], &device).into());
     let x_t = Tensor::<1, Int>::arange(0..72, &device)
         .float()
         .sin()

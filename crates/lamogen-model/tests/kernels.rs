@@ -56,7 +56,7 @@ fn tokens() -> Tensor<2, Int> {
 
 fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Denoiser>::Context>) {
     let device = Device::flex();
-    let prompt = model.encode(tokens());
+    let prompt = model.encode(&tokens().into());
     let input = DenoiserInput {
         x_t: numbers([4, FRAMES, 37], 0.731),
         time: model.embed_timesteps(&[321]),
@@ -296,7 +296,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
         let found = model.gradients(batch.clone(), |output| loss(output, &mask));
 
         // A tracked network runs in tensor operations.
-        let prompt = model.encode(batch.tokens.autodiff());
+        let prompt = model.encode(&batch.tokens.autodiff().into());
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: model.embed_timesteps(&batch.timesteps),

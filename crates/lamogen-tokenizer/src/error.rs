@@ -37,6 +37,12 @@ pub enum TokenizerError {
         end: u32,
         found: Vec<u32>,
     },
+    /// The tokenizer is not that of a BERT.
+    #[error(
+        "{path}: expected a WordPiece tokenizer that puts [CLS] and [SEP] around a text, as that of distilbert-base-uncased; a probe gave {found:?}"
+    )]
+    #[allow(missing_docs)]
+    WordPiece { path: PathBuf, found: Vec<u32> },
     /// The prompt cannot be encoded.
     #[error("the prompt {prompt:?} cannot be tokenized: {problem}")]
     #[allow(missing_docs)]

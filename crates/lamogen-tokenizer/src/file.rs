@@ -1,6 +1,6 @@
 //! Tokenizers from a `tokenizer.json` of the Hugging Face `tokenizers` library.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -11,19 +11,62 @@ use crate::TokenizerError;
 pub(crate) struct FileTokenizer {
     inner: tokenizers::Tokenizer,
     end: u32,
+    largest: u32,
     /// The ids of a text without tokens of its own.
     empty_ids: Vec<u32>,
 }
 
 impl FileTokenizer {
-    /// Reads a tokenizer from JSON. `path` is used in error messages.
+    /// Reads a tokenizer whose end token has the largest id. `path` is used in error messages.
     pub(crate) fn from_json(
         json: &[u8],
         path: PathBuf,
         vocab_size: usize,
     ) -> Result<Self, TokenizerError> {
+        let mut tokenizer = Self::read(json, &path, vocab_size)?;
+        let (probe, end) = (tokenizer.probe(&path)?, tokenizer.largest);
+        if probe.last() != Some(&end) {
+            return Err(TokenizerError::End {
+                path,
+                end,
+                found: probe,
+            });
+        }
+        tokenizer.end = end;
+        Ok(tokenizer)
+    }
+
+    /// Reads a tokenizer that puts BERT's tokens `[CLS]` and `[SEP]` around a text. `path` is used in error messages.
+    pub(crate) fn word_piece_from_json(
+        json: &[u8],
+        path: PathBuf,
+        vocab_size: usize,
+    ) -> Result<Self, TokenizerError> {
+        let mut tokenizer = Self::read(json, &path, vocab_size)?;
+        let probe = tokenizer.probe(&path)?;
+        let vocabulary = |token| tokenizer.inner.token_to_id(token);
+        let ends = [probe.first(), probe.last()].map(|id| id.copied());
+        match (vocabulary("[CLS]"), vocabulary("[SEP]")) {
+            (Some(start), Some(end)) if ends == [Some(start), Some(end)] => tokenizer.end = end,
+            _ => return Err(TokenizerError::WordPiece { path, found: probe }),
+        }
+        Ok(tokenizer)
+    }
+
+    /// Encodes a short text.
+    fn probe(&self, path: &Path) -> Result<Vec<u32>, TokenizerError> {
+        let probe = self.inner.encode_fast("a", true);
+        let probe = probe.map_err(|error| TokenizerError::Format {
+            path: path.to_owned(),
+            problem: error.to_string(),
+        })?;
+        Ok(probe.get_ids().to_vec())
+    }
+
+    /// Reads a tokenizer whose end token is not known yet.
+    fn read(json: &[u8], path: &Path, vocab_size: usize) -> Result<Self, TokenizerError> {
         let format_error = |problem: String| TokenizerError::Format {
-            path: path.clone(),
+            path: path.to_owned(),
             problem,
         };
         check_file(json).map_err(format_error)?;
@@ -36,26 +79,16 @@ impl FileTokenizer {
         inner
             .with_truncation(None)
             .map_err(|error| format_error(error.to_string()))?;
-        let end = inner
+        let largest = inner
             .get_vocab(true)
             .into_values()
             .max()
             .ok_or_else(|| format_error("it has no tokens".into()))?;
-        if end as usize >= vocab_size {
+        if largest as usize >= vocab_size {
             return Err(TokenizerError::Vocabulary {
-                path,
-                largest: end,
+                path: path.to_owned(),
+                largest,
                 vocab_size,
-            });
-        }
-        let probe = inner
-            .encode_fast("a", true)
-            .map_err(|error| format_error(error.to_string()))?;
-        if probe.get_ids().last() != Some(&end) {
-            return Err(TokenizerError::End {
-                path,
-                end,
-                found: probe.get_ids().to_vec(),
             });
         }
         let empty = inner
@@ -64,7 +97,8 @@ impl FileTokenizer {
         Ok(FileTokenizer {
             empty_ids: empty.get_ids().to_vec(),
             inner,
-            end,
+            end: largest,
+            largest,
         })
     }
 
@@ -91,9 +125,14 @@ impl FileTokenizer {
         &self.empty_ids
     }
 
-    /// Returns the id of the end token, which is the largest id.
+    /// Returns the id of the end token.
     pub(crate) fn end(&self) -> u32 {
         self.end
+    }
+
+    /// Returns the largest id.
+    pub(crate) fn largest(&self) -> u32 {
+        self.largest
     }
 }
 

@@ -10,8 +10,9 @@ use crate::file::FileTokenizer;
 
 /// A tokenizer, which converts a prompt to the ids that the text encoder was trained on.
 ///
-/// Prompts are padded with id 0. Prompts that are too long are truncated, but keep the end token. The end token has the
-/// largest id; CLIP's text tower finds it by that. Cloning is cheap.
+/// Prompts that are too long are truncated, but keep the end token. For the text towers of CLIP's kind, prompts are padded
+/// with id 0, and the end token has the largest id, by which the tower finds it. The ids of a
+/// [WordPiece](Self::word_piece_from_file) tokenizer are not padded. Cloning is cheap.
 #[derive(Clone, Debug)]
 pub struct Tokenizer {
     kind: TokenizerKind,
@@ -23,13 +24,16 @@ pub struct Tokenizer {
 enum TokenizerKind {
     Clip(Arc<ClipTokenizer>),
     File(Arc<FileTokenizer>),
+    WordPiece(Arc<FileTokenizer>),
 }
 
 /// A tokenized prompt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tokens {
-    /// The ids, padded with 0 to the context length.
+    /// The ids. Those of a tokenizer for a text tower of CLIP's kind are padded with 0 to the context length.
     pub ids: Vec<u32>,
+    /// The number of ids that are not padding, with the start and end tokens. The last of them is the end token.
+    pub length: usize,
     /// The number of tokens that did not fit and were removed.
     pub cut: usize,
     /// The number of tokens of the prompt itself, without the start and end tokens. Removed tokens are counted.
@@ -75,6 +79,39 @@ impl Tokenizer {
         Self::from_json(&json, path, vocab_size, context_length)
     }
 
+    /// Reads the `tokenizer.json` of a BERT, such as `distilbert-base-uncased`, with `vocab_size` embeddings and
+    /// `context_length` positions.
+    ///
+    /// Such a tokenizer splits texts into word pieces between the tokens `[CLS]` and `[SEP]`. A literal `[SEP]` in a prompt
+    /// is treated as text.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is not a tokenizer, has ids beyond the vocabulary, or does not put `[CLS]` and `[SEP]`
+    /// around its texts.
+    pub fn word_piece_from_file(
+        path: impl AsRef<Path>,
+        vocab_size: usize,
+        context_length: usize,
+    ) -> Result<Self, TokenizerError> {
+        let path = path.as_ref();
+        let json = std::fs::read(path).map_err(|reason| TokenizerError::Io {
+            path: path.to_owned(),
+            reason,
+        })?;
+        if let Some(problem) = placeholder(&json) {
+            return Err(TokenizerError::Format {
+                path: path.to_owned(),
+                problem: problem.to_owned(),
+            });
+        }
+        let file = FileTokenizer::word_piece_from_json(&json, path.to_owned(), vocab_size)?;
+        Ok(Tokenizer {
+            kind: TokenizerKind::WordPiece(Arc::new(file)),
+            context_length,
+        })
+    }
+
     /// Reads a tokenizer like [`from_file`](Self::from_file), but from the content of the file. `name` is used in error
     /// messages.
     ///
@@ -109,7 +146,9 @@ impl Tokenizer {
     pub fn encode(&self, prompt: &str) -> Result<Tokens, TokenizerError> {
         let (ids, end, special_tokens) = match &self.kind {
             TokenizerKind::Clip(clip) => (clip.ids(prompt), clip::END, clip::SPECIAL_TOKENS),
-            TokenizerKind::File(file) => (file.ids(prompt), file.end(), file.special_tokens()),
+            TokenizerKind::File(file) | TokenizerKind::WordPiece(file) => {
+                (file.ids(prompt), file.end(), file.special_tokens())
+            }
         };
         let mut ids = ids.map_err(|problem| TokenizerError::Prompt {
             prompt: prompt.into(),
@@ -117,14 +156,29 @@ impl Tokenizer {
         })?;
         let own = ids.len().saturating_sub(special_tokens);
         let cut = ids.len().saturating_sub(self.context_length);
-        ids.resize(self.context_length, 0);
+        ids.truncate(self.context_length);
         if let (1.., Some(last)) = (cut, ids.last_mut()) {
             *last = end;
         }
-        Ok(Tokens { ids, cut, own })
+        let length = ids.len();
+        self.pad(&mut ids);
+        Ok(Tokens {
+            ids,
+            length,
+            cut,
+            own,
+        })
     }
 
-    /// Returns the number of ids of a padded prompt.
+    /// Pads ids to the context length, if the text encoder reads padding.
+    fn pad(&self, ids: &mut Vec<u32>) {
+        match self.kind {
+            TokenizerKind::Clip(_) | TokenizerKind::File(_) => ids.resize(self.context_length, 0),
+            TokenizerKind::WordPiece(_) => {}
+        }
+    }
+
+    /// Returns the largest number of ids of a prompt, to which the tokenizers of CLIP's kind pad all prompts.
     pub fn context_length(&self) -> usize {
         self.context_length
     }
@@ -135,11 +189,13 @@ impl Tokenizer {
     pub fn unconditional(&self) -> Tokens {
         let mut ids = match &self.kind {
             TokenizerKind::Clip(_) => vec![clip::START, clip::END],
-            TokenizerKind::File(file) => file.empty_ids().to_vec(),
+            TokenizerKind::File(file) | TokenizerKind::WordPiece(file) => file.empty_ids().to_vec(),
         };
-        ids.resize(self.context_length, 0);
+        let length = ids.len();
+        self.pad(&mut ids);
         Tokens {
             ids,
+            length,
             cut: 0,
             own: 0,
         }
@@ -147,10 +203,10 @@ impl Tokenizer {
 
     /// Returns the number of embeddings that a text tower needs for this tokenizer's ids (49408 for CLIP's tokenizer).
     pub fn vocab_size(&self) -> usize {
-        let end = match &self.kind {
+        let largest = match &self.kind {
             TokenizerKind::Clip(_) => clip::END,
-            TokenizerKind::File(file) => file.end(),
+            TokenizerKind::File(file) | TokenizerKind::WordPiece(file) => file.largest(),
         };
-        end as usize + 1
+        largest as usize + 1
     }
 }

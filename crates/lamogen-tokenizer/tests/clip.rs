@@ -100,7 +100,14 @@ fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
     for (context_length, ids) in [(1, vec![END]), (0, vec![])] {
         let cut = 102 - context_length;
         let tokens = Tokenizer::clip(context_length).encode(&long).unwrap();
-        assert_eq!(tokens, Tokens { ids, cut, own: 100 });
+        let length = context_length;
+        let expected = Tokens {
+            ids,
+            length,
+            cut,
+            own: 100,
+        };
+        assert_eq!(tokens, expected);
     }
 }
 

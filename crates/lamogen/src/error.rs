@@ -20,6 +20,49 @@ pub enum LoadError {
     )]
     #[allow(missing_docs)]
     NoWeights { folder: PathBuf, found: String },
+    /// The folder has MDM's `args.json` without its weights.
+    #[error(
+        "{folder}: expected the weights of args.json in a file such as model000750000.pt, found {found}"
+    )]
+    #[allow(missing_docs)]
+    NoMdmWeights { folder: PathBuf, found: String },
+    /// The folder has the weights of an MDM without the file that says which network they are of.
+    #[error("{weights}: expected an args.json beside these weights, found {found}")]
+    #[allow(missing_docs)]
+    NoMdmArguments { weights: PathBuf, found: String },
+    /// The text encoder of an MDM is not there.
+    #[error(
+        "{folder}: expected {encoder}, which reads the sentences, in one of these files here or in the folder above: {names}; found {found}"
+    )]
+    #[allow(missing_docs)]
+    NoTextEncoder {
+        folder: PathBuf,
+        encoder: &'static str,
+        names: String,
+        found: String,
+    },
+    /// The text encoder is not the one that the network was trained with.
+    #[error(
+        "{path}: expected {encoder} with features of {expected} numbers, which the network was trained with; found features of {found}"
+    )]
+    #[allow(missing_docs)]
+    TextEncoderWidth {
+        path: PathBuf,
+        encoder: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    /// The statistics are those of the networks that evaluate motions.
+    #[error(
+        "{path}: expected HumanML3D's own Mean.npy and Std.npy, found the statistics of the evaluators (t2m_mean.npy, t2m_std.npy), whose deviations of the root and the foot contacts are 25 times as small: contacts with a mean of {mean:.2} deviate by {expected:.2}, found {found:.4}"
+    )]
+    #[allow(missing_docs)]
+    EvaluatorStatistics {
+        path: PathBuf,
+        mean: f32,
+        expected: f32,
+        found: f32,
+    },
     /// The list of known words cannot be read.
     #[error("{path}: {reason}")]
     #[allow(missing_docs)]
@@ -148,6 +191,21 @@ pub enum RequestError {
         shortest: usize,
         longest: usize,
     },
+    /// A loop is requested of a model that makes a motion a window at a time.
+    #[error(
+        "expected a model that makes whole motions for a loop, found one that makes a motion a window at a time"
+    )]
+    LoopOfWindows,
+    /// The request continues a motion or changes its sentence, but the model makes whole motions.
+    #[error(
+        "expected a model that makes a motion a window at a time, such as DiP, for {what}; this one makes whole motions"
+    )]
+    #[allow(missing_docs)]
+    NoWindows { what: &'static str },
+    /// The motion to continue is too short.
+    #[error("expected a motion of at least {expected} frames to continue, found {found}")]
+    #[allow(missing_docs)]
+    Prefix { expected: usize, found: usize },
     /// The request has tags, and factors or other goals too.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,

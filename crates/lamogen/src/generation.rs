@@ -5,17 +5,17 @@ use std::ops::{ControlFlow, RangeInclusive};
 use burn::tensor::Device;
 use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
-use lamogen_model::{Denoiser, MotionDiffuse, Tokenizer, WordList};
+use lamogen_model::{AnyNetwork, Denoiser, SamplingMethod, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
 use crate::error::{Error, PassError, RequestError, RequestIndex};
-use crate::groups::{JobGroup, assign_to_group, split_into_batches};
+use crate::groups::{JobGroup, assign_to_group, default_steps, split_into_batches};
 use crate::licence::Licence;
 use crate::request::Request;
 use crate::run::BatchRun;
 
 /// A text-to-motion model that Laban tags can steer.
-pub struct LaMoGen<D = MotionDiffuse> {
+pub struct LaMoGen<D = AnyNetwork> {
     pub(crate) network: D,
     pub(crate) tokenizer: Tokenizer,
     pub(crate) normalization: Normalization,
@@ -24,6 +24,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
     batch_size: usize,
     pub(crate) temporal_smoothing: Option<TemporalSmoothing>,
     pub(crate) text_scale: f64,
+    pub(crate) sampling_method: SamplingMethod,
     pub(crate) known_words: Option<WordList>,
     stand_in: Option<String>,
     min_frames: usize,
@@ -33,7 +34,7 @@ pub struct LaMoGen<D = MotionDiffuse> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Generation {
-    /// The number of tokens of the prompt that did not fit the model and were left out.
+    /// The number of tokens of the prompt, and of the sentences after it, that did not fit the model and were left out.
     pub cut_tokens: usize,
     /// Words of the prompt that occur in no caption that the model was trained on. The list is empty if the model's
     /// words are not [known](LaMoGen::known_words). The motion follows the other words, and the letters that these
@@ -138,6 +139,7 @@ impl<D: Denoiser> LaMoGen<D> {
         LaMoGen {
             batch_size: default_batch_size(&network.device()),
             min_frames: network.min_frames(),
+            sampling_method: network.sampling_method(),
             network,
             tokenizer,
             normalization,
@@ -269,13 +271,35 @@ impl<D: Denoiser> LaMoGen<D> {
     ///
     /// If the scale is not finite or below 0.
     pub fn with_text_scale(self, text_scale: f64) -> Result<Self, GuideError> {
-        ClassifierFree::new(&self.network, text_scale, &[])?;
+        ClassifierFree::new(&self.network, text_scale, &self.tokenizer.unconditional())?;
         Ok(LaMoGen { text_scale, ..self })
     }
 
     /// Returns the scale of classifier-free guidance: how strongly motions follow the sentence.
     pub fn text_scale(&self) -> f64 {
         self.text_scale
+    }
+
+    /// Sets whether a part of the noise is drawn anew at each step. The default is what the authors of the network do:
+    /// [`SamplingMethod::Ddim`] for MotionDiffuse, [`SamplingMethod::Ddpm`] for MDM.
+    ///
+    /// With either method, a seed means one motion.
+    pub fn with_sampling_method(self, sampling_method: SamplingMethod) -> Self {
+        LaMoGen {
+            sampling_method,
+            ..self
+        }
+    }
+
+    /// Returns how a step of sampling goes to the next timestep.
+    pub fn sampling_method(&self) -> SamplingMethod {
+        self.sampling_method
+    }
+
+    /// Returns the number of steps of a request with a preset and without steps of its own: those of the preset, or all
+    /// timesteps that the network was trained with if these are fewer.
+    pub fn default_steps(&self, preset: Preset) -> usize {
+        default_steps(preset, &self.network)
     }
 
     /// Returns the licence of the weights, if their file states one. PyTorch checkpoints do not.
@@ -350,7 +374,8 @@ impl<D: Denoiser> LaMoGen<D> {
         observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Vec<Generation>, Error> {
         let groups = self.groups(requests)?;
-        let total = groups.iter().map(JobGroup::max_steps).sum();
+        let window = self.network.window();
+        let total = groups.iter().map(|group| group.max_steps(window)).sum();
         let mut done = 0;
         let mut observe_step = |step: &Step<'_>| {
             done += 1;
@@ -458,7 +483,7 @@ impl<D: Denoiser> LaMoGen<D> {
             groups,
             (index, request),
             self.stand_in(&request.prompt),
-            &self.lengths(),
+            (&self.network, &self.lengths()),
             &self.tokenizer,
             self.preset,
         )

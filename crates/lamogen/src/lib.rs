@@ -61,6 +61,7 @@ mod request;
 #[cfg(feature = "json")]
 mod requested_goals;
 mod run;
+mod standing;
 
 pub use device::{DeviceError, DeviceName};
 pub use error::{

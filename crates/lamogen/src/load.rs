@@ -1,18 +1,22 @@
 //! Loading models: the embedded one, and those in folders.
 
+mod mdm;
+mod text_encoder;
+
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::{Preset, PresetError, TemporalSmoothing};
-use lamogen_model::{Checkpoint, ModelConfig, MotionDiffuse, Tokenizer, WordList};
+use lamogen_model::{AnyConfig, AnyNetwork, Checkpoint, ModelConfig, Tokenizer, WordList};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::error::LoadError;
 use crate::generation::LaMoGen;
 use crate::licence::Licence;
+use mdm::MdmFiles;
 
-impl LaMoGen<MotionDiffuse> {
+impl LaMoGen {
     /// Loads the compact model that is part of the program.
     ///
     /// Its licence, CC BY 4.0, allows products that name its sources ([`licence`](Self::licence)). As its `config.json`
@@ -37,10 +41,10 @@ impl LaMoGen<MotionDiffuse> {
         let normalization =
             Normalization::from_bytes(compact::MEAN, compact::STD, config.input_feats, device)?;
         let network = checkpoint.load(&config, device)?;
-        LaMoGen::new(network, tokenizer, normalization)
+        LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(Some(WordList::from_lines(compact::WORDS)))
-            .with_sampling_defaults(Path::new(&name("config.json")))
+            .with_sampling_defaults(&config, Path::new(&name("config.json")))
     }
 
     /// Loads a model from a folder.
@@ -54,15 +58,25 @@ impl LaMoGen<MotionDiffuse> {
     /// one the tokenizer is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the
     /// captions that the model was trained on, one a line.
     ///
+    /// A folder with an `args.json` has an MDM or a DiP (Tevet et al.), with its weights in `model….pt` and HumanML3D's
+    /// `Mean.npy` and `Std.npy`. Where there are several weights, those with the highest number are read; the path of a
+    /// `model….pt` in the place of the folder names others. The text encoder is found in the folder or the one above:
+    /// CLIP's text tower in `clip.safetensors`, `clip-vit-base-patch32/model.safetensors` or MotionDiffuse's
+    /// `latest.tar`, DistilBERT in `distilbert-base-uncased/` with its `tokenizer.json` (all names: docs/checkpoints.md).
+    ///
     /// Requests without a preset run as the `sampling` of `config.json` says
     /// ([`SamplingDefaults`](lamogen_model::SamplingDefaults)). Where it says nothing, they run with the paper's
-    /// numbers ([`Preset::Paper`]) and without smoothing.
+    /// numbers ([`Preset::Paper`]) and without smoothing. An MDM runs with [`Preset::Fast`], with its own sampler and the
+    /// text scale of its authors.
     ///
     /// # Errors
     ///
     /// If a file is missing or damaged, or the files do not fit each other.
     pub fn load(folder: impl AsRef<Path>, device: &Device) -> Result<Self, LoadError> {
         let folder = folder.as_ref();
+        if let Some(files) = MdmFiles::find(folder)? {
+            return files.load(device);
+        }
         let weights =
             ["model.safetensors", "latest.tar", "model/latest.tar"].map(|name| folder.join(name));
         let weights = weights.into_iter().find(|path| path.exists());
@@ -86,16 +100,16 @@ impl LaMoGen<MotionDiffuse> {
         )?;
         let known_words = load_known_words(folder)?;
         let network = checkpoint.load(&config, device)?;
-        LaMoGen::new(network, tokenizer, normalization)
+        LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(known_words)
-            .with_sampling_defaults(&config_source)
+            .with_sampling_defaults(&config, &config_source)
     }
 
     /// Sets the preset and the other sampling options that the network's config states. Errors name `path`, the file
     /// of the config.
-    fn with_sampling_defaults(self, path: &Path) -> Result<Self, LoadError> {
-        let sampling = self.config().sampling.clone().unwrap_or_default();
+    fn with_sampling_defaults(self, config: &ModelConfig, path: &Path) -> Result<Self, LoadError> {
+        let sampling = config.sampling.clone().unwrap_or_default();
         let problem = |problem: &dyn fmt::Display| LoadError::Sampling {
             path: path.to_owned(),
             problem: problem.to_string(),
@@ -126,7 +140,7 @@ impl LaMoGen<MotionDiffuse> {
     }
 
     /// Returns the config of the network, which states its sizes.
-    pub fn config(&self) -> &ModelConfig {
+    pub fn config(&self) -> AnyConfig<'_> {
         self.network().config()
     }
 }

@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
-#[cfg(doc)]
-use lamogen_motion::Motion;
-use lamogen_motion::{FRAMES_PER_SECOND, RootMotion};
+use lamogen_motion::{FRAMES_PER_SECOND, Motion, POSE_FEATURES, RootMotion, encode_every_frame};
 
 use crate::error::RequestError;
 
@@ -44,6 +42,9 @@ pub struct Request {
     pub(crate) loss_terms: LossTerms,
     pub(crate) is_looped: bool,
     pub(crate) root_motion: RootMotion,
+    pub(crate) further_prompts: Vec<String>,
+    /// The pose features of the frames before the motion.
+    pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
 }
 
 impl Request {
@@ -66,6 +67,8 @@ impl Request {
             loss_terms: LossTerms::default(),
             is_looped: false,
             root_motion: RootMotion::default(),
+            further_prompts: Vec::new(),
+            prefix: None,
         }
     }
 
@@ -154,7 +157,7 @@ impl Request {
         }
     }
 
-    /// Sets the DDIM steps of each pass, 1 to 1000.
+    /// Sets the steps of each pass: 1 to 1000, or to as many timesteps as the model was trained with.
     pub fn steps(self, steps: usize) -> Self {
         Request {
             steps: Some(steps),
@@ -192,6 +195,33 @@ impl Request {
     pub fn root_motion(self, root_motion: RootMotion) -> Self {
         Request {
             root_motion,
+            ..self
+        }
+    }
+
+    /// Adds the sentence of the next window, for a model that makes a motion a window at a time, such as DiP with windows of
+    /// two seconds. The last sentence is that of all windows after it.
+    ///
+    /// ```
+    /// use lamogen::Request;
+    ///
+    /// // Two seconds of walking, and then waving for the rest of the six.
+    /// let request = Request::new("a person walks forward").then("a person waves").seconds(6.0);
+    /// ```
+    pub fn then(mut self, prompt: impl Into<String>) -> Self {
+        self.further_prompts.push(prompt.into());
+        self
+    }
+
+    /// Sets the motion whose last frames this motion continues, for a model that makes a motion a window at a time. Without
+    /// it such a model continues a body that stands still.
+    pub fn after(self, motion: &Motion) -> Self {
+        let features = match motion.features() {
+            Some(features) => features.to_vec(),
+            None => encode_every_frame(motion.joints()),
+        };
+        Request {
+            prefix: Some(features.into()),
             ..self
         }
     }

@@ -2,13 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, FitProgress, GuideError, GuidedMotions, LabanComparison, Looped, Pass,
-    Rig, Sampler, Step, TermComparison, noise,
+    Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, LabanComparison,
+    Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
-use lamogen_model::Denoiser;
+use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch};
 use lamogen_motion::{Motion, MotionError, Rotations, close_path};
 
 use crate::error::{
@@ -18,6 +18,7 @@ use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValu
 use crate::groups::JobGroup;
 use crate::licence::Licence;
 use crate::request::Request;
+use crate::standing::standing;
 
 /// A function that is called after every step and may stop the run.
 type StepObserver<'o> = &'o mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
@@ -50,8 +51,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             text_scale,
             ..
         } = self.model;
-        let unconditional = tokenizer.unconditional().ids;
-        let network = ClassifierFree::new(network, *text_scale, &unconditional)
+        let wordless = tokenizer.unconditional();
+        let network = ClassifierFree::new(network, *text_scale, &wordless)
             .map_err(|error| self.interrupted(error, &[]))?;
         let network = Looped::new(&network, self.group.is_looped);
         let batch = self.batch(&network);
@@ -102,7 +103,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let jobs = self.group.jobs.iter().zip(motions).enumerate();
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
-                cut_tokens: job.cut_tokens,
+                cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
@@ -151,7 +152,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         jobs.map(|(job, (motion, network))| {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
-                cut_tokens: job.cut_tokens,
+                cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: Goals::default(),
@@ -175,27 +176,60 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
 
     /// Encodes the prompts and draws the start noise, padded to the longest motion.
     fn batch<N: Denoiser>(&self, network: &N) -> Batch<N::Context> {
-        let tokenizer = &self.model.tokenizer;
         let device = network.device();
         let jobs = &self.group.jobs;
         let (size, features) = (jobs.len(), network.pose_features());
         let lengths = self.lengths();
         let frames = lengths.iter().copied().max().unwrap_or(0);
-        let ids: Vec<i32> = jobs
-            .iter()
-            .flat_map(|job| &job.ids)
-            .map(|&id| id as i32)
-            .collect();
-        let ids = TensorData::new(ids, [size, tokenizer.context_length()]);
+        // Windows are made whole, and what is beyond a motion's length is left out.
+        let frames =
+            { network.window() }.map_or(frames, |window| frames.next_multiple_of(window.frames));
+        let tokens = TokenBatch::new(jobs.iter().map(|job| &job.tokens), &device);
         let noise: Vec<f32> = jobs
             .iter()
             .flat_map(|job| noise(job.seed, frames, features))
             .collect();
         let noise = TensorData::new(noise, [size, frames, features]);
         Batch {
-            prompt: network.encode(Tensor::<2, Int>::from_data(ids, &device)),
+            prompt: network.encode(&tokens),
             noise: Tensor::from_data(noise, &device),
             lengths,
+            step_noise: match self.model.sampling_method {
+                SamplingMethod::Ddim => None,
+                SamplingMethod::Ddpm => {
+                    let seeds = jobs.iter().map(|job| job.seed).collect();
+                    Some(StepNoise::Seeded(seeds))
+                }
+            },
+            continuation: { network.window() }.map(|window| self.continuation(network, window)),
+        }
+    }
+
+    /// Encodes the sentences of further windows and the frames that the motions continue.
+    fn continuation<N: Denoiser>(
+        &self,
+        network: &N,
+        window: MotionWindow,
+    ) -> Continuation<N::Context> {
+        let (jobs, device) = (&self.group.jobs, network.device());
+        let sentences = jobs.iter().map(|job| job.further_tokens.len()).max();
+        let prompts = (0..sentences.unwrap_or(0)).map(|place| {
+            let tokens = jobs.iter().map(|job| {
+                let further = job.further_tokens.iter().take(place + 1);
+                further.last().unwrap_or(&job.tokens)
+            });
+            network.encode(&TokenBatch::new(tokens, &device))
+        });
+        let prefixes = jobs.iter().flat_map(|job| match &job.prefix {
+            Some(features) => features[features.len() - window.prefix..].to_vec(),
+            None => standing(window.prefix),
+        });
+        let prefixes: Vec<f32> = prefixes.flatten().collect();
+        let shape = [jobs.len(), window.prefix, network.pose_features()];
+        let prefix = Tensor::from_data(TensorData::new(prefixes, shape), &device);
+        Continuation {
+            prefix: self.model.normalization.normalize(prefix),
+            prompts: prompts.collect(),
         }
     }
 
@@ -205,8 +239,9 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
 
     /// Decodes one motion of `normalized`, the pose features of the batch with shape `(motions, frames, features)`.
     fn motion(&self, normalized: &Tensor<3>, index: usize) -> Result<Motion, MotionError> {
-        let [_, _, features] = normalized.dims();
-        let frames = self.group.jobs[index].frames;
+        let [_, made, features] = normalized.dims();
+        // A run that was stopped has not made all windows.
+        let frames = self.group.jobs[index].frames.min(made);
         let rows = normalized.clone().narrow(0, index, 1).narrow(1, 0, frames);
         let rows = self.model.normalization.denormalize(rows);
         let mut motion = Motion::from_features(rows.reshape([frames, features]))?;

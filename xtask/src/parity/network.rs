@@ -61,7 +61,7 @@ impl Network {
         case: &Case,
         observer: StepObserver<'_>,
     ) -> Result<ComputedValues, ParityError> {
-        let prompt = self.model.encode(case.tokens()?);
+        let prompt = self.model.encode(&case.tokens()?.into());
         let mut values = ComputedValues::new();
         schedule(case, &mut values)?;
         self.evaluate(case, &prompt, &mut values)?;
@@ -96,7 +96,7 @@ impl Network {
         if off.is_empty() {
             return Ok(());
         }
-        let prompt = self.model.encode(case.tokens()?);
+        let prompt = self.model.encode(&case.tokens()?.into());
         let [batch, width] = prompt.embedding.dims();
         let largest: f32 = prompt.embedding.clone().abs().max().into_scalar();
         for seed in 0..ROUNDING_RUNS {
@@ -142,9 +142,11 @@ impl Network {
     /// Creates the batch from which the passes of a case start.
     pub(super) fn batch(&self, case: &Case) -> Result<Batch<CrossAttentionContext>, ParityError> {
         Ok(Batch {
-            prompt: self.model.encode(case.tokens()?),
+            prompt: self.model.encode(&case.tokens()?.into()),
             noise: case.tensor("in.z")?,
             lengths: case.lengths()?,
+            step_noise: None,
+            continuation: None,
         })
     }
 
@@ -193,6 +195,8 @@ impl Network {
             prompt,
             noise,
             lengths: case.lengths()?,
+            step_noise: None,
+            continuation: None,
         };
         let size = batch.lengths.len();
         let scales = vec![case.scale()?.into(); size];

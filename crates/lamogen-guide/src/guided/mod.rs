@@ -49,7 +49,7 @@ impl<D: Denoiser> Sampler<'_, D> {
     ///
     /// # Errors
     ///
-    /// If an option or a loss term is invalid, the network lacks the scales and shifts to move or the Laban condition
+    /// If an option or a loss term is invalid, the network lacks the scales and shifts or tokens to move or the Laban condition
     /// to set, the observer stops the run, or a loss or gradient is not finite.
     ///
     /// # Panics
@@ -78,7 +78,7 @@ impl<D: Denoiser> Sampler<'_, D> {
             false => None,
         };
         let batch = conditioned.as_ref().unwrap_or(batch);
-        let steps = guidance.steps(self.steps().len());
+        let steps = guidance.steps(self.steps().len() * self.windows(batch));
         let mut pass = GuidedPass::new(steps, observer);
         let embedding = &batch.prompt.embedding;
         let variable = self.variable(&objective, batch, (baseline, embedding), guidance)?;
@@ -126,23 +126,30 @@ impl<D: Denoiser> Sampler<'_, D> {
         (motion, embedding): (Tensor<3>, &'s Tensor<2>),
         guidance: &'s Guidance,
     ) -> Result<Box<dyn Variable + 's>, GuideError> {
-        let condition = |part| -> Box<dyn Variable + 's> {
+        let condition = |part, motion| -> Box<dyn Variable + 's> {
             Box::new(ConditioningVariable::new(
-                self, objective, batch, part, guidance,
+                self, objective, batch, motion, part, guidance,
             ))
         };
         Ok(match guidance.variable {
-            GuidanceVariable::Embedding => condition(ConditionPart::Embedding),
+            GuidanceVariable::Embedding => condition(ConditionPart::Embedding, motion),
             GuidanceVariable::Modulation => match self.model.modulation_width() {
                 0 => return Err(GuideError::NoModulation),
-                _ => condition(ConditionPart::Modulation),
+                _ => condition(ConditionPart::Modulation, motion),
+            },
+            GuidanceVariable::Tokens => match self.model.token_offset_width() {
+                0 => return Err(GuideError::NoTokens),
+                _ => condition(ConditionPart::Tokens, motion),
             },
             GuidanceVariable::Prediction | GuidanceVariable::None => Box::new(
-                variables::PredictionVariable::new(self, objective, batch, guidance),
+                variables::PredictionVariable::new(self, objective, batch, motion, guidance),
             ),
             GuidanceVariable::Motion { iterations } => Box::new(variables::MotionVariable::new(
                 objective, motion, embedding, iterations, guidance,
             )),
+            GuidanceVariable::Noise { .. } if self.model.window().is_some() => {
+                return Err(GuideError::NoStartNoise);
+            }
             GuidanceVariable::Noise { iterations } => Box::new(variables::NoiseVariable::new(
                 self, objective, batch, iterations, guidance,
             )),

@@ -1,11 +1,13 @@
 //! The variables that guidance can move towards the target, and one step of each.
 //!
 //! ```text
-//! ConditioningVariable    e, or its scales and shifts ──network at a step──▶ clean motion ──▶ loss    at every DDIM step
+//! ConditioningVariable    e, or offsets in the layers  ──network at a step──▶ clean motion ──▶ loss    at every DDIM step
 //! PredictionVariable                                                      clean motion ──▶ loss    at every DDIM step
 //! MotionVariable                                                       finished motion ──▶ loss    at every iteration
 //! NoiseVariable        z ──all steps of a pass───────────────────────▶ finished motion ──▶ loss    at every iteration
 //! ```
+
+use std::ops::Range;
 
 use burn::tensor::Tensor;
 use lamogen_model::Denoiser;
@@ -13,7 +15,8 @@ use lamogen_model::Denoiser;
 use super::adam_variable::AdamVariable;
 use super::objective::{LossGradient, MotionPath, NonFinite, Objective};
 use crate::guidance::{Guidance, GuidanceVariable, UpdateTiming};
-use crate::sampler::{Batch, Sampler, SamplerState, add_noise};
+use crate::sampler::{Batch, Sampler, SamplerState};
+use crate::windows::WindowChain;
 
 /// The result of one step.
 pub(super) struct StepOutput {
@@ -45,10 +48,16 @@ pub(super) trait Variable {
 }
 
 /// The network's condition: the sentence embedding (the paper's method), or offsets of the scales and shifts that the
-/// stylization layers compute from the embedding.
+/// stylization layers compute from the embedding, or offsets of the tokens that carry it.
+///
+/// A network that continues motions makes all steps of a window before it begins with the next, and each window begins with
+/// the prompt as it was. The loss is that of the whole motion, with the windows that are not made yet as in the baseline.
 pub(super) struct ConditioningVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
+    batch: &'s Batch<D::Context>,
+    baseline: Tensor<3>,
+    chain: WindowChain,
     state: SamplerState<'s, D::Context>,
     variable: AdamVariable<2>,
     part: ConditionPart,
@@ -60,6 +69,7 @@ pub(super) struct ConditioningVariable<'s, 'a, D: Denoiser> {
 pub(super) enum ConditionPart {
     Embedding,
     Modulation,
+    Tokens,
 }
 
 impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
@@ -67,22 +77,19 @@ impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
+        baseline: Tensor<3>,
         part: ConditionPart,
         guidance: &'s Guidance,
     ) -> Self {
         let state = sampler.initial_state(batch);
-        let start = match part {
-            ConditionPart::Embedding => state.embedding.clone(),
-            ConditionPart::Modulation => {
-                let shape = [batch.lengths.len(), sampler.model.modulation_width()];
-                Tensor::zeros(shape, &state.embedding.device())
-            }
-        };
         let mut condition = ConditioningVariable {
             sampler,
             objective,
+            batch,
+            baseline,
+            chain: sampler.chain(),
+            variable: AdamVariable::new(part.start(sampler, &state), guidance),
             state,
-            variable: AdamVariable::new(start, guidance),
             part,
             guidance,
         };
@@ -90,9 +97,19 @@ impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
         condition
     }
 
+    /// Begins with the next window.
+    fn begin_window(&mut self) {
+        self.chain.push(self.state.x.clone());
+        self.state = self.sampler.window_state(self.batch, &self.chain);
+        let start = self.part.start(self.sampler, &self.state);
+        self.variable = AdamVariable::new(start, self.guidance);
+        self.write_to_state();
+    }
+
     /// Updates the variable by a gradient.
     fn update(&mut self, gradient: Tensor<2>, index: usize) {
-        let rate = self.guidance.learning_rate_at(index, self.steps());
+        let steps = self.sampler.steps().len();
+        let rate = self.guidance.learning_rate_at(index, steps);
         self.variable.update(gradient, rate);
         self.write_to_state();
     }
@@ -102,35 +119,102 @@ impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
         let value = self.variable.value.clone();
         match self.part {
             ConditionPart::Embedding => self.state.embedding = value,
-            ConditionPart::Modulation => self.state.modulation = Some(value),
+            ConditionPart::Modulation | ConditionPart::Tokens => {
+                let [batch, _] = value.dims();
+                let zeros = |width| Tensor::zeros([batch, width], &value.device());
+                let (range, width) = self.part.offsets(self.sampler.model);
+                let parts = [
+                    (range.start > 0).then(|| zeros(range.start)),
+                    Some(value.clone()),
+                    (range.end < width).then(|| zeros(width - range.end)),
+                ];
+                let parts: Vec<_> = parts.into_iter().flatten().collect();
+                self.state.modulation = Some(Tensor::cat(parts, 1));
+            }
         }
     }
 
     /// Computes the loss at a step and its gradient with respect to the variable.
     fn loss_gradient(&self, index: usize) -> Result<LossGradient<2>, NonFinite> {
-        let ConditioningVariable { sampler, state, .. } = self;
+        let ConditioningVariable {
+            sampler,
+            state,
+            part,
+            ..
+        } = self;
         let step = &sampler.steps()[index];
+        let (range, _) = part.offsets(sampler.model);
         self.objective.gradient(|| {
             let linearized = sampler.linearize(state, index);
             MotionPath {
                 leaf: linearized.output.clone(),
-                clean: Box::new(|output| sampler.clean_motion(state, output, step)),
-                pull: Box::new(|gradient| linearized.pull(gradient)),
+                clean: Box::new(|output| {
+                    let clean = sampler.clean_motion(state, output, step);
+                    self.chain.within(clean, &self.baseline)
+                }),
+                pull: {
+                    let range = range.clone();
+                    Box::new(move |gradient| {
+                        let gradient = linearized.pull(gradient);
+                        match part {
+                            ConditionPart::Embedding => gradient,
+                            _ => gradient.narrow(1, range.start, range.len()),
+                        }
+                    })
+                },
             }
         })
     }
 }
 
+impl ConditionPart {
+    /// Returns the place of the part among all offsets that a network adds, and their number.
+    fn offsets(self, model: &impl Denoiser) -> (Range<usize>, usize) {
+        let modulations = model.modulation_width();
+        let all = modulations + model.token_offset_width();
+        let range = match self {
+            ConditionPart::Embedding => 0..0,
+            ConditionPart::Modulation => 0..modulations,
+            ConditionPart::Tokens => modulations..all,
+        };
+        (range, all)
+    }
+
+    /// Returns the value that the part begins with.
+    fn start<D: Denoiser>(
+        self,
+        sampler: &Sampler<'_, D>,
+        state: &SamplerState<'_, D::Context>,
+    ) -> Tensor<2> {
+        match self {
+            ConditionPart::Embedding => state.embedding.clone(),
+            ConditionPart::Modulation | ConditionPart::Tokens => {
+                let (range, _) = self.offsets(sampler.model);
+                let [batch, _] = state.embedding.dims();
+                Tensor::zeros([batch, range.len()], &state.embedding.device())
+            }
+        }
+    }
+}
+
 impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
     fn steps(&self) -> usize {
-        self.sampler.steps().len()
+        self.sampler.steps().len() * self.sampler.windows(self.batch)
     }
 
     fn timestep(&self, index: usize) -> usize {
-        self.sampler.steps()[index].timestep
+        let steps = self.sampler.steps();
+        steps[index % steps.len()].timestep
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
+        let index = match index % self.sampler.steps().len() {
+            0 if index > 0 => {
+                self.begin_window();
+                0
+            }
+            index => index,
+        };
         let mut evaluation = self.loss_gradient(index)?;
         for _ in 1..self.guidance.updates_per_step {
             self.update(evaluation.gradient, index);
@@ -143,11 +227,11 @@ impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
         };
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean_motion(&self.state, output.clone(), step);
-        self.state.x = { self.sampler }.advance(&self.state, &prediction, output, step);
+        self.state.x = { self.sampler }.advance(&self.state, &prediction, output, index);
         Ok(StepOutput {
             loss: evaluation.loss,
             gradient: Some(evaluation.gradient),
-            prediction,
+            prediction: self.chain.followed_by(prediction),
         })
     }
 
@@ -156,7 +240,7 @@ impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
-        self.state.x
+        self.chain.followed_by(self.state.x)
     }
 }
 
@@ -165,6 +249,9 @@ impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
 pub(super) struct PredictionVariable<'s, 'a, D: Denoiser> {
     sampler: &'s Sampler<'a, D>,
     objective: &'s Objective<'a>,
+    batch: &'s Batch<D::Context>,
+    baseline: Tensor<3>,
+    chain: WindowChain,
     state: SamplerState<'s, D::Context>,
     guidance: &'s Guidance,
     /// The number of updates at each step.
@@ -176,11 +263,15 @@ impl<'s, 'a, D: Denoiser> PredictionVariable<'s, 'a, D> {
         sampler: &'s Sampler<'a, D>,
         objective: &'s Objective<'a>,
         batch: &'s Batch<D::Context>,
+        baseline: Tensor<3>,
         guidance: &'s Guidance,
     ) -> Self {
         PredictionVariable {
             sampler,
             objective,
+            batch,
+            baseline,
+            chain: sampler.chain(),
             state: sampler.initial_state(batch),
             guidance,
             updates: match guidance.variable {
@@ -193,14 +284,23 @@ impl<'s, 'a, D: Denoiser> PredictionVariable<'s, 'a, D> {
 
 impl<D: Denoiser> Variable for PredictionVariable<'_, '_, D> {
     fn steps(&self) -> usize {
-        self.sampler.steps().len()
+        self.sampler.steps().len() * self.sampler.windows(self.batch)
     }
 
     fn timestep(&self, index: usize) -> usize {
-        self.sampler.steps()[index].timestep
+        let steps = self.sampler.steps();
+        steps[index % steps.len()].timestep
     }
 
     fn step(&mut self, index: usize) -> Result<StepOutput, NonFinite> {
+        let index = match index % self.sampler.steps().len() {
+            0 if index > 0 => {
+                self.chain.push(self.state.x.clone());
+                self.state = self.sampler.window_state(self.batch, &self.chain);
+                0
+            }
+            index => index,
+        };
         let (sampler, state) = (self.sampler, &mut self.state);
         let step = &sampler.steps()[index];
         let output = sampler.evaluate(state, index);
@@ -208,20 +308,26 @@ impl<D: Denoiser> Variable for PredictionVariable<'_, '_, D> {
         // The step keeps the noise that belongs to the network's own prediction.
         let noise = sampler.predicted_noise(state, state.x.clone(), &prediction, output, step);
         let mut loss = match self.updates {
-            0 => self.objective.loss_of_motions(prediction.clone()),
+            0 => {
+                let motion = self.chain.within(prediction.clone(), &self.baseline);
+                self.objective.loss_of_motions(motion)
+            }
             _ => Vec::new(),
         };
         let rate = self.guidance.learning_rate_at(index, sampler.steps().len());
         for _ in 0..self.updates {
-            let evaluation = { self.objective }.gradient(|| identity_path(&prediction))?;
+            let evaluation = { self.objective }.gradient(|| MotionPath {
+                clean: Box::new(|window| self.chain.within(window, &self.baseline)),
+                ..identity_path(&prediction)
+            })?;
             prediction = prediction - evaluation.gradient * rate;
             loss = evaluation.loss;
         }
-        state.x = add_noise(&prediction, noise, step);
+        state.x = sampler.add_noise(state, &prediction, noise, index);
         Ok(StepOutput {
             loss,
             gradient: None,
-            prediction,
+            prediction: self.chain.followed_by(prediction),
         })
     }
 
@@ -230,7 +336,7 @@ impl<D: Denoiser> Variable for PredictionVariable<'_, '_, D> {
     }
 
     fn finish(self: Box<Self>) -> Tensor<3> {
-        self.state.x
+        self.chain.followed_by(self.state.x)
     }
 }
 
@@ -336,14 +442,14 @@ impl<'s, 'a, D: Denoiser> NoiseVariable<'s, 'a, D> {
             let linearized = sampler.linearize_motion(&state, &self.batch.prompt.context, index);
             let (x, output) = (state.x.clone(), linearized.output.clone());
             let prediction = sampler.clean_motion(&state, output.clone(), step);
-            let next = sampler.advance(&state, &prediction, output.clone(), step);
+            let next = sampler.advance(&state, &prediction, output.clone(), index);
             let before = state.clone();
             pullbacks.push(Box::new(move |gradient: Tensor<3>| {
                 let [x, output] = [x, output].map(|leaf| leaf.autodiff().require_grad());
                 let clean = sampler.clean_motion_at(&before, x.clone(), output.clone(), step);
                 let noise =
                     sampler.predicted_noise(&before, x.clone(), &clean, output.clone(), step);
-                let next = add_noise(&clean, noise, step);
+                let next = sampler.add_noise(&before, &clean, noise, index);
                 let mut gradients = (next * gradient.autodiff()).sum().backward();
                 let [x_gradient, output_gradient] = [x, output].map(|leaf| {
                     let gradient = leaf.grad_remove(&mut gradients);

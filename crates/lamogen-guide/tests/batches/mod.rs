@@ -20,5 +20,7 @@ pub fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
         },
         noise: start.reshape([lengths.len(), frames, POSE_FEATURES]),
         lengths: lengths.to_vec(),
+        step_noise: None,
+        continuation: None,
     }
 }

@@ -2,9 +2,9 @@
 
 use std::ops::Deref;
 
-use burn::tensor::{Device, Int, Tensor};
+use burn::tensor::{Device, Tensor};
 use lamogen_guide::Schedule;
-use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt};
+use lamogen_model::{Denoiser, DenoiserInput, Prediction, Prompt, TokenBatch};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 /// A toy network. The embedding of a prompt is its one token; the embedded timestep is its `ᾱ`.
@@ -57,9 +57,9 @@ impl<N: ToyNetwork> Denoiser for ToyDenoiser<N> {
         self.0.modulation_width()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<()> {
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<()> {
         Prompt {
-            embedding: tokens.float(),
+            embedding: tokens.ids.clone().float(),
             context: (),
         }
     }

@@ -36,6 +36,8 @@ pub struct Checkpoint {
     path: PathBuf,
     container: Container,
     metadata: HashMap<String, String>,
+    /// The keys of tensors that are not part of the network.
+    dropped: HashSet<String>,
 }
 
 /// The file format of a checkpoint, with the tensors that it lists.
@@ -115,6 +117,54 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
+    /// Opens a checkpoint whose weights lie under the first of `parts` that is there, or under no key of their own.
+    ///
+    /// MDM's checkpoints, for example, have the average of the weights under `model_avg` and the weights themselves under
+    /// `model`, or consist of the weights alone.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is truncated, or is not a checkpoint.
+    pub fn open_first_part(
+        path: impl AsRef<Path>,
+        parts: &[&str],
+    ) -> Result<Checkpoint, CheckpointError> {
+        let mut checkpoint = Self::open_any(path)?;
+        let Container::Pytorch(tensors) = &mut checkpoint.container else {
+            return Ok(checkpoint);
+        };
+        for part in parts {
+            let prefix = format!("{part}.");
+            if !tensors.keys().any(|key| key.starts_with(&prefix)) {
+                continue;
+            }
+            let all = std::mem::take(tensors).into_iter();
+            let of_part =
+                |(key, tensor): (String, _)| Some((key.strip_prefix(&prefix)?.to_owned(), tensor));
+            *tensors = all.filter_map(of_part).collect();
+            break;
+        }
+        Ok(checkpoint)
+    }
+
+    /// Opens a checkpoint with all of its tensors, under whatever keys.
+    pub(crate) fn open_any(path: impl AsRef<Path>) -> Result<Checkpoint, CheckpointError> {
+        let path = path.as_ref();
+        refuse_placeholder(path)?;
+        match path.extension() {
+            Some(extension) if extension.eq_ignore_ascii_case("safetensors") => {
+                Self::open_safetensors(path)
+            }
+            _ => Self::open_pytorch(path, None),
+        }
+    }
+
+    /// Forgets the tensors whose keys a function does not keep.
+    pub(crate) fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+        let dropped = self.keys().into_iter().filter(|key| !keep(key));
+        self.dropped.extend(dropped.collect::<Vec<_>>());
+    }
+
     /// Opens a safetensors file that is embedded in the program. `name` is used in error messages.
     ///
     /// # Errors
@@ -151,7 +201,10 @@ impl Checkpoint {
             Container::Pytorch(tensors) => tensors.keys().cloned().collect(),
             Container::Safetensors { index, .. } => index.tensors().into_keys().collect(),
         };
-        keys.retain(|key| !scaled_key(key).is_some_and(|scaled| self.is_quantized(scaled)));
+        keys.retain(|key| {
+            !self.dropped.contains(key)
+                && !scaled_key(key).is_some_and(|scaled| self.is_quantized(scaled))
+        });
         keys.sort_unstable();
         keys
     }
@@ -187,17 +240,34 @@ impl Checkpoint {
         network: &mut impl NamedParameters,
         device: &Device,
     ) -> Result<(), CheckpointError> {
+        let requested_keys = self.fill_requested(network, device)?;
+        self.unknown_tensors(&requested_keys).map_or(Ok(()), Err)
+    }
+
+    /// Loads the weights of a part of what the checkpoint holds, such as the text tower of a CLIP. Other tensors are left
+    /// alone.
+    pub(crate) fn fill_part(
+        &self,
+        network: &mut impl NamedParameters,
+        device: &Device,
+    ) -> Result<(), CheckpointError> {
+        self.fill_requested(network, device).map(drop)
+    }
+
+    /// Loads the tensors that a network asks for. Returns their keys.
+    fn fill_requested(
+        &self,
+        network: &mut impl NamedParameters,
+        device: &Device,
+    ) -> Result<HashSet<String>, CheckpointError> {
         let mut reader = WeightReader {
             checkpoint: self,
             requested_keys: HashSet::new(),
             problem: None,
         };
         network.keys(&mut ParameterList::new(device.clone(), &mut reader));
-        match reader
-            .problem
-            .or_else(|| self.unknown_tensors(&reader.requested_keys))
-        {
-            None => Ok(()),
+        match reader.problem {
+            None => Ok(reader.requested_keys),
             Some(problem) => Err(problem),
         }
     }
@@ -234,6 +304,7 @@ impl Checkpoint {
             path: path.to_owned(),
             container: Container::Pytorch(reader.into_tensors()),
             metadata: HashMap::new(),
+            dropped: HashSet::new(),
         })
     }
 
@@ -250,6 +321,7 @@ impl Checkpoint {
         Checkpoint {
             path: path.to_owned(),
             metadata: index.metadata().clone().unwrap_or_default(),
+            dropped: HashSet::new(),
             container: Container::Safetensors {
                 index,
                 start,
@@ -259,7 +331,7 @@ impl Checkpoint {
     }
 
     /// Returns the shape of a tensor, or `None` if it does not exist.
-    pub(super) fn shape(&self, key: &str) -> Option<&[usize]> {
+    pub(crate) fn shape(&self, key: &str) -> Option<&[usize]> {
         match &self.container {
             Container::Pytorch(tensors) => tensors.get(key).map(pytorch_reader::Tensor::shape),
             Container::Safetensors { index, .. } => index.info(key).map(|info| &*info.shape),

@@ -63,7 +63,7 @@ impl Checkpoint {
     }
 
     /// Returns the shape of a tensor that must be a matrix.
-    fn matrix_shape(&self, key: &str) -> Result<[usize; 2], CheckpointError> {
+    pub(crate) fn matrix_shape(&self, key: &str) -> Result<[usize; 2], CheckpointError> {
         let problem = match self.shape(key) {
             Some(&[rows, columns]) => return Ok([rows, columns]),
             Some(shape) => format!("expected `{key}` to be a matrix, found the shape {shape:?}"),
@@ -76,7 +76,7 @@ impl Checkpoint {
     }
 
     /// Returns the number of layers whose keys begin with `name.0.`, `name.1.`, …
-    fn layer_count(&self, name: &str) -> usize {
+    pub(crate) fn layer_count(&self, name: &str) -> usize {
         let numbers = self.keys().into_iter().filter_map(|key| {
             let rest = key.strip_prefix(name)?.strip_prefix('.')?;
             rest.split('.').next()?.parse::<usize>().ok()

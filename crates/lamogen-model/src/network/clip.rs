@@ -12,7 +12,7 @@ use crate::config::ClipTextConfig;
 
 /// The text tower, which turns token ids into token features. Each token attends to itself and to the tokens before it.
 #[derive(Module, Debug)]
-pub(super) struct ClipText {
+pub(crate) struct ClipText {
     token_embedding: Embedding,
     positional_embedding: Param<Tensor<2>>,
     blocks: Vec<ClipBlock>,
@@ -30,7 +30,7 @@ struct ClipBlock {
 }
 
 impl ClipText {
-    pub(super) fn new(config: &ClipTextConfig, device: &Device) -> Self {
+    pub(crate) fn new(config: &ClipTextConfig, device: &Device) -> Self {
         let normal = |std| Initializer::Normal { mean: 0.0, std };
         let width = config.width;
         ClipText {
@@ -57,7 +57,7 @@ impl ClipText {
     ///
     /// - `tokens`: `[batch, tokens]`
     /// - output: `[batch, tokens, width]`, normalised
-    pub(super) fn forward(&self, tokens: Tensor<2, Int>) -> Tensor<3> {
+    pub(crate) fn forward(&self, tokens: Tensor<2, Int>) -> Tensor<3> {
         let [_, count] = tokens.dims();
         let positions = self.positional_embedding.val().narrow(0, 0, count);
         let mask = causal_mask(count, &tokens.device());
@@ -108,5 +108,39 @@ impl NamedParameters for ClipBlock {
         keys.linear("mlp.c_fc", &mut self.expand);
         keys.linear("mlp.c_proj", &mut self.contract);
         keys.norm("ln_2", &mut self.mlp_norm);
+    }
+}
+
+/// The text tower with the keys of Hugging Face's `transformers`, relative to `text_model`.
+pub(crate) struct HuggingFaceClip<'a>(pub(crate) &'a mut ClipText);
+
+/// A layer of [`HuggingFaceClip`].
+struct HuggingFaceBlock<'a>(&'a mut ClipBlock);
+
+impl NamedParameters for HuggingFaceClip<'_> {
+    fn keys(&mut self, keys: &mut ParameterList) {
+        let ClipText {
+            token_embedding,
+            positional_embedding,
+            blocks,
+            norm,
+        } = self.0;
+        keys.embedding("embeddings.token_embedding", token_embedding);
+        keys.matrix("embeddings.position_embedding.weight", positional_embedding);
+        let mut blocks: Vec<_> = blocks.iter_mut().map(HuggingFaceBlock).collect();
+        keys.each("encoder.layers", &mut blocks);
+        keys.norm("final_layer_norm", norm);
+    }
+}
+
+impl NamedParameters for HuggingFaceBlock<'_> {
+    fn keys(&mut self, keys: &mut ParameterList) {
+        let parts = ["q", "k", "v"].map(|part| format!("self_attn.{part}_proj"));
+        keys.linear_from_parts(&parts, &mut self.0.attention.in_proj);
+        keys.linear("self_attn.out_proj", &mut self.0.attention.out_proj);
+        keys.norm("layer_norm1", &mut self.0.attention_norm);
+        keys.linear("mlp.fc1", &mut self.0.expand);
+        keys.linear("mlp.fc2", &mut self.0.contract);
+        keys.norm("layer_norm2", &mut self.0.mlp_norm);
     }
 }

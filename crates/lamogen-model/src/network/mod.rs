@@ -1,7 +1,7 @@
 //! The layers of MotionDiffuse and of its text encoder.
 
 mod block;
-mod clip;
+pub(crate) mod clip;
 #[cfg(feature = "flex")]
 mod cpu;
 mod cross_attention;
@@ -12,7 +12,7 @@ mod modulation;
 mod motion_diffuse;
 mod self_attention;
 mod stylization;
-mod text_attention;
+pub(crate) mod text_attention;
 mod text_encoder;
 mod time_embedding;
 mod training;
@@ -26,23 +26,23 @@ use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};
 
 /// The constant that layer normalization adds to the variance, as in PyTorch.
-const NORM_EPSILON: f64 = 1e-5;
+pub(crate) const NORM_EPSILON: f64 = 1e-5;
 
 /// Creates a layer normalization with initial weights.
-fn layer_norm(width: usize, device: &Device) -> LayerNorm {
+pub(crate) fn layer_norm(width: usize, device: &Device) -> LayerNorm {
     let config = LayerNormConfig::new(width).with_epsilon(NORM_EPSILON);
     config.init(device)
 }
 
 /// Splits the channels among heads: `[batch, positions, width]` → `[batch, heads, positions, width / heads]`.
-fn split_heads(x: Tensor<3>, heads: usize) -> Tensor<4> {
+pub(crate) fn split_heads(x: Tensor<3>, heads: usize) -> Tensor<4> {
     let [batch, positions, width] = x.dims();
     x.reshape([batch, positions, heads, width / heads])
         .swap_dims(1, 2)
 }
 
 /// Undoes [`split_heads`].
-fn merge_heads(x: Tensor<4>) -> Tensor<3> {
+pub(crate) fn merge_heads(x: Tensor<4>) -> Tensor<3> {
     let [batch, heads, positions, width] = x.dims();
     x.swap_dims(1, 2).reshape([batch, positions, heads * width])
 }

@@ -17,6 +17,7 @@ use super::time_embedding::TimeEmbedding;
 use crate::checkpoint::{NamedParameters, ParameterList};
 use crate::config::{LABAN_FEATURES, ModelConfig, Prediction};
 use crate::denoiser::{Denoiser, DenoiserInput, LinearizedEvaluation, Prompt};
+use crate::tokens::TokenBatch;
 
 /// MotionDiffuse (Zhang et al. 2022, arXiv 2208.15001): a transformer decoder over frames with
 /// efficient attention, steered by stylization layers, with its text encoder.
@@ -117,6 +118,20 @@ impl MotionDiffuse {
         (self.text.project(&features, tokens), features)
     }
 
+    /// Encodes prompts. The end token is the largest id of each row.
+    pub(super) fn encode_ids(&self, tokens: Tensor<2, Int>) -> Prompt<CrossAttentionContext> {
+        let (embedding, text) = self.encode_text(tokens);
+        let context = self
+            .blocks
+            .iter()
+            .map(|block| block.cross_attention.context(text.clone()))
+            .collect();
+        Prompt {
+            embedding,
+            context: CrossAttentionContext(context),
+        }
+    }
+
     /// Computes the text features of each sentence's end token, from which the sentence embedding is computed:
     /// `[batch, text_latent_dim]`.
     pub(super) fn sentence_features(&self, tokens: Tensor<2, Int>) -> Tensor<2> {
@@ -148,17 +163,8 @@ impl Denoiser for MotionDiffuse {
         self.output.weight.device()
     }
 
-    fn encode(&self, tokens: Tensor<2, Int>) -> Prompt<CrossAttentionContext> {
-        let (embedding, text) = self.encode_text(tokens);
-        let context = self
-            .blocks
-            .iter()
-            .map(|block| block.cross_attention.context(text.clone()))
-            .collect();
-        Prompt {
-            embedding,
-            context: CrossAttentionContext(context),
-        }
+    fn encode(&self, tokens: &TokenBatch) -> Prompt<CrossAttentionContext> {
+        self.encode_ids(tokens.ids.clone())
     }
 
     fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {

@@ -10,14 +10,14 @@ use crate::checkpoint::{NamedParameters, ParameterList};
 
 /// Multi-head self-attention with query, key and value in one projection.
 #[derive(Module, Debug)]
-pub(super) struct TextAttention {
-    in_proj: Linear,
-    out_proj: Linear,
+pub(crate) struct TextAttention {
+    pub(crate) in_proj: Linear,
+    pub(crate) out_proj: Linear,
     heads: usize,
 }
 
 impl TextAttention {
-    pub(super) fn new(width: usize, heads: usize, device: &Device) -> Self {
+    pub(crate) fn new(width: usize, heads: usize, device: &Device) -> Self {
         TextAttention {
             in_proj: LinearConfig::new(width, 3 * width).init(device),
             out_proj: LinearConfig::new(width, width).init(device),
@@ -30,9 +30,9 @@ impl TextAttention {
     /// # Shapes
     ///
     /// - `x`: `[batch, tokens, width]`
-    /// - `mask`: added to the scores, `[1, 1, tokens, tokens]`
+    /// - `mask`: added to the scores, `[1, 1, tokens, tokens]` or `[batch, 1, 1, tokens]`
     /// - output: `[batch, tokens, width]`
-    pub(super) fn forward(&self, x: Tensor<3>, mask: Option<Tensor<4>>) -> Tensor<3> {
+    pub(crate) fn forward(&self, x: Tensor<3>, mask: Option<Tensor<4>>) -> Tensor<3> {
         let [query, key, value] = self
             .in_proj
             .forward(x)

@@ -130,7 +130,7 @@ impl MotionDiffuse {
 
     /// Prepares the input and context of the decoder. Each caption is encoded once for all motions that share it.
     fn prepare(&self, batch: TrainingBatch) -> (DenoiserInput, CrossAttentionContext) {
-        let prompt = select_prompts(self.encode(batch.tokens), &batch.captions);
+        let prompt = select_prompts(self.encode_ids(batch.tokens), &batch.captions);
         let laban = { batch.laban }.and_then(|means| self.embed_laban(&means));
         let input = DenoiserInput {
             x_t: batch.x_t,

@@ -44,6 +44,7 @@ impl MatchingExamples {
                 let ids = tokens.original(pair.entry, pair.caption);
                 Tokens {
                     ids: ids.iter().map(|&id| id as u32).collect(),
+                    length: ids.len(),
                     cut: 0,
                     own: 0,
                 }

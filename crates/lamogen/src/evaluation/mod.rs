@@ -293,7 +293,7 @@ fn evaluate_sources<D: Denoiser>(
     }
     remove_stale_temporaries(folder);
     let device = model.model.network().device();
-    let plan = EvalPlan::new(options, model.model.preset(), sources.prompts.len())
+    let plan = EvalPlan::new(options, plan_defaults(model.model), sources.prompts.len())
         .with_multimodality(sources.multimodality.clone());
     let run = check_run(model, (&sources, &device), (folder, &plan), options)?;
     let CheckedRun {
@@ -351,7 +351,7 @@ fn estimate_sources<D: Denoiser>(
     options: &EvaluationOptions,
 ) -> Result<Vec<EvaluationEstimate>, EvaluationError> {
     let device = model.model.network().device();
-    let plan = EvalPlan::new(options, model.model.preset(), sources.prompts.len())
+    let plan = EvalPlan::new(options, plan_defaults(model.model), sources.prompts.len())
         .with_multimodality(sources.multimodality.clone());
     let run = check_run(model, (&sources, &device), (folder, &plan), options)?;
     let CheckedRun { runner, all, .. } = &run;
@@ -720,8 +720,9 @@ fn run_identity<D: Denoiser>(
         preset,
         given_steps: _,
         noise_steps,
+        timesteps: _,
     } = plan.defaults;
-    json!({
+    let mut identity = json!({
         "model": fingerprint,
         "evaluator": runner.evaluator.fingerprint(),
         "temporal_smoothing": runner.model.temporal_smoothing().map(|smoothing| smoothing.frames),
@@ -734,7 +735,18 @@ fn run_identity<D: Denoiser>(
         "noise_steps": noise_steps,
         "measure": runner.measure.name(),
         "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
-    })
+    });
+    let method = runner.model.sampling_method();
+    if method != runner.model.network().sampling_method() {
+        identity["sampler"] = method.name().into();
+    }
+    identity
+}
+
+/// Returns the preset of a model, and the number of timesteps that its network was trained with.
+fn plan_defaults<D: Denoiser>(model: &LaMoGen<D>) -> (Preset, usize) {
+    let timesteps = model.network().noise_schedule().timesteps();
+    (model.preset(), timesteps)
 }
 
 /// Whether the folder has records of this run. A folder with records of another run, or with records of an unknown run,

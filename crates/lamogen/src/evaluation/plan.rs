@@ -32,12 +32,14 @@ pub struct PlanDefaults {
     pub given_steps: Option<usize>,
     /// The number of DDIM steps of the method that changes the start noise; each of its updates is a pass.
     pub noise_steps: usize,
+    /// The number of timesteps that the network was trained with, beyond which no preset goes.
+    pub timesteps: usize,
 }
 
 impl PlanDefaults {
     /// Returns the number of DDIM steps of a preset.
     pub fn steps_of(&self, preset: Preset) -> usize {
-        self.given_steps.unwrap_or(preset.steps())
+        { self.given_steps }.unwrap_or(preset.steps().min(self.timesteps))
     }
 
     /// Returns the default number of DDIM steps.
@@ -116,13 +118,19 @@ pub struct EvalPlan {
 }
 
 impl EvalPlan {
-    /// Makes the plan of some options. `preset` is that of the model, for options without a preset.
-    pub fn new(options: &EvaluationOptions, preset: Preset, prompts: usize) -> EvalPlan {
+    /// Makes the plan of some options. `preset` is that of the model, for options without a preset; `timesteps` are those that
+    /// its network was trained with.
+    pub fn new(
+        options: &EvaluationOptions,
+        (preset, timesteps): (Preset, usize),
+        prompts: usize,
+    ) -> EvalPlan {
         let preset = options.preset.unwrap_or(preset);
         let defaults = PlanDefaults {
             preset,
             given_steps: options.steps,
-            noise_steps: options.noise_steps,
+            noise_steps: options.noise_steps.min(timesteps),
+            timesteps,
         };
         let methods = [Method::Text].iter().chain(&options.methods);
         let all = PromptSelection::spread(prompts, prompts);
@@ -194,6 +202,7 @@ mod tests {
         preset: Preset::Precise,
         given_steps: None,
         noise_steps: 10,
+        timesteps: 1000,
     };
 
     #[test]

@@ -14,6 +14,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Instant;
 
+use lamogen::model::Denoiser;
 use lamogen::motion::remove_stale_temporaries;
 use lamogen::{Generation, Request};
 use serde_json::{Value, json};
@@ -247,6 +248,10 @@ impl BatchRunner<'_> {
             "gif_width": writing.gif_width,
             "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
         });
+        let method = self.source.model.sampling_method();
+        if method != self.source.model.network().sampling_method() {
+            identity["sampler"] = method.name().into();
+        }
         if let Some(character) = &self.character_checksum {
             let onto = &writing.onto;
             identity["onto"] = json!({

@@ -34,6 +34,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
                 .seconds(options.seconds)
                 .seed(seed)
                 .root_motion(options.writing.root_motion());
+            let request = options.then.iter().fold(request, Request::then);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),
@@ -155,11 +156,12 @@ pub fn generation_facts(
         "model": source.name,
         "licence": licence,
         "preset": preset.name(),
-        "steps": pass.steps.unwrap_or(preset.steps()),
+        "steps": pass.steps.unwrap_or(source.model.default_steps(preset)),
         "emphasis": pass.emphasis,
         "body": pass.body.unwrap_or(BodyName::of(preset.guidance().body)).name(),
         "temporal_smoothing": source.temporal_smoothing_frames(),
         "text_scale": source.model.text_scale(),
+        "sampler": source.model.sampling_method().name(),
         "cut_tokens": generation.cut_tokens,
         "unseen_words": generation.unseen_words,
         "stand_in": generation.stand_in,

@@ -44,12 +44,13 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
         model: folder.map(Path::to_owned),
         temporal_smoothing: None,
         text_scale: None,
+        sampler: None,
         device: None,
     };
     let source = ModelSource::open(&arguments, console)?;
     let (network, licence) = (source.model.network(), source.model.licence());
     let config = source.model.config();
-    let steps = source.model.preset().steps();
+    let steps = source.model.default_steps(source.model.preset());
     if console.json {
         let licence = licence.map(|licence| {
             json!({
@@ -65,6 +66,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "steps": steps,
             "temporal_smoothing": source.temporal_smoothing_frames(),
             "text_scale": source.model.text_scale(),
+            "sampler": source.model.sampling_method().name(),
             "licence": licence,
         });
         return console.print(info.to_string());
@@ -73,11 +75,14 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
     let [shortest, longest] = [network.min_frames(), network.max_frames()];
     let seconds = [shortest, longest].map(|frames| frames as f32 / rate);
     let licence = licence.map_or("not stated in the files".into(), ToString::to_string);
-    let config = serde_json::to_string_pretty(config)
+    let config = serde_json::to_string_pretty(&config)
         .map_err(|error| Failure::new(FailureCode::Run, error))?;
     console.print(format!(
-        "{}\nlicence   {licence}\nlength    {:.1} to {:.1} s ({shortest} to {longest} frames)\nsteps     {steps} by default\nconfig    {config}",
-        source.name, seconds[0], seconds[1]
+        "{}\nlicence   {licence}\nlength    {:.1} to {:.1} s ({shortest} to {longest} frames)\nsteps     {steps} by default\nsampler   {}\nconfig    {config}",
+        source.name,
+        seconds[0],
+        seconds[1],
+        source.model.sampling_method().name()
     ))
 }
 

@@ -54,6 +54,9 @@ impl ModelSource {
             let model = source.model.with_text_scale(scale);
             source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
         }
+        if let Some(method) = arguments.sampler {
+            source.model = source.model.with_sampling_method(method);
+        }
         console.notice_licence(source.model.licence());
         Ok(source)
     }

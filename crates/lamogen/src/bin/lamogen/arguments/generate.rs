@@ -33,6 +33,10 @@ pub struct GenerateArguments {
     pub prompt: String,
     #[command(flatten)]
     pub goals: GoalArguments,
+    /// What the person does in the next window, for a model that makes a motion a window at a time, such as DiP with two seconds
+    /// each. May be given several times; the last holds to the end.
+    #[arg(long, value_name = "SENTENCE")]
+    pub then: Vec<String>,
     /// Length in seconds: 2 to 9.8 with the embedded model and most others.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f32,

@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use clap::{Args, ValueEnum};
 use lamogen::character::{Character, CharacterOptions};
 use lamogen::files::{JointMapping, Unit, UpAxis};
+use lamogen::model::SamplingMethod;
 use lamogen::{Body, COMPONENTS, DeviceName, Preset, Request, RootMotion, TemporalSmoothing};
 
 use crate::failure::{Failure, FailureCode};
@@ -26,6 +27,10 @@ pub struct ModelArguments {
     /// what the model's config.json says: 2 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
     pub text_scale: Option<f64>,
+    /// How a step of sampling goes on: ddim, where the start noise decides the motion, or ddpm, which draws noise at each step. Usually what the
+    /// model's authors do: ddpm for MDM, ddim for all others.
+    #[arg(long, value_name = "METHOD")]
+    pub sampler: Option<SamplingMethod>,
     /// Where to compute; lamogen devices lists them.
     #[arg(long)]
     pub device: Option<DeviceName>,

@@ -45,7 +45,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
         context_length: model.clip.context_length,
     };
     let dataset = match &start {
-        Some(start) => dataset.with_normalization(start.model.normalization()),
+        Some(start) => dataset.with_normalization(&start.normalization),
         None => dataset,
     };
     let tokenizer = match (&start, &options.tokenizer) {
@@ -57,7 +57,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
     let phrasings = config.denoising.phrasings;
     let tokens = caption_tokens(tokenizer, vocabulary, &dataset, phrasings, &texts, console)?;
     let sentences = read_sentences(options, &config, &tokens)?;
-    let licence = start.as_ref().and_then(|start| start.model.licence());
+    let licence = start.as_ref().and_then(|start| start.licence.as_ref());
     let mut task = DenoisingTask::new(&dataset, &tokens, &config, &device)?
         .with_metadata(metadata(options, licence));
     if let Some(sentences) = &sentences {
@@ -68,7 +68,7 @@ pub fn run(options: &TrainArguments, console: &Console) -> Result<(), Failure> {
         identity["sentences"] = sentences.checksum().into();
     }
     if let Some(start) = &start {
-        let network = start.model.network();
+        let network = &start.network;
         task = task.with_initial_network(network.clone())?;
         identity["from"] = fingerprint(network).into();
     }
@@ -136,7 +136,7 @@ fn read_text(path: &Path) -> Result<String, Failure> {
 /// Reads the recipe. The recipe that comes with the program fits a start model of any size. A file states the sizes of
 /// the network; they must be those of the start model, if there is one.
 fn read_config(path: &Path, start: Option<&StartModel>) -> Result<TrainingConfig, Failure> {
-    let sizes = start.map(|start| start.model.config());
+    let sizes = start.map(|start| start.network.config());
     if path == "compact" {
         let recipe = TrainingConfig::compact();
         let model = sizes.cloned().unwrap_or(recipe.model);
@@ -156,17 +156,17 @@ struct SampleStrips<'a> {
 
 impl SampleStrips<'_> {
     /// Makes a model of the network.
-    fn model(&self, network: MotionDiffuse) -> LaMoGen {
+    fn model(&self, network: MotionDiffuse) -> LaMoGen<MotionDiffuse> {
         let normalization = self.dataset.normalization(self.device);
         LaMoGen::new(network, self.tokens.tokenizer().clone(), normalization)
     }
 
     /// Makes a request for each sentence.
-    fn requests(&self, model: &LaMoGen) -> Vec<Request> {
+    fn requests(&self, model: &LaMoGen<MotionDiffuse>) -> Vec<Request> {
         const STEPS: usize = 50;
         const SECONDS: f32 = 4.0;
         let seconds = |frames: usize| frames as f32 / FRAMES_PER_SECOND;
-        let config = model.config();
+        let config = model.network().config();
         let seconds = SECONDS.clamp(seconds(config.shortest()), seconds(config.num_frames));
         let request = |sentence| Request::new(sentence).seconds(seconds).steps(STEPS);
         self.sentences.iter().map(request).collect()

@@ -2,15 +2,19 @@
 
 use std::path::Path;
 
-use lamogen::{Device, LaMoGen};
+use lamogen::model::MotionDiffuse;
+use lamogen::motion::Normalization;
+use lamogen::{Device, LaMoGen, Licence};
 
 use super::{NamedFile, read_file};
-use crate::failure::Failure;
+use crate::failure::{Failure, FailureCode};
 use crate::source::{EMBEDDED, load_embedded};
 
 /// A model that a training begins with, and the file of its tokenizer.
 pub struct StartModel {
-    pub model: LaMoGen,
+    pub network: MotionDiffuse,
+    pub normalization: Normalization,
+    pub licence: Option<Licence>,
     /// The tokenizer file; `None` for CLIP's own tokenizer.
     pub tokenizer: Option<NamedFile>,
 }
@@ -19,17 +23,31 @@ impl StartModel {
     /// Opens a model's folder, or the embedded model by its name.
     pub fn open(folder: &Path, device: &Device) -> Result<StartModel, Failure> {
         if folder.as_os_str() == EMBEDDED {
-            return Ok(StartModel {
-                model: load_embedded(device)?,
-                tokenizer: embedded_tokenizer(),
-            });
+            return Self::new(folder, &load_embedded(device)?, embedded_tokenizer());
         }
         let model = LaMoGen::load(folder, device)?;
         let path = folder.join("tokenizer.json");
         let tokenizer = path.exists().then(|| read_file(&path));
+        Self::new(folder, &model, tokenizer.transpose()?)
+    }
+
+    fn new(
+        folder: &Path,
+        model: &LaMoGen,
+        tokenizer: Option<NamedFile>,
+    ) -> Result<StartModel, Failure> {
+        let network = model.network().motion_diffuse().ok_or_else(|| {
+            let message = format!(
+                "{}: expected a model of the kind that lamogen trains, found an MDM",
+                folder.display()
+            );
+            Failure::new(FailureCode::Input, message)
+        })?;
         Ok(StartModel {
-            model,
-            tokenizer: tokenizer.transpose()?,
+            network: network.clone(),
+            normalization: model.normalization().clone(),
+            licence: model.licence().cloned(),
+            tokenizer,
         })
     }
 }
