@@ -152,12 +152,13 @@ impl CharacterSkeleton {
                 Err(_) => {}
             }
         }
-        let skeleton = standing.ok_or_else(|| {
+        let mut skeleton = standing.ok_or_else(|| {
             body_error(
                 "expected a body that stands upright in the pose without rotations or in the first frame, found neither"
                     .into(),
             )
         })?;
+        skeleton.stand_on_ground();
         let joints = skeleton.joints.iter().flatten().copied();
         let line = skeleton.spine.iter().chain(&skeleton.neck);
         for place in joints.chain(line.map(|(place, _)| *place)) {
@@ -207,6 +208,47 @@ impl CharacterSkeleton {
         skeleton.find_spine();
         skeleton.find_facing(path)?;
         Ok(skeleton)
+    }
+
+    /// Lifts the body of a BVH onto the ground, unless it stands there. Most files have the hips at the origin in the pose without
+    /// rotations, because the position of every frame replaces that.
+    fn stand_on_ground(&mut self) {
+        /// The heights of the ball of a foot and of an ankle above the ground in units of the leg.
+        const HEIGHTS: [f64; 2] = [0.02, 0.1];
+        /// The part of the leg up to which a foot may be above or below its place.
+        const TOLERANCE: f64 = 0.15;
+        let leg = self.leg_length();
+        let feet = [
+            (Joint::LeftFoot, HEIGHTS[0]),
+            (Joint::RightFoot, HEIGHTS[0]),
+            (Joint::LeftAnkle, HEIGHTS[1]),
+            (Joint::RightAnkle, HEIGHTS[1]),
+        ];
+        let lifts = feet.into_iter().filter_map(|(joint, height)| {
+            let place = self.rest_position(joint)?;
+            Some(height * leg - place.y)
+        });
+        let lift = lifts.fold(f64::NEG_INFINITY, f64::max);
+        let Some(pelvis) = self.joint(Joint::Pelvis) else {
+            return;
+        };
+        if lift.abs() <= TOLERANCE * leg {
+            return;
+        }
+        let lift = DVec3::new(0.0, lift, 0.0);
+        let is_below: Vec<bool> = (0..self.nodes.len())
+            .map(|place| self.ancestors(place).any(|above| above == pelvis))
+            .collect();
+        for (node, is_below) in self.nodes.iter_mut().zip(is_below) {
+            if is_below {
+                node.world_position += lift;
+            }
+        }
+        if let Some(parent) = self.nodes[pelvis].parent {
+            let above = &self.nodes[parent];
+            let local = above.world_rotation.inverse() * lift / above.world_scale;
+            self.nodes[pelvis].translation += local;
+        }
     }
 
     /// Returns whether the body stands upright in the rest pose: whether its head is above its pelvis, and this above its

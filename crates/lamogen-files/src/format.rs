@@ -359,7 +359,7 @@ mod tests {
         no_unit.bvh.unit = crate::Unit::Metres(0.0);
         for (name, options, part) in [
             ("a.bvh", no_rate, "frames a second"),
-            ("a.npy", fast, "20"),
+            ("a.features.npy", fast, "20"),
             ("a.bvh", no_unit, "unit"),
         ] {
             let path = folder.path().join(name);
