@@ -373,7 +373,7 @@ fn skeletons_that_cannot_be_moved_are_errors_that_say_why() {
             header.replace("6 Xposition Yposition Zposition Zrotation", "3 Zrotation"),
             "three position channels of the pelvis \"Hips\"",
         ),
-        (text.replace("LeftArm", "Wing"), "LeftArm"),
+        (text.replace("LeftArm", "Wing"), "but for leftarm"),
         (text.replace("HIERARCHY", "HIERARCH"), "line 1"),
     ] {
         let message = open(&path, &text).unwrap_err().to_string();

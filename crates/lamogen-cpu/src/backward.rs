@@ -517,7 +517,7 @@ impl<S: FloatStorage> Decoder<S> {
 
 /// Turns the gradient of the GELU into the gradient of its argument.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn gelu_backward(x: &[f32], gradient: &mut [f32]) {
+pub(crate) fn gelu_backward(x: &[f32], gradient: &mut [f32]) {
     for (g, x) in gradient.iter_mut().zip(x) {
         *g *= math::normal_cdf(*x) + x * math::normal_pdf(*x);
     }

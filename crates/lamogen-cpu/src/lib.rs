@@ -1,4 +1,4 @@
-//! Kernels for the decoder of MotionDiffuse on CPUs, with its gradient.
+//! Kernels for the decoder of MotionDiffuse and for transformers such as MDM on CPUs, with their gradients.
 //!
 //! The mathematics is the same as that of the tensor code of `lamogen-model`. The gradient is derived by hand, and the
 //! code is written for vector units and caches.
@@ -20,6 +20,8 @@
 //! - Guidance needs only the gradient with respect to the condition. Then no gradient is computed for the weights, nor for
 //!   the self-attention of the first block, on which the condition has no influence. Training needs all gradients.
 //!
+//! A [`Transformer`] is evaluated in the same way: chunks of rows meet once a layer, where rows attend to each other.
+//!
 //! Sums are formed in an order that does not depend on the number of threads. So the results are equal bit for bit on any
 //! number of threads.
 
@@ -35,6 +37,7 @@ mod modulation;
 mod norm;
 mod stylization;
 mod tape;
+mod transformer;
 
 pub use decoder::{CrossAttention, DecoderBlock, FeedForward, SelfAttention};
 pub use decoder::{Decoder, DecoderInput};
@@ -43,6 +46,10 @@ pub use linear::{Linear, Matrix, WeightLayout};
 pub use norm::LayerNorm;
 pub use stylization::Stylization;
 pub use tape::Tape;
+pub use transformer::{
+    SoftmaxAttention, Transformer, TransformerGradients, TransformerInput, TransformerLayer,
+    TransformerTape,
+};
 
 /// Borrowed or shared memory of 32-bit floats that several threads may read.
 pub trait FloatStorage: AsRef<[f32]> + Sync {}

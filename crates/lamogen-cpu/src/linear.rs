@@ -56,7 +56,7 @@ impl<S: FloatStorage> Matrix<S> {
         self.numbers.as_ref()
     }
 
-    fn view(&self) -> MatRef<'_, f32> {
+    pub(crate) fn view(&self) -> MatRef<'_, f32> {
         let numbers = self.numbers.as_ref();
         match self.layout {
             WeightLayout::ByInput => {

@@ -123,7 +123,7 @@ fn normalize_backward(gradient: &mut [f32], width: usize, rows: &[f32], scales: 
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2+fma"))]
-fn scale_and_shift(rows: &[f32], gamma: &[f32], beta: &[f32], out: &mut [f32]) {
+pub(crate) fn scale_and_shift(rows: &[f32], gamma: &[f32], beta: &[f32], out: &mut [f32]) {
     let rows = rows.chunks_exact(gamma.len());
     for (out, row) in out.chunks_exact_mut(gamma.len()).zip(rows) {
         for (((out, x), gamma), beta) in out.iter_mut().zip(row).zip(gamma).zip(beta) {

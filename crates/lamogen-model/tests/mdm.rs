@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Int, Tensor, TensorData, Tolerance};
 use lamogen_model::{
-    Denoiser, DenoiserInput, FrameMask, Mdm, MdmConfig, MdmContext, MdmText, Prompt,
-    TextEncoderKind, TokenBatch,
+    Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Mdm, MdmConfig, MdmContext, MdmText,
+    Prompt, TextEncoderKind, TokenBatch,
 };
 use safetensors::SafeTensors;
 
@@ -326,4 +326,79 @@ fn files_of_another_kind_are_named() {
         error.contains("seqTransEncoder") && error.contains("dip"),
         "{error}"
     );
+}
+
+/// Returns an input of two motions of many frames, of which one is padded. A window has a length of its own.
+fn long_input(case: &GoldenCase, prompt: &Prompt<MdmContext>) -> DenoiserInput {
+    let (frames, lengths) = match case.network.window() {
+        Some(window) => (window.frames, [window.frames; 2]),
+        None => (120, [120, 37]),
+    };
+    let values: Vec<f32> = (0..2 * frames * 263)
+        .map(|i| (i as f32 * 0.37).sin())
+        .collect();
+    DenoiserInput {
+        x_t: Tensor::<1>::from_floats(&values[..], &Device::flex()).reshape([2, frames, 263]),
+        mask: FrameMask::new(&lengths, frames, &Device::flex()),
+        ..case.input(prompt.embedding.clone())
+    }
+}
+
+fn masked(motions: Tensor<3>, mask: &FrameMask) -> Tensor<3> {
+    match mask.keep() {
+        Some(keep) => motions * keep,
+        None => motions,
+    }
+}
+
+#[test]
+fn the_kernels_compute_what_the_tensor_operations_do() {
+    for name in CASES {
+        let case = GoldenCase::open(name);
+        let (network, [prompt, _]) = (&case.network, case.prompts());
+        for modulation in [None, Some(offsets(network, 0.05))] {
+            let input = DenoiserInput {
+                modulation,
+                ..long_input(&case, &prompt)
+            };
+            let mask = input.mask.clone();
+            // The kernels know no tape, so what autodiff follows is computed by tensor operations.
+            let evaluate = |input| network.denoise(input, &prompt.context);
+            let expected = LinearizedEvaluation::by_autodiff(input.clone(), evaluate);
+            let found = network.linearize(input.clone(), &prompt.context);
+            let alone = network.denoise(input, &prompt.context);
+            assert_near(alone, found.output.clone().into_data(), 1e-7);
+            let expected_output = masked(expected.output.clone(), &mask).into_data();
+            assert_near(masked(found.output.clone(), &mask), expected_output, 1e-5);
+            let pull = masked(expected.output.clone().cos(), &mask);
+            let [expected, found] =
+                [expected, found].map(|evaluation| evaluation.pull(pull.clone()));
+            assert_near(found, expected.into_data(), 1e-4);
+        }
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let case = GoldenCase::open("trans_enc");
+    let (network, [prompt, _]) = (&case.network, case.prompts());
+    let input = DenoiserInput {
+        modulation: Some(offsets(network, 0.05)),
+        ..long_input(&case, &prompt)
+    };
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let linearized = network.linearize(input.clone(), &prompt.context);
+            let output = linearized.output.clone();
+            let gradient = linearized.pull(output.clone());
+            (output.into_data(), gradient.into_data())
+        })
+    };
+    let one = run(1);
+    for threads in [2, 5] {
+        let many = run(threads);
+        assert_eq!(one.0.as_bytes(), many.0.as_bytes());
+        assert_eq!(one.1.as_bytes(), many.1.as_bytes());
+    }
 }

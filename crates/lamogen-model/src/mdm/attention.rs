@@ -6,6 +6,8 @@ use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
 use crate::checkpoint::{NamedParameters, ParameterList};
+#[cfg(feature = "flex")]
+use crate::network::cpu::{self, SharedFloats};
 use crate::network::{merge_heads, split_heads};
 
 /// Multi-head attention with query, key and value in one projection.
@@ -120,6 +122,16 @@ pub(super) fn rowwise(projection: impl Into<Projection>, x: Tensor<3>) -> Tensor
     let [_, output] = weight.dims();
     let y = x.reshape([batch * rows, input]).matmul(weight) + bias.unsqueeze();
     y.reshape([batch, rows, output])
+}
+
+#[cfg(feature = "flex")]
+impl Attention {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::SoftmaxAttention<SharedFloats>> {
+        Some(lamogen_cpu::SoftmaxAttention {
+            in_proj: cpu::linear_kernel(&self.in_proj)?,
+            out_proj: cpu::linear_kernel(&self.out_proj)?,
+        })
+    }
 }
 
 impl NamedParameters for Attention {

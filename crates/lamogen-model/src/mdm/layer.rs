@@ -9,6 +9,8 @@ use super::attention::{Attention, rowwise};
 use super::conditioning::{NormOffset, normalize};
 use super::config::{MdmArchitecture, MdmConfig};
 use crate::checkpoint::{NamedParameters, ParameterList};
+#[cfg(feature = "flex")]
+use crate::network::cpu::{self, SharedFloats};
 use crate::network::layer_norm;
 
 /// A layer of the encoder or decoder, which normalises after each of its parts (`torch.nn.TransformerEncoderLayer` and
@@ -84,6 +86,24 @@ impl Layer {
         let hidden = gelu(rowwise(&self.expand, x.clone()));
         let hidden = rowwise(&self.contract, hidden);
         add(x, hidden)
+    }
+}
+
+#[cfg(feature = "flex")]
+impl Layer {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::TransformerLayer<SharedFloats>> {
+        let norms = self.norms.iter().map(cpu::norm_kernel);
+        let text_attention = match &self.text_attention {
+            Some(attention) => Some(attention.to_kernel()?),
+            None => None,
+        };
+        Some(lamogen_cpu::TransformerLayer {
+            self_attention: self.self_attention.to_kernel()?,
+            text_attention,
+            expand: cpu::linear_kernel(&self.expand)?,
+            contract: cpu::linear_kernel(&self.contract)?,
+            norms: norms.collect::<Option<_>>()?,
+        })
     }
 }
 

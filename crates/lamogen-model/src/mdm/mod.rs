@@ -14,6 +14,8 @@
 mod attention;
 mod conditioning;
 mod config;
+#[cfg(feature = "flex")]
+mod cpu;
 mod distilbert;
 mod layer;
 mod network;

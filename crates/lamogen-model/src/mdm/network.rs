@@ -8,13 +8,17 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::attention::rowwise;
 use super::conditioning::OffsetLayout;
 use super::config::{MdmArchitecture, MdmConfig};
+#[cfg(feature = "flex")]
+use super::cpu::CpuEvaluation;
 use super::layer::{Layer, Memory};
 use super::positions::position_rows;
 use super::text::{MdmText, TextFeatures};
 use crate::checkpoint::{Checkpoint, CheckpointError, NamedParameters, ParameterList};
 use crate::config::Prediction;
-use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
+use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prompt};
 use crate::diffusion::{MotionWindow, NoiseSchedule, SamplingMethod};
+#[cfg(feature = "flex")]
+use crate::network::cpu::{self, SharedFloats};
 use crate::tokens::TokenBatch;
 
 /// MDM (Tevet et al. 2023) with its text encoder. It predicts the clean motion.
@@ -38,9 +42,9 @@ pub struct Mdm {
 #[derive(Clone, Debug)]
 pub struct MdmContext {
     /// The number of tokens of the text of each prompt, with padding.
-    tokens: usize,
+    pub(super) tokens: usize,
     /// A large number for tokens that are padding, else 0, `[batch, 1, 1, tokens]`.
-    penalty: Option<Tensor<4>>,
+    pub(super) penalty: Option<Tensor<4>>,
     /// The normalised frames before the window, `[batch, frames, features]`.
     prefix: Option<Tensor<3>>,
 }
@@ -127,14 +131,10 @@ impl Mdm {
 
     /// Evaluates the network in tensor operations, on any device, with or without gradients.
     fn forward(&self, input: DenoiserInput, context: &MdmContext) -> Tensor<3> {
-        let (latent, layout) = (self.config.latent_dim, OffsetLayout::of(&self.config));
-        let [batch, frames, _] = input.x_t.dims();
-        let time = input.time.unsqueeze_dim::<3>(1);
-        let tokens = input.embedding.reshape([batch, context.tokens, latent]) + time;
-        let motion = match &context.prefix {
-            Some(prefix) => Tensor::cat(vec![prefix.clone(), input.x_t], 1),
-            None => input.x_t,
-        };
+        let layout = OffsetLayout::of(&self.config);
+        let [_, frames, _] = input.x_t.dims();
+        let tokens = context.conditioned_tokens(&input);
+        let (motion, _) = context.with_prefix_frames(input.x_t);
         let motion = rowwise(&self.pose_embedding, motion);
         let (mut x, memory) = match self.config.arch {
             MdmArchitecture::Encoder => (Tensor::cat(vec![tokens, motion], 1), None),
@@ -163,6 +163,50 @@ impl Mdm {
             x = layer.forward(x, penalty.clone(), memory.as_ref(), norms);
         }
         rowwise(&self.output, x.narrow(1, rows - frames, frames))
+    }
+}
+
+impl MdmContext {
+    /// Returns the tokens of sentence and timestep, `[batch, tokens, latent]`.
+    pub(super) fn conditioned_tokens(&self, input: &DenoiserInput) -> Tensor<3> {
+        let [batch, all] = input.embedding.dims();
+        let tokens = input.embedding.clone();
+        let tokens = tokens.reshape([batch, self.tokens, all / self.tokens]);
+        tokens + input.time.clone().unsqueeze_dim::<3>(1)
+    }
+
+    /// Returns a motion after the frames of the prefix, and the number of these.
+    pub(super) fn with_prefix_frames(&self, motion: Tensor<3>) -> (Tensor<3>, usize) {
+        match &self.prefix {
+            None => (motion, 0),
+            Some(prefix) => {
+                let [_, frames, _] = prefix.dims();
+                (Tensor::cat(vec![prefix.clone(), motion], 1), frames)
+            }
+        }
+    }
+}
+
+#[cfg(feature = "flex")]
+impl Mdm {
+    /// Prepares an evaluation by vectorised kernels. Returns `None` if not all tensors lie in the CPU's memory.
+    fn cpu_evaluation(
+        &self,
+        input: &DenoiserInput,
+        context: &MdmContext,
+    ) -> Option<CpuEvaluation<'_>> {
+        CpuEvaluation::new(|| self.to_kernel(), &self.positions, input, context)
+    }
+
+    /// Returns the network as kernels, or `None` if not all weights lie in the CPU's memory.
+    fn to_kernel(&self) -> Option<lamogen_cpu::Transformer<SharedFloats>> {
+        let layers = self.layers.iter().map(Layer::to_kernel);
+        Some(lamogen_cpu::Transformer {
+            heads: self.config.heads,
+            pose_embedding: cpu::linear_kernel(&self.pose_embedding)?,
+            layers: layers.collect::<Option<_>>()?,
+            output: cpu::linear_kernel(&self.output)?,
+        })
     }
 }
 
@@ -259,7 +303,26 @@ impl Denoiser for Mdm {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &MdmContext) -> Tensor<3> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.cpu_evaluation(&input, context) {
+            return evaluation.run();
+        }
         self.forward(input, context)
+    }
+
+    fn linearize<'a>(
+        &'a self,
+        input: DenoiserInput,
+        context: &'a MdmContext,
+    ) -> LinearizedEvaluation<'a> {
+        #[cfg(feature = "flex")]
+        if let Some(evaluation) = self.cpu_evaluation(&input, context) {
+            let (output, tape) = evaluation.record();
+            return LinearizedEvaluation::new(output, move |gradient| {
+                evaluation.backward(&tape, gradient)
+            });
+        }
+        LinearizedEvaluation::by_autodiff(input, |input| self.forward(input, context))
     }
 
     /// Both evaluations are one batch.
@@ -293,7 +356,7 @@ impl Denoiser for Mdm {
             penalty,
             prefix: context.prefix.clone().map(twice),
         };
-        let output = self.forward(both, &context);
+        let output = self.denoise(both, &context);
         [0, batch].map(|start| output.clone().narrow(0, start, batch))
     }
 

@@ -17,7 +17,7 @@ use crate::denoiser::DenoiserInput;
 
 /// The numbers of a tensor in memory that is shared with the tensor.
 #[derive(Clone, Debug)]
-pub(super) struct SharedFloats {
+pub(crate) struct SharedFloats {
     tensor: FlexTensor,
     start: usize,
     count: usize,
@@ -32,7 +32,7 @@ impl AsRef<[f32]> for SharedFloats {
 impl SharedFloats {
     /// Returns the numbers of a tensor, row by row. Returns `None` if they are not 32-bit floats in the CPU's memory, or if
     /// autodiff tracks the tensor.
-    pub(super) fn from_tensor<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
+    pub(crate) fn from_tensor<const D: usize>(tensor: Tensor<D>) -> Option<Self> {
         Some(Self::from_flex(flex_tensor(tensor)?.to_contiguous()))
     }
 
@@ -58,7 +58,7 @@ fn shared_floats(parameter: &Param<Tensor<1>>) -> Option<SharedFloats> {
 
 /// Returns the kernel of a linear layer. Weights from PyTorch's files are transposed views, which are shared in the order
 /// in which they are stored.
-pub(super) fn linear_kernel(layer: &Linear) -> Option<lamogen_cpu::Linear<SharedFloats>> {
+pub(crate) fn linear_kernel(layer: &Linear) -> Option<lamogen_cpu::Linear<SharedFloats>> {
     let weight = layer.weight.val();
     let [inputs, outputs] = weight.dims();
     let weight = flex_tensor(weight)?;
@@ -75,7 +75,7 @@ pub(super) fn linear_kernel(layer: &Linear) -> Option<lamogen_cpu::Linear<Shared
 }
 
 /// Returns the kernel of a layer normalization.
-pub(super) fn norm_kernel(layer: &LayerNorm) -> Option<lamogen_cpu::LayerNorm<SharedFloats>> {
+pub(crate) fn norm_kernel(layer: &LayerNorm) -> Option<lamogen_cpu::LayerNorm<SharedFloats>> {
     Some(lamogen_cpu::LayerNorm {
         gamma: shared_floats(&layer.gamma)?,
         beta: shared_bias(&layer.beta)?,
@@ -236,7 +236,7 @@ fn gradient_floats(gradient: Tensor<3>) -> SharedFloats {
 }
 
 /// Creates a tensor on the CPU.
-pub(super) fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
+pub(crate) fn tensor<const D: usize>(numbers: Vec<f32>, shape: [usize; D]) -> Tensor<D> {
     Tensor::from_data(
         TensorData::new(numbers, shape),
         &burn::tensor::Device::flex(),

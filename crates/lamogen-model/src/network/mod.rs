@@ -3,7 +3,7 @@
 mod block;
 pub(crate) mod clip;
 #[cfg(feature = "flex")]
-mod cpu;
+pub(crate) mod cpu;
 mod cross_attention;
 mod feed_forward;
 mod initial;
