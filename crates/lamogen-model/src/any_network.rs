@@ -27,7 +27,7 @@ pub enum AnyContext {
     /// Those of [`AnyNetwork::MotionDiffuse`].
     MotionDiffuse(CrossAttentionContext),
     /// Those of [`AnyNetwork::Mdm`].
-    Mdm(MdmContext),
+    Mdm(Box<MdmContext>),
 }
 
 /// The config of an [`AnyNetwork`], which is written as JSON without the name of the family.
@@ -148,7 +148,9 @@ impl Denoiser for AnyNetwork {
             AnyNetwork::MotionDiffuse(network) => {
                 any_prompt(network.encode(tokens), AnyContext::MotionDiffuse)
             }
-            AnyNetwork::Mdm(network) => any_prompt(network.encode(tokens), AnyContext::Mdm),
+            AnyNetwork::Mdm(network) => any_prompt(network.encode(tokens), |context| {
+                AnyContext::Mdm(Box::new(context))
+            }),
         }
     }
 
@@ -164,7 +166,9 @@ impl Denoiser for AnyNetwork {
                     embedding: prompts.embedding.clone(),
                     context: prompts.context.mdm().clone(),
                 };
-                any_prompt(network.unconditional(&prompts, wordless), AnyContext::Mdm)
+                any_prompt(network.unconditional(&prompts, wordless), |context| {
+                    AnyContext::Mdm(Box::new(context))
+                })
             }
         }
     }
@@ -176,7 +180,7 @@ impl Denoiser for AnyNetwork {
     fn with_prefix(&self, context: AnyContext, prefix: Tensor<3>) -> AnyContext {
         match (self, context) {
             (AnyNetwork::Mdm(network), AnyContext::Mdm(context)) => {
-                AnyContext::Mdm(network.with_prefix(context, prefix))
+                AnyContext::Mdm(Box::new(network.with_prefix(*context, prefix)))
             }
             (_, context) => context,
         }

@@ -304,7 +304,7 @@ fn the_average_of_the_weights_is_read_only_where_it_is_asked_for() {
 fn files_of_another_kind_are_named() {
     let device = Device::flex();
     let message = |result: Result<MdmText, lamogen_model::CheckpointError>| {
-        result.err().expect("another kind of file").to_string()
+        result.expect_err("another kind of file").to_string()
     };
     let clip = message(MdmText::clip(golden("distilbert.safetensors"), &device));
     assert!(

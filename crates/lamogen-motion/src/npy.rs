@@ -171,10 +171,10 @@ fn has_countable_shape(header: &[u8]) -> bool {
     let brackets = header.split(|byte| *byte == b'(').skip(1);
     let insides = brackets.filter_map(|part| part.split(|byte| *byte == b')').next());
     let numbers = insides.flat_map(|inside| inside.split(|byte| !byte.is_ascii_digit()));
-    let numbers = numbers.filter(|digits| !digits.is_empty());
-    let product = numbers.fold(Some(1u64), |product, digits| {
+    let mut numbers = numbers.filter(|digits| !digits.is_empty());
+    let product = numbers.try_fold(1u64, |product, digits| {
         let number: u64 = std::str::from_utf8(digits).ok()?.parse().ok()?;
-        product?.checked_mul(number.max(1))
+        product.checked_mul(number.max(1))
     });
     product.is_some()
 }

@@ -215,8 +215,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let sentences = jobs.iter().map(|job| job.further_tokens.len()).max();
         let prompts = (0..sentences.unwrap_or(0)).map(|place| {
             let tokens = jobs.iter().map(|job| {
-                let further = job.further_tokens.iter().take(place + 1);
-                further.last().unwrap_or(&job.tokens)
+                let mut further = job.further_tokens.iter().take(place + 1);
+                further.next_back().unwrap_or(&job.tokens)
             });
             network.encode(&TokenBatch::new(tokens, &device))
         });

@@ -55,8 +55,8 @@ impl Attention {
         penalty: Option<Tensor<4>>,
     ) -> Tensor<3> {
         let [_, _, width] = x.dims();
-        let query = rowwise(&self.part(0, width), x);
-        let [key, value] = rowwise(&self.part(width, 2 * width), memory)
+        let query = rowwise(self.part(0, width), x);
+        let [key, value] = rowwise(self.part(width, 2 * width), memory)
             .chunk(2, 2)
             .try_into()
             .expect("two equal parts");
