@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 use lamogen_files::JointMapping;
-use lamogen_files::bvh::{BvhChannel, BvhJointPose, BvhSkeleton};
+use lamogen_files::bvh::{BvhChannel, BvhJointPose, BvhSkeleton, BvhSkeletonError};
 use lamogen_motion::write_atomically;
 
-use crate::character::CharacterAnimation;
+use crate::character::{CharacterAnimation, has_extension};
 use crate::error::CharacterError;
 use crate::skeleton::RestNode;
 
@@ -31,11 +31,14 @@ impl BvhDocument {
     ) -> Result<BvhDocument, CharacterError> {
         // Bytes that are not UTF-8 occur in joint names of old files.
         let text = String::from_utf8_lossy(bytes);
-        let skeleton =
-            BvhSkeleton::read(&text, mapping, path).map_err(|error| CharacterError::Format {
+        let skeleton = BvhSkeleton::read(&text, mapping, path).map_err(|error| match error {
+            // These errors name the file themselves.
+            BvhSkeletonError::Text(error) => CharacterError::Bvh(error),
+            error => CharacterError::Format {
                 path: path.to_owned(),
                 reason: error.to_string(),
-            })?;
+            },
+        })?;
         Ok(BvhDocument {
             path: path.to_owned(),
             skeleton,
@@ -102,9 +105,7 @@ impl BvhDocument {
         nodes: &[RestNode],
         animation: &CharacterAnimation,
     ) -> Result<(), CharacterError> {
-        let is_bvh =
-            { path.extension() }.is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"));
-        if !is_bvh {
+        if !has_extension(path, "bvh") {
             return Err(CharacterError::Container {
                 path: path.to_owned(),
                 expected: ".bvh",

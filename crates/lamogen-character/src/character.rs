@@ -146,9 +146,7 @@ impl Character {
             });
         }
         let (mapping, root) = (options.mapping.as_ref(), options.root.as_deref());
-        let is_bvh =
-            { path.extension() }.is_some_and(|extension| extension.eq_ignore_ascii_case("bvh"));
-        if is_bvh {
+        if has_extension(path, "bvh") {
             if let Some(root) = root {
                 return Err(CharacterError::Node {
                     path: path.to_owned(),
@@ -240,16 +238,7 @@ impl Character {
         }
         let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
         let root_motion = motion.root_motion();
-        let root = match (root_motion, nodes[pelvis].parent) {
-            (RootMotion::Root, parent) if parent.is_none_or(|parent| !nodes[parent].can_move) => {
-                return Err(CharacterError::Root {
-                    path: self.document.path().to_owned(),
-                    pelvis: nodes[pelvis].name.clone(),
-                });
-            }
-            (RootMotion::Root, parent) => parent,
-            _ => None,
-        };
+        let root = self.root_node(root_motion)?;
         let path = match root_motion {
             RootMotion::Hips => vec![DVec3::ZERO; poses.len()],
             _ => retargeted.ground_path(pelvis),
@@ -298,6 +287,31 @@ impl Character {
             pelvis: position_track(pelvis, pelvis_positions.collect()),
             copyright: motion.copyright().map(str::to_owned),
         })
+    }
+
+    /// Checks that the travel of a motion can go where it shall go, as [`animate`](Self::animate) does.
+    ///
+    /// # Errors
+    ///
+    /// If it shall go into a root node, and the pelvis has no parent that can move.
+    pub fn check_root_motion(&self, root_motion: RootMotion) -> Result<(), CharacterError> {
+        self.root_node(root_motion).map(drop)
+    }
+
+    /// Returns the place of the node that takes the travel; `None` if no node above the pelvis shall have it.
+    fn root_node(&self, root_motion: RootMotion) -> Result<Option<usize>, CharacterError> {
+        if root_motion != RootMotion::Root {
+            return Ok(None);
+        }
+        let nodes = &self.skeleton.nodes;
+        let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
+        match nodes[pelvis].parent {
+            Some(parent) if nodes[parent].can_move => Ok(Some(parent)),
+            _ => Err(CharacterError::Root {
+                path: self.document.path().to_owned(),
+                pelvis: nodes[pelvis].name.clone(),
+            }),
+        }
     }
 
     /// Returns the rotations of a node relative to its parent.
@@ -381,6 +395,12 @@ impl Character {
             })
             .collect()
     }
+}
+
+/// Returns whether the name of a file ends in an extension, in upper or lower case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
 /// Converts an animation to what is written.

@@ -10,6 +10,7 @@ use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
 
+use crate::character::has_extension;
 use crate::error::CharacterError;
 
 /// The fields of a JSON object in their order, with the text of each value.
@@ -171,9 +172,7 @@ impl GltfDocument {
         animations: &[AnimationData],
         replace: bool,
     ) -> Result<(), CharacterError> {
-        let wants_binary = !path
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"));
+        let wants_binary = !has_extension(path, "gltf");
         if wants_binary != self.is_binary {
             return Err(CharacterError::Container {
                 path: path.to_owned(),

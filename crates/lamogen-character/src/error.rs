@@ -18,6 +18,9 @@ pub enum CharacterError {
     /// The file is not glTF 2.0, or is damaged.
     #[error("{path}: {reason}")]
     Format { path: PathBuf, reason: String },
+    /// The text of a BVH is damaged.
+    #[error(transparent)]
+    Bvh(#[from] lamogen_files::bvh::BvhError),
     /// The file has no mesh that a skeleton moves.
     #[error("{path}: expected a character, which is a mesh with a skin, found none")]
     Skin { path: PathBuf },

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use lamogen_motion::npy;
 use lamogen_motion::{
-    FRAMES_PER_SECOND, JOINTS, LoopEnd, Motion, MotionError, POSE_FEATURES, RootMotion,
-    loop_frame_rate,
+    FRAMES_PER_SECOND, JOINTS, LoopEnd, Motion, MotionError, POSE_FEATURES, loop_frame_rate,
 };
 
 use crate::error::ReadError;
@@ -210,24 +209,15 @@ pub(crate) fn write_joints(path: &Path, motion: &Motion, rate: f32) -> Result<()
     let joints = match motion.is_rigid() {
         true => { motion.keyframes(rate, LoopEnd::Open) }.rotations.joints(),
         false => {
-            let mut poses = motion.placed_joints();
-            let last = poses.len() - 1;
-            let rate = match motion.loop_travel() {
-                Some(_) => loop_frame_rate(poses.len(), rate),
-                None => rate,
+            // A second cycle of a loop has the frame that follows the last one of the first cycle.
+            let cycles = motion.repeated(2);
+            let poses = cycles.as_ref().unwrap_or(motion).placed_joints();
+            let (rate, last) = match cycles {
+                Some(_) => (loop_frame_rate(motion.frames(), rate), motion.frames()),
+                None => (rate, motion.frames() - 1),
             };
             let step = f64::from(FRAMES_PER_SECOND) / f64::from(rate);
-            let frames = match motion.loop_travel() {
-                Some(travel) => {
-                    let travel = match motion.root_motion() {
-                        RootMotion::None => [0.0; 2],
-                        _ => travel,
-                    };
-                    poses.push(poses[0].map(|[x, y, z]| [x + travel[0], y, z + travel[1]]));
-                    ((last + 1) as f64 / step).round() as usize
-                }
-                None => (last as f64 / step).round() as usize + 1,
-            };
+            let frames = (last as f64 / step).round() as usize + usize::from(cycles.is_none());
             (0..frames)
                 .map(|frame| pose_at(&poses, frame as f64 * step))
                 .collect()

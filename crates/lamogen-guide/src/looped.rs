@@ -22,19 +22,17 @@ const MIN_OVERLAP: usize = 10;
 /// Loops are not part of the paper.
 pub struct Looped<'a, D> {
     network: &'a D,
-    is_looped: bool,
+    /// `None` if the network evaluates motions as they are.
+    overlaps: Option<Overlaps>,
 }
 
 impl<'a, D: Denoiser> Looped<'a, D> {
-    /// Wraps a network. If `is_looped` is false, the result is the network itself.
-    pub fn new(network: &'a D, is_looped: bool) -> Self {
-        Looped { network, is_looped }
-    }
-
-    /// Returns the overlaps of the motions of a batch; `None` if the network evaluates motions as they are.
-    fn overlaps(&self, mask: &FrameMask, device: &Device) -> Option<Overlaps> {
-        self.is_looped
-            .then(|| Overlaps::new(mask, self.network.max_frames(), device))
+    /// Wraps a network for a batch of loops of the given lengths, padded to the longest. Without lengths, the result is the
+    /// network itself.
+    pub fn new(network: &'a D, lengths: Option<&[usize]>) -> Self {
+        let overlaps =
+            lengths.map(|lengths| Overlaps::new(lengths, network.max_frames(), &network.device()));
+        Looped { network, overlaps }
     }
 }
 
@@ -58,15 +56,15 @@ struct Overlaps {
 }
 
 impl Overlaps {
-    fn new(mask: &FrameMask, max_frames: usize, device: &Device) -> Overlaps {
-        let (lengths, frames) = (mask.lengths(), mask.frames());
+    fn new(lengths: &[usize], max_frames: usize, device: &Device) -> Overlaps {
+        let frames = lengths.iter().copied().max().unwrap_or(0);
         let overlap = |length: usize| {
             OVERLAP
                 .min(length / 2)
                 .min(max_frames.saturating_sub(length))
         };
         let longer: Vec<usize> = lengths.iter().map(|n| n + overlap(*n)).collect();
-        let longest = longer.iter().copied().max().unwrap_or(0).max(frames);
+        let longest = longer.iter().copied().max().unwrap_or(0);
         let (mut sources, mut repetitions, mut share) = (Vec::new(), Vec::new(), Vec::new());
         for &length in lengths {
             let overlap = overlap(length);
@@ -156,9 +154,9 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
     }
 
     fn max_frames(&self) -> usize {
-        match self.is_looped {
-            true => longest_loop(self.network.max_frames()),
-            false => self.network.max_frames(),
+        match self.overlaps {
+            Some(_) => longest_loop(self.network.max_frames()),
+            None => self.network.max_frames(),
         }
     }
 
@@ -211,7 +209,7 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        match self.overlaps(&input.mask, &input.x_t.device()) {
+        match &self.overlaps {
             Some(overlaps) => overlaps.blend(self.network.denoise(overlaps.input(input), context)),
             None => self.network.denoise(input, context),
         }
@@ -222,7 +220,7 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a> {
-        let Some(overlaps) = self.overlaps(&input.mask, &input.x_t.device()) else {
+        let Some(overlaps) = &self.overlaps else {
             return self.network.linearize(input, context);
         };
         let evaluation = self.network.linearize(overlaps.input(input), context);
@@ -250,7 +248,7 @@ impl<D: Denoiser> Denoiser for Looped<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a, 3> {
-        let Some(overlaps) = self.overlaps(&input.mask, &input.x_t.device()) else {
+        let Some(overlaps) = &self.overlaps else {
             return self.network.linearize_motion(input, context);
         };
         let input_shape = input.x_t.dims();

@@ -1,70 +1,21 @@
 //! Whole passes of MDM against PyTorch (`lamogen-model/tests/golden/mdm/make.py`), and its guidance.
 
+#[path = "../../lamogen-model/tests/golden/mdm/case.rs"]
+mod case;
+
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
 
 use burn::tensor::{Device, Int, Tensor, TensorData, Tolerance};
+use case::GoldenCase;
 use lamogen_guide::{
     Batch, Body, ClassifierFree, ClassifierFreeContext, Continuation, Guidance, GuidanceVariable,
     GuideError, Sampler, Step, StepNoise, noise,
 };
 use lamogen_laban::{Goals, Scale};
-use lamogen_model::{
-    Denoiser, FrameMask, Mdm, MdmConfig, MdmContext, MdmText, TextEncoderKind, TokenBatch, Tokens,
-};
+use lamogen_model::{Denoiser, FrameMask, Mdm, MdmContext, TokenBatch, Tokens};
 use lamogen_motion::{Normalization, POSE_FEATURES};
-use safetensors::SafeTensors;
-
-fn golden(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../lamogen-model/tests/golden/mdm")
-        .join(name)
-}
-
-/// A network of the golden cases, with PyTorch's inputs and outputs.
-struct GoldenCase {
-    network: Mdm,
-    file: Vec<u8>,
-}
 
 impl GoldenCase {
-    fn open(name: &str) -> GoldenCase {
-        let (folder, device) = (golden(name), Device::flex());
-        let config = MdmConfig::from_file(folder.join("args.json")).unwrap();
-        let text = match config.text_encoder_type {
-            TextEncoderKind::Clip => MdmText::clip(golden("clip.pt"), &device),
-            TextEncoderKind::Bert => MdmText::distilbert(golden("distilbert.safetensors"), &device),
-        };
-        let weights = config.open_weights(folder.join("model000000010.pt"));
-        let weights = weights.unwrap();
-        let config = config.with_sizes_of(&weights).unwrap();
-        GoldenCase {
-            network: Mdm::load(&weights, &config, text.unwrap(), &device).unwrap(),
-            file: std::fs::read(folder.join("case.safetensors")).unwrap(),
-        }
-    }
-
-    fn data(&self, name: &str) -> TensorData {
-        let file = SafeTensors::deserialize(&self.file).unwrap();
-        let tensor = file.tensor(name).unwrap();
-        let numbers = tensor.data().chunks_exact(4).map(|bytes| {
-            let bytes = bytes.try_into().unwrap();
-            match tensor.dtype() {
-                safetensors::Dtype::I32 => i32::from_le_bytes(bytes) as f32,
-                _ => f32::from_le_bytes(bytes),
-            }
-        });
-        TensorData::new(numbers.collect::<Vec<f32>>(), tensor.shape().to_vec())
-    }
-
-    fn tensor<const D: usize>(&self, name: &str) -> Tensor<D> {
-        Tensor::from_data(self.data(name), &Device::flex())
-    }
-
-    fn counts(&self, name: &str) -> Vec<usize> {
-        self.data(name).iter::<f32>().map(|x| x as usize).collect()
-    }
-
     fn network(&self) -> ClassifierFree<'_, Mdm> {
         let scale = f64::from(self.data("scale").iter::<f32>().next().unwrap());
         ClassifierFree::new(&self.network, scale, &wordless()).unwrap()
@@ -155,13 +106,13 @@ fn normalization() -> Normalization {
 
 #[test]
 fn a_pass_of_fifty_deterministic_steps_is_pytorchs() {
-    GoldenCase::open("trans_enc").assert_pass(None, "pass");
+    GoldenCase::open("trans_enc", "clip.pt").assert_pass(None, "pass");
 }
 
 #[test]
 fn passes_of_the_network_s_own_sampler_are_pytorchs() {
     for name in ["trans_dec", "dip"] {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.pt");
         case.assert_pass(Some(case.step_noise()), "pass");
         case.assert_pass(None, "pass.ddim");
     }
@@ -169,7 +120,7 @@ fn passes_of_the_network_s_own_sampler_are_pytorchs() {
 
 #[test]
 fn more_steps_than_the_network_has_timesteps_are_refused() {
-    let case = GoldenCase::open("dip");
+    let case = GoldenCase::open("dip", "clip.pt");
     let (network, normalization) = (case.network(), normalization());
     let error = Sampler::new(&network, &normalization, 5).err().unwrap();
     let message = error.to_string();
@@ -204,7 +155,7 @@ fn handles() -> [Guidance; 3] {
 #[test]
 fn every_handle_lowers_the_loss_of_every_network() {
     for name in ["trans_enc", "trans_dec"] {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.pt");
         let (network, normalization) = (case.network(), normalization());
         // The features of a short motion need more frames than the golden case has.
         let mut batch = case.batch(&network, Some(StepNoise::Seeded(vec![3, 4])));
@@ -249,7 +200,7 @@ fn every_handle_lowers_the_loss_of_every_network() {
 
 #[test]
 fn windows_are_passes_that_continue_each_other() {
-    let case = GoldenCase::open("dip");
+    let case = GoldenCase::open("dip", "clip.pt");
     let (network, normalization) = (case.network(), normalization());
     let batch = case.chained(&network, 3);
     let sampler = Sampler::new(&network, &normalization, 4).unwrap();
@@ -306,7 +257,7 @@ fn batch_noise(seed: u64, step: usize) -> Vec<f32> {
 
 #[test]
 fn a_sentence_of_a_window_changes_the_motion_from_there_on() {
-    let case = GoldenCase::open("dip");
+    let case = GoldenCase::open("dip", "clip.pt");
     let (network, normalization) = (case.network(), normalization());
     let batch = case.chained(&network, 3);
     let sampler = Sampler::new(&network, &normalization, 4).unwrap();
@@ -323,7 +274,7 @@ fn a_sentence_of_a_window_changes_the_motion_from_there_on() {
 
 #[test]
 fn guidance_moves_every_window_towards_the_goals_of_the_whole_motion() {
-    let case = GoldenCase::open("dip");
+    let case = GoldenCase::open("dip", "clip.pt");
     let (network, normalization) = (case.network(), normalization());
     let batch = case.chained(&network, 4);
     let sampler = Sampler::new(&network, &normalization, 4).unwrap();

@@ -1,65 +1,16 @@
 //! Tests of MDM: against PyTorch's layers (`tests/golden/mdm/make.py`), of its files, and of what guidance may move.
 
-use std::path::{Path, PathBuf};
+#[path = "golden/mdm/case.rs"]
+mod case;
 
 use burn::tensor::{Device, Int, Tensor, TensorData, Tolerance};
+use case::{GoldenCase, golden};
 use lamogen_model::{
     Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Mdm, MdmConfig, MdmContext, MdmText,
     Prompt, TextEncoderKind, TokenBatch,
 };
-use safetensors::SafeTensors;
-
-fn golden(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/golden/mdm")
-        .join(name)
-}
-
-/// A network of the golden cases, with PyTorch's inputs and outputs.
-struct GoldenCase {
-    network: Mdm,
-    file: Vec<u8>,
-}
 
 impl GoldenCase {
-    fn open(name: &str) -> GoldenCase {
-        let (folder, device) = (golden(name), Device::flex());
-        let config = MdmConfig::from_file(folder.join("args.json")).unwrap();
-        let text = match config.text_encoder_type {
-            TextEncoderKind::Clip => MdmText::clip(golden("clip.safetensors"), &device),
-            TextEncoderKind::Bert => MdmText::distilbert(golden("distilbert.safetensors"), &device),
-        };
-        let weights = config
-            .open_weights(folder.join("model000000010.pt"))
-            .unwrap();
-        let config = config.with_sizes_of(&weights).unwrap();
-        GoldenCase {
-            network: Mdm::load(&weights, &config, text.unwrap(), &device).unwrap(),
-            file: std::fs::read(folder.join("case.safetensors")).unwrap(),
-        }
-    }
-
-    fn data(&self, name: &str) -> TensorData {
-        let file = SafeTensors::deserialize(&self.file).unwrap();
-        let tensor = file.tensor(name).unwrap();
-        let numbers = tensor.data().chunks_exact(4).map(|bytes| {
-            let bytes = bytes.try_into().unwrap();
-            match tensor.dtype() {
-                safetensors::Dtype::I32 => i32::from_le_bytes(bytes) as f32,
-                _ => f32::from_le_bytes(bytes),
-            }
-        });
-        TensorData::new(numbers.collect::<Vec<f32>>(), tensor.shape().to_vec())
-    }
-
-    fn tensor<const D: usize>(&self, name: &str) -> Tensor<D> {
-        Tensor::from_data(self.data(name), &Device::flex())
-    }
-
-    fn counts(&self, name: &str) -> Vec<usize> {
-        self.data(name).iter::<f32>().map(|x| x as usize).collect()
-    }
-
     fn tokens(&self) -> TokenBatch {
         let data = self.data("ids");
         let ids: Vec<i32> = data.iter::<i32>().collect();
@@ -125,7 +76,7 @@ fn assert_near<const D: usize>(found: Tensor<D>, expected: TensorData, relative:
 #[test]
 fn texts_are_embedded_as_by_pytorch() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, _] = case.prompts();
         let (found, expected) = (prompt.embedding, case.data("embedding"));
         // The features of padding tokens have no meaning; nothing attends to them.
@@ -145,7 +96,7 @@ fn texts_are_embedded_as_by_pytorch() {
 #[test]
 fn an_evaluation_is_pytorchs() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, _] = case.prompts();
         let output = case
             .network
@@ -157,7 +108,7 @@ fn an_evaluation_is_pytorchs() {
 #[test]
 fn a_guided_evaluation_and_its_gradient_are_pytorchs() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, unconditional] = case.prompts();
         let (input, scale) = (case.input(prompt.embedding.clone()), case.scale());
         let [with_text, without] =
@@ -185,7 +136,7 @@ fn offsets(network: &Mdm, scale: f32) -> Tensor<2> {
 #[test]
 fn offsets_of_tokens_are_added_where_the_embedding_is() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, _] = case.prompts();
         let network = &case.network;
         let (latent, layers) = (network.config().latent_dim, network.config().layers);
@@ -215,7 +166,7 @@ fn offsets_of_tokens_are_added_where_the_embedding_is() {
 #[test]
 fn the_gradient_of_offsets_is_the_slope_of_the_output() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, _] = case.prompts();
         let network = &case.network;
         let input = |scale: f32| DenoiserInput {
@@ -244,7 +195,7 @@ fn the_gradient_of_offsets_is_the_slope_of_the_output() {
 #[test]
 fn zero_offsets_change_nothing() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let [prompt, _] = case.prompts();
         let plain = case.input(prompt.embedding.clone());
         let with = DenoiserInput {
@@ -263,7 +214,7 @@ fn openai_s_and_hugging_face_s_files_hold_the_same_tower() {
     let [openai, hugging_face] =
         [openai, hugging_face].map(|path| MdmText::clip(path, &device).unwrap());
     assert_eq!(openai.config(), hugging_face.config());
-    let case = GoldenCase::open("trans_enc");
+    let case = GoldenCase::open("trans_enc", "clip.safetensors");
     let (config, folder) = (case.network.config(), golden("trans_enc"));
     let weights = config
         .open_weights(folder.join("model000000010.pt"))
@@ -354,7 +305,7 @@ fn masked(motions: Tensor<3>, mask: &FrameMask) -> Tensor<3> {
 #[test]
 fn the_kernels_compute_what_the_tensor_operations_do() {
     for name in CASES {
-        let case = GoldenCase::open(name);
+        let case = GoldenCase::open(name, "clip.safetensors");
         let (network, [prompt, _]) = (&case.network, case.prompts());
         for modulation in [None, Some(offsets(network, 0.05))] {
             let input = DenoiserInput {
@@ -380,7 +331,7 @@ fn the_kernels_compute_what_the_tensor_operations_do() {
 
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
-    let case = GoldenCase::open("trans_enc");
+    let case = GoldenCase::open("trans_enc", "clip.safetensors");
     let (network, [prompt, _]) = (&case.network, case.prompts());
     let input = DenoiserInput {
         modulation: Some(offsets(network, 0.05)),

@@ -72,11 +72,7 @@ impl Tokenizer {
         context_length: usize,
     ) -> Result<Self, TokenizerError> {
         let path = path.as_ref();
-        let json = std::fs::read(path).map_err(|reason| TokenizerError::Io {
-            path: path.to_owned(),
-            reason,
-        })?;
-        Self::from_json(&json, path, vocab_size, context_length)
+        Self::from_json(&read_file(path)?, path, vocab_size, context_length)
     }
 
     /// Reads the `tokenizer.json` of a BERT, such as `distilbert-base-uncased`, with `vocab_size` embeddings and
@@ -95,16 +91,8 @@ impl Tokenizer {
         context_length: usize,
     ) -> Result<Self, TokenizerError> {
         let path = path.as_ref();
-        let json = std::fs::read(path).map_err(|reason| TokenizerError::Io {
-            path: path.to_owned(),
-            reason,
-        })?;
-        if let Some(problem) = placeholder(&json) {
-            return Err(TokenizerError::Format {
-                path: path.to_owned(),
-                problem: problem.to_owned(),
-            });
-        }
+        let json = read_file(path)?;
+        check_placeholder(&json, path)?;
         let file = FileTokenizer::word_piece_from_json(&json, path.to_owned(), vocab_size)?;
         Ok(Tokenizer {
             kind: TokenizerKind::WordPiece(Arc::new(file)),
@@ -124,12 +112,7 @@ impl Tokenizer {
         vocab_size: usize,
         context_length: usize,
     ) -> Result<Self, TokenizerError> {
-        if let Some(problem) = placeholder(json) {
-            return Err(TokenizerError::Format {
-                path: name.as_ref().to_owned(),
-                problem: problem.to_owned(),
-            });
-        }
+        check_placeholder(json, name.as_ref())?;
         let file = FileTokenizer::from_json(json, name.as_ref().to_owned(), vocab_size)?;
         Ok(Tokenizer {
             kind: TokenizerKind::File(Arc::new(file)),
@@ -208,5 +191,24 @@ impl Tokenizer {
             TokenizerKind::File(file) | TokenizerKind::WordPiece(file) => file.largest(),
         };
         largest as usize + 1
+    }
+}
+
+/// Reads the bytes of a file.
+fn read_file(path: &Path) -> Result<Vec<u8>, TokenizerError> {
+    std::fs::read(path).map_err(|reason| TokenizerError::Io {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// Checks that the bytes are not something else in the place of a file, such as a pointer of Git LFS.
+fn check_placeholder(bytes: &[u8], path: &Path) -> Result<(), TokenizerError> {
+    match placeholder(bytes) {
+        Some(problem) => Err(TokenizerError::Format {
+            path: path.to_owned(),
+            problem: problem.to_owned(),
+        }),
+        None => Ok(()),
     }
 }

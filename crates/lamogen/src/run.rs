@@ -54,7 +54,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let wordless = tokenizer.unconditional();
         let network = ClassifierFree::new(network, *text_scale, &wordless)
             .map_err(|error| self.interrupted(error, &[]))?;
-        let network = Looped::new(&network, self.group.is_looped);
+        let lengths = self.group.is_looped.then(|| self.lengths());
+        let network = Looped::new(&network, lengths.as_deref());
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
             .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))

@@ -282,6 +282,9 @@ impl WritingArguments {
             );
         }
         let character = self.onto.open()?;
+        if let Some(character) = character {
+            character.check_root_motion(self.root_motion())?;
+        }
         let needs_character = [OutputFormat::Vrm, OutputFormat::Gltf];
         for format in formats {
             let has_one = character.is_some_and(|character| format.holds(character));
