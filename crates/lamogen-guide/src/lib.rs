@@ -23,6 +23,7 @@
 
 mod classifier_free;
 mod error;
+mod frame_selection;
 mod guidance;
 mod guided;
 mod host;
@@ -36,6 +37,7 @@ mod rig;
 mod sampler;
 mod schedule;
 mod temporal_smoothing;
+mod tiled;
 mod windows;
 
 pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales};
@@ -53,6 +55,7 @@ pub use rig::{Rig, RigMotions};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
 pub use temporal_smoothing::TemporalSmoothing;
+pub use tiled::{Tile, Tiled, Tiling};
 pub use windows::Continuation;
 
 #[cfg(doctest)]

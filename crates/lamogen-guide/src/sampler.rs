@@ -32,7 +32,7 @@ pub struct Sampler<'a, D> {
 /// The input of both passes: the prompts, the start noise and the lengths of the motions of a batch.
 #[derive(Clone, Debug)]
 pub struct Batch<C> {
-    /// The encoded prompts.
+    /// The encoded prompts: one for each motion, or one for each tile of a motion of [`Tiled`](crate::Tiled).
     pub prompt: Prompt<C>,
     /// The start noise of both passes, `[batch, frames, features]`.
     pub noise: Tensor<3>,
@@ -194,9 +194,9 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
     ) -> SamplerState<'b, D::Context> {
         let [size, frames, _] = batch.noise.dims();
         assert_eq!(
-            [size, size],
-            [batch.lengths.len(), batch.prompt.embedding.dims()[0]],
-            "noise, lengths and prompts must be of as many motions"
+            size,
+            batch.lengths.len(),
+            "noise and lengths must be of as many motions"
         );
         let (window, device) = (chain.frames(frames), batch.noise.device());
         let prompt = chain.prompt(batch);

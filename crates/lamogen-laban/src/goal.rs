@@ -1,6 +1,9 @@
 //! The goal of one Laban component, and its text form.
 
 use std::fmt;
+use std::ops::Range;
+
+use lamogen_motion::FRAMES_PER_SECOND;
 
 use crate::factor::{Factor, FactorError};
 use crate::goal_error::GoalError;
@@ -31,6 +34,9 @@ pub enum Goal {
     Series(Vec<f32>),
     /// The component may take any values; the loss ignores it.
     Any,
+    /// Other goals in turn: each holds from its frame to that of the next, as if these frames were a motion of their own.
+    /// The first one holds from frame 0. [`Goals::then`](crate::Goals::then) makes such goals.
+    InTurn(Vec<(usize, Goal)>),
 }
 
 impl Goal {
@@ -74,7 +80,18 @@ impl Goal {
             Goal::Factor(factor) => factor.changes(),
             Goal::Peak(_) | Goal::Mean(_) | Goal::Series(_) => true,
             Goal::Any => false,
+            Goal::InTurn(goals) => goals.iter().any(|(_, goal)| goal.changes()),
         }
+    }
+
+    /// Splits goals in turn into the frames of each, for a motion of `frames` frames.
+    pub(crate) fn turns(goals: &[(usize, Goal)], frames: usize) -> Vec<(Range<usize>, &Goal)> {
+        let starts = goals.iter().map(|(start, _)| *start);
+        let ends = starts.skip(1).chain([frames]);
+        let turns = goals.iter().zip(ends);
+        turns
+            .map(|((start, goal), end)| ((*start).min(frames)..end.min(frames), goal))
+            .collect()
     }
 
     /// Checks that the numbers of the goal are valid.
@@ -101,11 +118,17 @@ impl Goal {
                 let mut values = values.iter();
                 values.try_for_each(|&value| check_number("value of a series", value))
             }
+            Goal::InTurn(goals) => goals.iter().try_for_each(|(_, goal)| goal.check()),
         }
     }
 
     /// Returns the value to reach at each frame, for a baseline.
     pub(crate) fn target(&self, component: Component, baseline: &[f32]) -> Vec<f32> {
+        self.target_after(component, component.first_frame(), baseline)
+    }
+
+    /// Returns the value to reach at each frame of a baseline whose first `without` frames have no differences.
+    fn target_after(&self, component: Component, without: usize, baseline: &[f32]) -> Vec<f32> {
         let scaled = |requested: f32, measured: f32| {
             let factor = if measured > 0.0 {
                 requested / measured
@@ -124,12 +147,18 @@ impl Goal {
             Goal::Mean(requested) => scaled(*requested, mean(baseline.iter().copied())),
             Goal::Series(values) => {
                 // The first frames have no differences, however long the motion is, so they are not stretched.
-                let first = component.first_frame().min(baseline.len());
+                let first = without.min(baseline.len());
                 let rest = baseline.len() - first;
                 let mut target = vec![0.0; first];
                 target.extend(resample(&values[component.first_frame()..], rest));
                 target
             }
+            Goal::InTurn(goals) => { Goal::turns(goals, baseline.len()).into_iter() }
+                .flat_map(|(frames, goal)| {
+                    let without = without.saturating_sub(frames.start);
+                    goal.target_after(component, without, &baseline[frames])
+                })
+                .collect(),
         }
     }
 }
@@ -152,7 +181,8 @@ impl From<Factor> for Goal {
     }
 }
 
-/// Writes the text that [`Goal::parse`] reads. A series has no such text; its number of frames is written instead.
+/// Writes the text that [`Goal::parse`] reads. A series and goals in turn have no such text; the number of frames of the one
+/// and the list of the others are written instead.
 impl fmt::Display for Goal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -161,6 +191,16 @@ impl fmt::Display for Goal {
             Goal::Mean(mean) => write!(f, "mean={mean}"),
             Goal::Series(values) => write!(f, "as a series of {} frames", values.len()),
             Goal::Any => f.write_str("any"),
+            Goal::InTurn(goals) => {
+                for (place, (start, goal)) in goals.iter().enumerate() {
+                    if place > 0 {
+                        let seconds = *start as f32 / FRAMES_PER_SECOND;
+                        write!(f, ", from {seconds} s ")?;
+                    }
+                    goal.fmt(f)?;
+                }
+                Ok(())
+            }
         }
     }
 }

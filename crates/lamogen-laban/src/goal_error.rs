@@ -48,6 +48,11 @@ pub enum GoalError {
     /// A key is past the motion's end.
     #[error(transparent)]
     Scale(#[from] ScaleError),
+    /// Later goals begin before the earlier ones, or past the motion's end.
+    #[error(
+        "expected goals in turn that begin one after another within {frames} frames, found some that begin at frame {start}"
+    )]
+    Turn { start: usize, frames: usize },
     /// The text is no part of the body with words or factors.
     #[error(
         "expected a part of the body with words or factors of Weight, Time and Flow, such as \"arms:strong,sudden\" or \"legs:weight=0.7\", found {found:?}"

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use lamogen_motion::FRAMES_PER_SECOND;
+
 use crate::curve::ScaleCurve;
 use crate::effectors::EndEffectors;
 use crate::factor::Factor;
@@ -27,6 +29,9 @@ use crate::tags::{COMPONENTS, Component, Scale};
 pub struct Goals {
     whole: [Goal; COMPONENTS],
     parts: Vec<PartScale>,
+    /// Goals that hold in the place of these from a frame on, in the order of the frames. They have no later goals of their
+    /// own.
+    later: Vec<(usize, Goals)>,
 }
 
 /// The goals of one set of end-effectors.
@@ -55,6 +60,7 @@ impl Goals {
         Goals {
             whole,
             parts: Vec::new(),
+            later: Vec::new(),
         }
     }
 
@@ -71,7 +77,46 @@ impl Goals {
         self
     }
 
-    /// Returns the whole body's goal for a component.
+    /// Sets the goals that hold in the place of these from a frame of the motion on, as the goals of a second sentence do. The
+    /// frames from there to the end, or to those of the next such goals, are treated as a motion of their own: a peak is the
+    /// peak among them, and factors over time begin with them.
+    ///
+    /// ```
+    /// use lamogen_laban::{Goals, Scale, Tag};
+    ///
+    /// let strong = Goals::from(Scale::from_tags(&[Tag::Strong])?);
+    /// let goals = Goals::default().then(60, strong);
+    /// assert_eq!(goals.to_string(), "no change; from 3 s Weight 1.5");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn then(mut self, frame: usize, goals: Goals) -> Self {
+        let Goals {
+            whole,
+            parts,
+            later,
+        } = goals;
+        let own = Goals {
+            whole,
+            parts,
+            later: Vec::new(),
+        };
+        self.later.push((frame, own));
+        let later = later.into_iter();
+        self.later
+            .extend(later.map(|(start, goals)| (frame + start, goals)));
+        self
+    }
+
+    /// Returns the goals that hold one after another, each with its first frame.
+    pub fn segments(&self) -> impl Iterator<Item = (usize, &Goals)> {
+        let later = self.later.iter();
+        [(0, self)]
+            .into_iter()
+            .chain(later.map(|(start, goals)| (*start, goals)))
+    }
+
+    /// Returns the whole body's goal for a component. Of goals that hold one after another, it is the first one, as in the
+    /// other functions that do not say otherwise.
     pub fn of(&self, component: Component) -> &Goal {
         &self.whole[component.index()]
     }
@@ -81,11 +126,13 @@ impl Goals {
         &self.whole
     }
 
-    /// Returns whether a component of the whole body may take any values, because its goal is [`Goal::Any`] or because
-    /// the parts and the rest of the body have goals instead.
+    /// Returns whether a component of the whole body may take any values throughout, because its goal is [`Goal::Any`] or
+    /// because the parts and the rest of the body have goals instead.
     pub fn is_free(&self, component: Component) -> bool {
-        let by_parts = !self.parts.is_empty() && component != Component::Shape;
-        by_parts || *self.of(component) == Goal::Any
+        self.segments().all(|(_, goals)| {
+            let by_parts = !goals.parts.is_empty() && component != Component::Shape;
+            by_parts || *goals.of(component) == Goal::Any
+        })
     }
 
     /// Returns the parts of the body that have factors of their own.
@@ -105,9 +152,11 @@ impl Goals {
         })
     }
 
-    /// Returns whether any goal of the whole body or of a part asks for a change.
+    /// Returns whether any goal of the whole body or of a part asks for a change, at any time.
     pub fn change(&self) -> bool {
-        self.whole.iter().any(Goal::changes) || self.parts.iter().any(PartScale::changes)
+        self.segments().any(|(_, goals)| {
+            goals.whole.iter().any(Goal::changes) || goals.parts.iter().any(PartScale::changes)
+        })
     }
 
     /// Checks the goals for a motion of `frames` frames. `all` are the end-effectors of the whole body.
@@ -118,6 +167,19 @@ impl Goals {
     /// has a goal that the rest of the body cannot have, or the whole body has a factor but the parts leave none of the
     /// end-effectors `all` for it. The message says which.
     pub fn check(&self, frames: usize, all: &EndEffectors) -> Result<(), GoalError> {
+        let starts: Vec<usize> = self.segments().map(|(start, _)| start).collect();
+        let ends = starts[1..].iter().copied().chain([frames]);
+        for ((start, goals), end) in self.segments().zip(ends) {
+            if start >= end {
+                return Err(GoalError::Turn { start, frames });
+            }
+            goals.check_segment(end - start, all)?;
+        }
+        Ok(())
+    }
+
+    /// Checks the first goals for a segment of `frames` frames.
+    fn check_segment(&self, frames: usize, all: &EndEffectors) -> Result<(), GoalError> {
         self.whole.iter().try_for_each(Goal::check)?;
         self.scale().check(frames)?;
         let mut part_joints = Vec::new();
@@ -153,6 +215,39 @@ impl Goals {
     /// `all`. Where parts have factors of their own, the whole body's goals for Weight, Time and Flow move to a term of
     /// the rest of the body.
     pub fn terms(&self, all: &EndEffectors) -> Vec<EndEffectorGoals> {
+        if self.later.is_empty() {
+            return self.segment_terms(all);
+        }
+        let segments: Vec<(usize, Vec<EndEffectorGoals>)> = { self.segments() }
+            .map(|(start, goals)| (start, goals.segment_terms(all)))
+            .collect();
+        let mut sets: Vec<&EndEffectors> = Vec::new();
+        for term in segments.iter().flat_map(|(_, terms)| terms) {
+            if !sets.contains(&&term.end_effectors) {
+                sets.push(&term.end_effectors);
+            }
+        }
+        let in_turn = |set: &EndEffectors, component: Component| {
+            let goals = segments.iter().map(|(start, terms)| {
+                let mut terms = terms.iter().filter(|term| term.end_effectors == *set);
+                // A segment may lack a set, or have two terms of one: then it is a part that is all of the rest.
+                let goals = terms.find_map(|term| match &term.goals[component.index()] {
+                    Goal::Any => None,
+                    goal => Some(goal.clone()),
+                });
+                (*start, goals.unwrap_or(Goal::Any))
+            });
+            Goal::InTurn(goals.collect())
+        };
+        let terms = sets.into_iter().map(|set| EndEffectorGoals {
+            end_effectors: set.clone(),
+            goals: Component::ALL.map(|component| in_turn(set, component)),
+        });
+        terms.collect()
+    }
+
+    /// Returns the goals of each set of end-effectors for the first goals.
+    fn segment_terms(&self, all: &EndEffectors) -> Vec<EndEffectorGoals> {
         let mut terms = vec![EndEffectorGoals {
             end_effectors: all.clone(),
             goals: self.whole.clone(),
@@ -210,6 +305,7 @@ impl From<ScaleCurve> for Goals {
         Goals {
             whole: Component::ALL.map(|component| Goal::Factor(scale.of(component).clone())),
             parts: Vec::new(),
+            later: Vec::new(),
         }
     }
 }
@@ -220,7 +316,8 @@ impl From<Scale> for Goals {
     }
 }
 
-/// Writes the goals of the components that shall change or may take any values, then the factors on the parts.
+/// Writes the goals of the components that shall change or may take any values, then the factors on the parts; and the same of
+/// later goals.
 impl fmt::Display for Goals {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let whole =
@@ -231,10 +328,16 @@ impl fmt::Display for Goals {
         let goals: Vec<String> = whole
             .chain(self.parts.iter().map(PartScale::to_string))
             .collect();
-        match goals.is_empty() {
-            true => f.pad("no change"),
-            false => f.pad(&goals.join(", ")),
-        }
+        let own = match goals.is_empty() {
+            true => "no change".to_owned(),
+            false => goals.join(", "),
+        };
+        let later = self.later.iter().map(|(start, goals)| {
+            let seconds = *start as f32 / FRAMES_PER_SECOND;
+            format!("from {seconds} s {goals}")
+        });
+        let all: Vec<String> = [own].into_iter().chain(later).collect();
+        f.pad(&all.join("; "))
     }
 }
 
@@ -323,5 +426,59 @@ mod tests {
         let sudden = Factor::constant(1.2).unwrap();
         let goals = all_parts().with(Component::Time, sudden);
         assert_eq!(goals.check(40, &all), Ok(()));
+    }
+
+    #[test]
+    fn goals_in_turn_are_those_of_a_motion_each() {
+        let all = EndEffectors::default();
+        let strong = Goals::from(Scale::from_tags(&[Tag::Strong]).unwrap());
+        let arms = PartScale::new(BodyPart::Arms).tag(Tag::Light).unwrap();
+        let goals = Goals::default()
+            .then(4, strong.with(Component::Shape, Goal::Peak(6.0)))
+            .then(8, Goals::default().with_part(arms));
+        assert_eq!(goals.check(12, &all), Ok(()));
+        assert!(goals.change() && !goals.is_free(Component::Weight));
+        let terms = goals.terms(&all);
+        // The whole body, the rest beside the arms, and the arms.
+        let [whole, rest, arms] = &terms[..] else {
+            panic!("{terms:?}");
+        };
+        let baseline = [1.0; 12];
+        let target = |goal: &Goal| goal.target(Component::Weight, &baseline);
+        let expected = [[1.0; 4], [1.5; 4], [1.0; 4]].concat();
+        assert_eq!(target(&whole.goals[0]), expected);
+        assert_eq!(target(&arms.goals[0])[8..], [0.5; 4]);
+        let weights = |goal: &Goal| {
+            let divisor = crate::LossDivisor::Mean;
+            let weights = goal.weights(&baseline, &target(goal), divisor, 4.0);
+            weights.into_iter().map(f32::round).collect::<Vec<f32>>()
+        };
+        // Only what changes is emphasised, and a set is free where no goal speaks of it.
+        assert_eq!(
+            weights(&whole.goals[0]),
+            [[1.0; 4], [2.0; 4], [0.0; 4]].concat()
+        );
+        assert_eq!(
+            weights(&rest.goals[0]),
+            [[0.0; 4], [0.0; 4], [1.0; 4]].concat()
+        );
+        let ramp: Vec<f32> = (0..12).map(|frame| frame as f32).collect();
+        let peak = whole.goals[3].target(Component::Shape, &ramp);
+        assert_eq!(peak[7], 6.0);
+        assert_eq!(peak[..4], ramp[..4]);
+        for (frames, start) in [(8, 8), (6, 8)] {
+            let error = goals.check(frames, &all).unwrap_err().to_string();
+            assert!(error.contains(&format!("frame {start}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn factors_over_time_begin_with_their_turn() {
+        let factor = Factor::parse(Component::Weight, "0.1:2").unwrap();
+        let later = Goals::default().with(Component::Weight, factor);
+        let goals = Goals::default().then(4, later);
+        let target =
+            goals.terms(&EndEffectors::default())[0].goals[0].target(Component::Weight, &[1.0; 8]);
+        assert_eq!(target, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
     }
 }

@@ -111,7 +111,7 @@ impl LabanTarget {
 impl Goal {
     /// Computes the weight of the difference from the target at each frame. The difference is multiplied by its weight
     /// before it is squared.
-    fn weights(
+    pub(crate) fn weights(
         &self,
         baseline: &[f32],
         target: &[f32],
@@ -121,6 +121,14 @@ impl Goal {
         // The weight is squared in the loss, so that the root of the emphasis enters it.
         let root = match self {
             Goal::Any => return vec![0.0; baseline.len()],
+            Goal::InTurn(goals) => {
+                let turns = Goal::turns(goals, baseline.len()).into_iter();
+                let weights = turns.flat_map(|(frames, goal)| {
+                    let values = (&baseline[frames.clone()], &target[frames]);
+                    goal.weights(values.0, values.1, divisor, emphasis)
+                });
+                return weights.collect();
+            }
             goal if goal.changes() => emphasis.sqrt(),
             _ => 1.0,
         };

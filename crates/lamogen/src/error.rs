@@ -196,7 +196,29 @@ pub enum RequestError {
         "expected a model that makes whole motions for a loop, found one that makes a motion a window at a time"
     )]
     LoopOfWindows,
-    /// The request continues a motion or changes its sentence, but the model makes whole motions.
+    /// A loop is requested of several sentences.
+    #[error("expected one sentence for a loop, found several")]
+    LoopOfSentences,
+    /// One of several sentences cannot be a part of the motion.
+    #[error("sentence {place}: {reason}")]
+    #[allow(missing_docs)]
+    Segment {
+        place: usize,
+        reason: Box<RequestError>,
+    },
+    /// A sentence that follows another has options that only the first may have.
+    #[error(
+        "expected a sentence with a length and goals, found other options: seed, steps, guidance, loop and the others belong to the first sentence"
+    )]
+    SegmentOptions,
+    /// The motion is longer than [`Request::LONGEST_MOTION`].
+    #[error(
+        "expected a motion of at most {} frames (an hour) in all, found {found}",
+        Request::LONGEST_MOTION
+    )]
+    #[allow(missing_docs)]
+    LongMotion { found: usize },
+    /// The request continues a motion, but the model makes whole motions.
     #[error(
         "expected a model that makes a motion a window at a time, such as DiP, for {what}; this one makes whole motions"
     )]

@@ -1,6 +1,6 @@
 //! The model, and the generation of motions from requests.
 
-use std::ops::{ControlFlow, RangeInclusive};
+use std::ops::{ControlFlow, Range, RangeInclusive};
 
 use burn::tensor::Device;
 use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
@@ -34,13 +34,16 @@ pub struct LaMoGen<D = AnyNetwork> {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Generation {
+    /// The sentences of the motion, each with the frames for which it holds.
+    pub sentences: Vec<GeneratedSentence>,
     /// The number of tokens of the prompt, and of the sentences after it, that did not fit the model and were left out.
     pub cut_tokens: usize,
-    /// Words of the prompt that occur in no caption that the model was trained on. The list is empty if the model's
+    /// Words of the sentences that occur in no caption that the model was trained on. The list is empty if the model's
     /// words are not [known](LaMoGen::known_words). The motion follows the other words, and the letters that these
     /// words have in common with known ones.
     pub unseen_words: Vec<String>,
-    /// The sentence that replaced the prompt, if the model knows no word of the prompt ([`LaMoGen::with_stand_in`]).
+    /// The sentence that replaced the prompt or one of the sentences after it, if the model knows no word of that
+    /// ([`LaMoGen::with_stand_in`]).
     pub stand_in: Option<String>,
     /// The goals of the request, given by tags, by factors or in other ways.
     pub goals: Goals,
@@ -67,6 +70,16 @@ pub struct Generation {
     pub terms: Vec<TermValues>,
     /// The loss at every step of the guided pass, over all terms.
     pub loss: Vec<f32>,
+}
+
+/// A sentence of a motion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct GeneratedSentence {
+    /// The sentence as it was requested.
+    pub prompt: String,
+    /// The frames of the motion for which it holds.
+    pub frames: Range<usize>,
 }
 
 /// The values of a loss term before and after guidance, frame by frame.
@@ -482,7 +495,7 @@ impl<D: Denoiser> LaMoGen<D> {
         assign_to_group(
             groups,
             (index, request),
-            self.stand_in(&request.prompt),
+            &|prompt| self.stand_in(prompt).map(str::to_owned),
             (&self.network, &self.lengths()),
             &self.tokenizer,
             self.preset,

@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use lamogen_guide::{Body, Guidance, Preset, Schedule, longest_loop};
-use lamogen_laban::{Goals, Scale};
+use lamogen_guide::{Body, Guidance, Preset, Schedule, Tiling, longest_loop};
+use lamogen_laban::{EndEffectors, Goals, Scale};
 use lamogen_model::{Denoiser, MotionWindow, Tokenizer, Tokens};
 use lamogen_motion::{POSE_FEATURES, RootMotion};
 
@@ -16,10 +16,11 @@ use crate::request::Request;
 pub(crate) struct GenerationJob {
     /// The place among the requests, from 0.
     pub(crate) request: usize,
-    /// The tokens of the sentence that the model reads.
-    pub(crate) tokens: Tokens,
-    /// The tokens of the sentences of further windows.
-    pub(crate) further_tokens: Vec<Tokens>,
+    /// The sentences, one after another.
+    pub(crate) segments: Vec<JobSegment>,
+    /// How a motion of several sentences, or one longer than the model's longest, is cut into tiles. Such a job runs alone.
+    /// `None` for all others.
+    pub(crate) tiling: Option<Tiling>,
     /// The pose features of the frames before the motion, if the model reads such frames and the request has them.
     pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
     pub(crate) frames: usize,
@@ -29,11 +30,30 @@ pub(crate) struct GenerationJob {
     pub(crate) root_motion: RootMotion,
 }
 
+/// A sentence of a motion.
+#[derive(Clone, Debug)]
+pub(crate) struct JobSegment {
+    /// The tokens of the sentence that the model reads.
+    pub(crate) tokens: Tokens,
+    /// The number of frames for which the sentence holds.
+    pub(crate) frames: usize,
+}
+
 impl GenerationJob {
     /// Returns the number of tokens of all sentences that did not fit the model.
     pub(crate) fn cut_tokens(&self) -> usize {
-        let further = self.further_tokens.iter().map(|tokens| tokens.cut);
-        self.tokens.cut + further.sum::<usize>()
+        self.segments.iter().map(|segment| segment.tokens.cut).sum()
+    }
+
+    /// Returns the tokens of the sentence at a frame; past the end of the motion, of the last one.
+    pub(crate) fn tokens_at(&self, frame: usize) -> &Tokens {
+        let mut end = 0;
+        let segment = self.segments.iter().find(|segment| {
+            end += segment.frames;
+            frame < end
+        });
+        let segment = segment.or(self.segments.last());
+        &segment.expect("a job has a sentence").tokens
     }
 }
 
@@ -79,11 +99,15 @@ pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Ve
         if batch_size > 1 {
             group.jobs.sort_by_key(|job| job.frames);
         }
-        let jobs = group.jobs.chunks(batch_size);
+        let (tiled, whole): (Vec<_>, Vec<_>) =
+            { group.jobs.into_iter() }.partition(|job| job.tiling.is_some());
+        let jobs = whole.chunks(batch_size).chain(tiled.chunks(1));
         let batch = |jobs: &[GenerationJob]| JobGroup {
             jobs: jobs.to_vec(),
             guidance: group.guidance.clone(),
-            ..group
+            steps: group.steps,
+            is_guided: group.is_guided,
+            is_looped: group.is_looped,
         };
         jobs.map(batch).collect::<Vec<_>>()
     });
@@ -113,14 +137,11 @@ fn encode(tokenizer: &Tokenizer, prompt: &str) -> Result<Tokens, RequestError> {
     }
 }
 
-/// Checks whether a model with such windows can continue a motion and change its sentence as a request asks for.
+/// Checks whether a model with such windows can continue a motion as a request asks for.
 fn check_continuation(request: &Request, window: Option<MotionWindow>) -> Result<(), RequestError> {
     match (window, &request.prefix) {
         (None, Some(_)) => Err(RequestError::NoWindows {
             what: "a motion to continue",
-        }),
-        (None, None) if !request.further_prompts.is_empty() => Err(RequestError::NoWindows {
-            what: "a second sentence",
         }),
         (Some(window), Some(prefix)) if prefix.len() < window.prefix => Err(RequestError::Prefix {
             expected: window.prefix,
@@ -130,34 +151,95 @@ fn check_continuation(request: &Request, window: Option<MotionWindow>) -> Result
     }
 }
 
-/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer.
-pub(crate) fn default_steps(preset: Preset, model: &impl Denoiser) -> usize {
-    preset.steps().min(model.noise_schedule().timesteps())
-}
-
-/// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
-/// stands in for the prompt, the model reads that sentence. `lengths` are those of motions in frames.
-pub(crate) fn assign_to_group(
-    groups: &mut Vec<JobGroup>,
-    (index, request): (usize, &Request),
-    stand_in: Option<&str>,
-    (model, lengths): (&impl Denoiser, &RangeInclusive<usize>),
-    tokenizer: &Tokenizer,
-    default: Preset,
-) -> Result<(), RequestError> {
-    check_prompt(&request.prompt)?;
+/// Returns the goals that a request states, if it does.
+fn requested_goals(request: &Request) -> Result<Option<Goals>, RequestError> {
     let goals = match (&request.tags[..], &request.goals) {
         ([], goals) => goals.clone(),
         (tags, None) => Some(Scale::from_tags(tags)?.into()),
         (_, Some(_)) => return Err(RequestError::TagsAndScale),
     };
-    let goals = match &request.parts[..] {
+    Ok(match &request.parts[..] {
         [] => goals,
         parts => {
             let goals = goals.unwrap_or_default();
             Some(parts.iter().cloned().fold(goals, Goals::with_part))
         }
-    };
+    })
+}
+
+/// Joins the goals of sentences, each with its number of frames. A sentence without goals beside others keeps the motion of the
+/// text as it is. Returns `None` if none has goals.
+fn joined_goals(goals: Vec<Option<Goals>>, segments: &[JobSegment]) -> Option<Goals> {
+    if goals.iter().all(Option::is_none) {
+        return None;
+    }
+    let mut start = 0;
+    let starts = segments.iter().map(|segment| {
+        start += segment.frames;
+        start - segment.frames
+    });
+    let goals = goals.into_iter().map(Option::unwrap_or_default).zip(starts);
+    goals
+        .reduce(|(joined, _), (goals, start)| (joined.then(start, goals), 0))
+        .map(|(goals, _)| goals)
+}
+
+/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer.
+pub(crate) fn default_steps(preset: Preset, model: &impl Denoiser) -> usize {
+    preset.steps().min(model.noise_schedule().timesteps())
+}
+
+/// What the sentences of a request are checked by.
+struct RequestedSentences<'a> {
+    /// The lengths that a sentence may have, in frames.
+    lengths: RangeInclusive<usize>,
+    /// The end-effectors of the whole body.
+    all: &'a EndEffectors,
+    tokenizer: &'a Tokenizer,
+    stand_in: &'a dyn Fn(&str) -> Option<String>,
+}
+
+impl RequestedSentences<'_> {
+    /// Checks a sentence with its length and its goals.
+    fn check(&self, request: &Request) -> Result<(JobSegment, Option<Goals>), RequestError> {
+        check_prompt(&request.prompt)?;
+        let tokens = encode(self.tokenizer, &request.prompt)?;
+        let stand_in = (self.stand_in)(&request.prompt);
+        let tokens = stand_in.map_or(Ok(tokens), |sentence| self.tokenizer.encode(&sentence))?;
+        let frames = { request.length }.frames(*self.lengths.start(), *self.lengths.end())?;
+        let goals = requested_goals(request)?;
+        if let Some(goals) = &goals {
+            goals.check(frames, self.all)?;
+        }
+        Ok((JobSegment { tokens, frames }, goals))
+    }
+}
+
+/// Returns the lengths that the sentences of a request may have, in frames. `lengths` are those of the model's motions.
+fn segment_lengths(
+    request: &Request,
+    (model, lengths): (&impl Denoiser, &RangeInclusive<usize>),
+) -> RangeInclusive<usize> {
+    let (shortest, longest) = (*lengths.start(), *lengths.end());
+    match (request.is_looped, model.window()) {
+        (true, _) => shortest..=longest_loop(longest),
+        (false, Some(_)) => shortest..=longest,
+        // Tiles make a motion of any length.
+        (false, None) if request.following.is_empty() => shortest..=Request::LONGEST_MOTION,
+        (false, None) => shortest.max(Tiling::shortest(longest))..=Request::LONGEST_MOTION,
+    }
+}
+
+/// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
+/// stands in for a prompt, the model reads that sentence. `lengths` are those of motions in frames.
+pub(crate) fn assign_to_group(
+    groups: &mut Vec<JobGroup>,
+    (index, request): (usize, &Request),
+    stand_in: &dyn Fn(&str) -> Option<String>,
+    (model, lengths): (&impl Denoiser, &RangeInclusive<usize>),
+    tokenizer: &Tokenizer,
+    default: Preset,
+) -> Result<(), RequestError> {
     let preset = request.preset.unwrap_or(default);
     let steps = request.steps.unwrap_or(default_steps(preset, model));
     Schedule::new(model.noise_schedule()).ddim(steps)?;
@@ -165,29 +247,55 @@ pub(crate) fn assign_to_group(
     let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
     guidance.loss_terms = terms.cloned().collect();
     guidance.check()?;
-    let tokens = encode(tokenizer, &request.prompt)?;
-    let further_tokens = { request.further_prompts.iter() }
-        .map(|prompt| check_prompt(prompt).and_then(|()| encode(tokenizer, prompt)))
-        .collect::<Result<_, _>>()?;
     check_continuation(request, model.window())?;
-    let tokens = stand_in.map_or(Ok(tokens), |sentence| tokenizer.encode(sentence))?;
     let is_looped = request.is_looped;
     if is_looped && model.window().is_some() {
         return Err(RequestError::LoopOfWindows);
     }
-    let longest = match is_looped {
-        true => longest_loop(*lengths.end()),
-        false => *lengths.end(),
-    };
-    let frames = request.length.frames(*lengths.start(), longest)?;
-    if let Some(goals) = &goals {
-        goals.check(frames, &guidance.laban.end_effectors)?;
+    if is_looped && !request.following.is_empty() {
+        return Err(RequestError::LoopOfSentences);
     }
+    let sentences = RequestedSentences {
+        lengths: segment_lengths(request, (model, lengths)),
+        all: &guidance.laban.end_effectors,
+        tokenizer,
+        stand_in,
+    };
+    let mut segments = Vec::new();
+    let mut goals = Vec::new();
+    for (place, segment) in request.sentences().enumerate() {
+        let checked = match place {
+            0 => sentences.check(segment),
+            _ if !segment.is_segment() => Err(RequestError::SegmentOptions),
+            _ => sentences.check(segment),
+        };
+        let (job_segment, segment_goals) = match (checked, request.following.is_empty()) {
+            (Err(reason), false) => {
+                return Err(RequestError::Segment {
+                    place: place + 1,
+                    reason: Box::new(reason),
+                });
+            }
+            (checked, _) => checked?,
+        };
+        segments.push(job_segment);
+        goals.push(segment_goals);
+    }
+    let frames = segments.iter().map(|segment| segment.frames).sum();
+    if frames > Request::LONGEST_MOTION {
+        return Err(RequestError::LongMotion { found: frames });
+    }
+    let goals = joined_goals(goals, &segments);
+    let tiling = (model.window().is_none() && !is_looped).then(|| {
+        let frames: Vec<usize> = segments.iter().map(|segment| segment.frames).collect();
+        Tiling::new(&frames, *lengths.end())
+    });
+    let tiling = tiling.filter(|tiling| !tiling.is_whole());
     let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
     let job = GenerationJob {
         request: index,
-        tokens,
-        further_tokens,
+        segments,
+        tiling,
         prefix: request.prefix.clone(),
         frames,
         seed: request.seed,

@@ -48,6 +48,9 @@ pub struct JsonRequest {
     /// The length of the motion in seconds; 3 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f32>,
+    /// What comes next in the same motion: objects with a sentence, a length and goals.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub then: Vec<JsonRequest>,
     /// The seed of the start noise; 0 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
@@ -138,7 +141,50 @@ impl JsonRequest {
             ));
         }
         request.requested_goals()?;
+        for (place, sentence) in request.then.iter().enumerate() {
+            let in_place =
+                |reason: String| invalid(format!("then, sentence {}: {reason}", place + 2));
+            if !sentence.is_segment() {
+                return Err(in_place(
+                    "expected a prompt, seconds and goals, found other fields, which belong to the first sentence".into(),
+                ));
+            }
+            let goals = sentence.requested_goals();
+            goals.map_err(|error| in_place(error.to_string()))?;
+        }
         Ok(request)
+    }
+
+    /// Returns whether the object states nothing but a sentence, a length and goals.
+    fn is_segment(&self) -> bool {
+        let plain = JsonRequest {
+            id: None,
+            then: Vec::new(),
+            seed: None,
+            steps: None,
+            preset: None,
+            emphasis: None,
+            body: None,
+            is_looped: None,
+            root_motion: None,
+            in_place: None,
+            ..self.clone()
+        };
+        *self == plain
+    }
+
+    /// Returns the sentences of the motion, this one first.
+    pub fn sentences(&self) -> impl Iterator<Item = &JsonRequest> {
+        [self].into_iter().chain(&self.then)
+    }
+
+    /// Returns the length of the whole motion in seconds.
+    pub fn total_seconds(&self) -> f32 {
+        // The default of Request::new.
+        let seconds = self
+            .sentences()
+            .map(|sentence| sentence.seconds.unwrap_or(3.0));
+        seconds.sum()
     }
 
     /// Checks that the id can be a part of a file name.
@@ -193,27 +239,46 @@ impl JsonRequest {
         })
     }
 
-    /// Makes the request. `preset` is that of the model ([`LaMoGen::preset`](crate::LaMoGen::preset)) and holds where the
-    /// object states none. A motion file to be like is read here.
+    /// Returns the goals of every sentence, as far as they have any. Motion files to be like are read here.
     ///
     /// # Errors
     ///
-    /// If the motion file cannot be read, or the goals are not valid, which [`parse`](Self::parse) has checked.
-    pub fn request(&self, preset: Preset, device: &Device) -> Result<Request, JsonRequestError> {
-        let goals = self.requested_goals()?.resolve(device)?;
-        Ok(self.request_with(goals, preset))
+    /// If a motion file cannot be read, or goals are not valid, which [`parse`](Self::parse) has checked.
+    pub fn goals(&self, device: &Device) -> Result<Vec<Option<Goals>>, JsonRequestError> {
+        self.sentences()
+            .map(|sentence| Ok(sentence.requested_goals()?.resolve(device)?))
+            .collect()
     }
 
-    /// Makes the request with other goals than those that the object states. `preset` is as in
-    /// [`request`](Self::request).
-    pub fn request_with(&self, goals: Option<Goals>, preset: Preset) -> Request {
-        let mut request = Request::new(&self.prompt).seed(self.seed.unwrap_or(0));
-        if let Some(seconds) = self.seconds {
-            request = request.seconds(seconds);
-        }
-        if let Some(goals) = goals {
-            request = request.scale(goals);
-        }
+    /// Makes the request. `preset` is that of the model ([`LaMoGen::preset`](crate::LaMoGen::preset)) and holds where the
+    /// object states none. Motion files to be like are read here.
+    ///
+    /// # Errors
+    ///
+    /// If a motion file cannot be read, or goals are not valid, which [`parse`](Self::parse) has checked.
+    pub fn request(&self, preset: Preset, device: &Device) -> Result<Request, JsonRequestError> {
+        Ok(self.request_with(&self.goals(device)?, preset))
+    }
+
+    /// Makes the request with other goals than those that the object states, one entry for each sentence; sentences past the
+    /// last entry have none. `preset` is as in [`request`](Self::request).
+    pub fn request_with(&self, goals: &[Option<Goals>], preset: Preset) -> Request {
+        let mut sentences = self
+            .sentences()
+            .zip(goals.iter().chain(std::iter::repeat(&None)));
+        let segments = sentences.by_ref().map(|(sentence, goals)| {
+            let mut request = Request::new(&sentence.prompt);
+            if let Some(seconds) = sentence.seconds {
+                request = request.seconds(seconds);
+            }
+            match goals {
+                Some(goals) => request.scale(goals.clone()),
+                None => request,
+            }
+        });
+        let request = segments.reduce(Request::then);
+        let request = request.expect("the first sentence is always there");
+        let mut request = request.seed(self.seed.unwrap_or(0));
         let preset = self.preset.unwrap_or(preset);
         request = request.preset(preset);
         if let Some(steps) = self.steps {

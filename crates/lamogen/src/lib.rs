@@ -68,7 +68,9 @@ pub use error::{
     Error, FailedRun, LoadError, PartialResults, PassError, RequestError, RequestIndex, StoppedRun,
     UnfinishedRequest,
 };
-pub use generation::{Generation, LaMoGen, NetworkMotions, PartLaban, Progress, TermValues};
+pub use generation::{
+    GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban, Progress, TermValues,
+};
 #[cfg(feature = "json")]
 pub use json_request::{JsonRequest, JsonRequestError};
 pub use licence::Licence;

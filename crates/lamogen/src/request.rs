@@ -42,7 +42,8 @@ pub struct Request {
     pub(crate) loss_terms: LossTerms,
     pub(crate) is_looped: bool,
     pub(crate) root_motion: RootMotion,
-    pub(crate) further_prompts: Vec<String>,
+    /// The requests that follow this one in the same motion, which have none of their own.
+    pub(crate) following: Vec<Request>,
     /// The pose features of the frames before the motion.
     pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
 }
@@ -51,6 +52,9 @@ impl Request {
     /// The length of the longest prompt in characters: several times as many as the text encoders of text-to-motion
     /// networks read.
     pub const LONGEST_PROMPT: usize = 2000;
+
+    /// The length of the longest motion in frames: an hour.
+    pub const LONGEST_MOTION: usize = 72_000;
 
     /// Makes a request for a motion of 3 seconds with seed 0 and no tags.
     pub fn new(prompt: impl Into<String>) -> Self {
@@ -67,7 +71,7 @@ impl Request {
             loss_terms: LossTerms::default(),
             is_looped: false,
             root_motion: RootMotion::default(),
-            further_prompts: Vec::new(),
+            following: Vec::new(),
             prefix: None,
         }
     }
@@ -199,17 +203,26 @@ impl Request {
         }
     }
 
-    /// Adds the sentence of the next window, for a model that makes a motion a window at a time, such as DiP with windows of
-    /// two seconds. The last sentence is that of all windows after it.
+    /// Adds what comes next in the same motion: a sentence with its own length and its own goals, which may be tags, factors
+    /// over time and parts of the body. The motion is as long as all of them together, and goes from each to the next without
+    /// a stop.
+    ///
+    /// Seed, steps, guidance and all other options are those of the first request; one that follows may not state any.
+    /// A model that makes a motion a window at a time, such as DiP, changes its sentence from one window to the next.
     ///
     /// ```
-    /// use lamogen::Request;
+    /// use lamogen::{Request, Tag};
     ///
-    /// // Two seconds of walking, and then waving for the rest of the six.
-    /// let request = Request::new("a person walks forward").then("a person waves").seconds(6.0);
+    /// let request = Request::new("a person walks forward")
+    ///     .seconds(3.0)
+    ///     .then(Request::new("a person jumps").seconds(2.0).tag(Tag::Strong))
+    ///     .then(Request::new("a person walks forward").seconds(3.0).tag(Tag::Light));
     /// ```
-    pub fn then(mut self, prompt: impl Into<String>) -> Self {
-        self.further_prompts.push(prompt.into());
+    pub fn then(mut self, request: impl Into<Request>) -> Self {
+        let mut next = request.into();
+        let after = std::mem::take(&mut next.following);
+        self.following.push(next);
+        self.following.extend(after);
         self
     }
 
@@ -232,6 +245,47 @@ impl Request {
             guidance: Some(guidance),
             ..self
         }
+    }
+}
+
+/// Makes a request for a motion of 3 seconds with this sentence.
+impl From<&str> for Request {
+    fn from(prompt: &str) -> Self {
+        Request::new(prompt)
+    }
+}
+
+impl From<String> for Request {
+    fn from(prompt: String) -> Self {
+        Request::new(prompt)
+    }
+}
+
+impl Request {
+    /// Returns the request and those that follow it in the same motion.
+    pub(crate) fn sentences(&self) -> impl Iterator<Item = &Request> {
+        [self].into_iter().chain(&self.following)
+    }
+
+    /// Returns whether the request states nothing but a sentence, a length and goals.
+    pub(crate) fn is_segment(&self) -> bool {
+        let Request {
+            prompt,
+            length,
+            tags,
+            goals,
+            parts,
+            ..
+        } = self;
+        let plain = Request {
+            prompt: prompt.clone(),
+            length: *length,
+            tags: tags.clone(),
+            goals: goals.clone(),
+            parts: parts.clone(),
+            ..Request::new("")
+        };
+        *self == plain
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
     Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, LabanComparison,
-    Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, noise,
+    Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch};
@@ -14,8 +14,10 @@ use lamogen_motion::{Motion, MotionError, Rotations, close_path};
 use crate::error::{
     Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
 };
-use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban, TermValues};
-use crate::groups::JobGroup;
+use crate::generation::{
+    GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban, TermValues,
+};
+use crate::groups::{GenerationJob, JobGroup};
 use crate::licence::Licence;
 use crate::request::Request;
 use crate::standing::standing;
@@ -56,6 +58,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             .map_err(|error| self.interrupted(error, &[]))?;
         let lengths = self.group.is_looped.then(|| self.lengths());
         let network = Looped::new(&network, lengths.as_deref());
+        let tiling = self.group.jobs.iter().find_map(|job| job.tiling.as_ref());
+        let network = Tiled::new(&network, tiling);
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
             .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
@@ -104,6 +108,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let jobs = self.group.jobs.iter().zip(motions).enumerate();
         let generations = jobs.map(|(index, (job, ((baseline, motion), network)))| {
             let generation = Generation {
+                sentences: self.sentences(job),
                 cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
@@ -126,18 +131,43 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         Ok(generations.collect())
     }
 
-    /// Returns the words of a request's prompt that occur in no caption that the model was trained on.
+    /// Returns the words of a request's sentences that occur in no caption that the model was trained on.
     fn unseen_words(&self, request: usize) -> Vec<String> {
-        let known = self.model.known_words.as_ref();
-        known.map_or(Vec::new(), |known| {
-            known.unknown_words(&self.requests[request].prompt)
-        })
+        let Some(known) = &self.model.known_words else {
+            return Vec::new();
+        };
+        let mut words = Vec::new();
+        for sentence in self.requests[request].sentences() {
+            for word in known.unknown_words(&sentence.prompt) {
+                if !words.contains(&word) {
+                    words.push(word);
+                }
+            }
+        }
+        words
     }
 
-    /// Returns the sentence that replaced a request's prompt, if one did.
+    /// Returns the sentence that replaced one of a request's, if one did.
     fn stand_in(&self, request: usize) -> Option<String> {
-        let prompt = &self.requests[request].prompt;
-        self.model.stand_in(prompt).map(str::to_owned)
+        let stand_in = |request: &Request| self.model.stand_in(&request.prompt);
+        let sentence = self.requests[request].sentences().find_map(stand_in);
+        sentence.map(str::to_owned)
+    }
+
+    /// Returns the sentences of a job with their frames.
+    fn sentences(&self, job: &GenerationJob) -> Vec<GeneratedSentence> {
+        let mut start = 0;
+        let sentences = self.requests[job.request].sentences().zip(&job.segments);
+        sentences
+            .map(|(request, segment)| {
+                let frames = start..start + segment.frames;
+                start = frames.end;
+                GeneratedSentence {
+                    prompt: request.prompt.clone(),
+                    frames,
+                }
+            })
+            .collect()
     }
 
     /// Returns the results of a batch without goals: the baseline is the guided motion too.
@@ -153,6 +183,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         jobs.map(|(job, (motion, network))| {
             let laban = LabanSeries::of(&motion, options, &device);
             let generation = Generation {
+                sentences: self.sentences(job),
                 cut_tokens: job.cut_tokens(),
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
@@ -185,7 +216,17 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         // Windows are made whole, and what is beyond a motion's length is left out.
         let frames =
             { network.window() }.map_or(frames, |window| frames.next_multiple_of(window.frames));
-        let tokens = TokenBatch::new(jobs.iter().map(|job| &job.tokens), &device);
+        let tokens = jobs.iter().flat_map(|job| match &job.tiling {
+            // A motion in tiles has a prompt for each.
+            Some(tiling) => {
+                let tiles = tiling.tiles().iter();
+                tiles
+                    .map(|tile| &job.segments[tile.sentence].tokens)
+                    .collect()
+            }
+            None => vec![job.tokens_at(0)],
+        });
+        let tokens = TokenBatch::new(tokens, &device);
         let noise: Vec<f32> = jobs
             .iter()
             .flat_map(|job| noise(job.seed, frames, features))
@@ -213,12 +254,16 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         window: MotionWindow,
     ) -> Continuation<N::Context> {
         let (jobs, device) = (&self.group.jobs, network.device());
-        let sentences = jobs.iter().map(|job| job.further_tokens.len()).max();
-        let prompts = (0..sentences.unwrap_or(0)).map(|place| {
-            let tokens = jobs.iter().map(|job| {
-                let mut further = job.further_tokens.iter().take(place + 1);
-                further.next_back().unwrap_or(&job.tokens)
-            });
+        let windows = { jobs.iter() }
+            .map(|job| match job.segments.len() {
+                1 => 1,
+                _ => job.frames.div_ceil(window.frames),
+            })
+            .max();
+        let prompts = (1..windows.unwrap_or(1)).map(|place| {
+            // The sentence of a window is that of its middle.
+            let middle = place * window.frames + window.frames / 2;
+            let tokens = jobs.iter().map(|job| job.tokens_at(middle));
             network.encode(&TokenBatch::new(tokens, &device))
         });
         let prefixes = jobs.iter().flat_map(|job| match &job.prefix {

@@ -240,7 +240,9 @@ impl<'a> Objective<'a> {
             });
         }
         let gradient = pull(leaf_gradient(&tracked, loss.sum()));
-        if let Some(motion) = first_non_finite(&gradient) {
+        if let Some(row) = first_non_finite(&gradient) {
+            // A motion made of tiles has a row for each of them.
+            let motion = row * (losses.len() / values) / gradient.dims()[0];
             let value = self.non_finite_value(path, motion);
             return Err(NonFinite {
                 quantity: Quantity::Gradient,

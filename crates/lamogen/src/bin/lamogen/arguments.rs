@@ -10,6 +10,7 @@ mod laban;
 mod model;
 mod pack;
 mod play;
+mod sentences;
 mod shared;
 mod train;
 mod vary;
@@ -27,6 +28,7 @@ pub use laban::LabanArguments;
 pub use model::ModelCommand;
 pub use pack::PackArguments;
 pub use play::PlayArguments;
+pub use sentences::parse;
 pub use shared::{
     BodyName, BvhNaming, HandsName, ModelArguments, MotionReadingArguments, PassArguments,
     PresetName, StreamFormat, TemporalSmoothingChoice, WritingArguments,

@@ -68,7 +68,7 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     };
     let mut checksums = HashMap::new();
     for item in &mut items {
-        item.compute_like_checksum(&mut checksums);
+        item.compute_like_checksums(&mut checksums);
     }
     if options.merge {
         return runner.report_missing(&items);
@@ -231,7 +231,7 @@ impl BatchRunner<'_> {
             "request": item.line,
             "model": self.source.name,
             "weights": self.source.checksum(),
-            "like": item.like_checksum(),
+            "like": item.like_checksums(),
             "preset": pass.preset.map(|name| name.preset().name()),
             "steps": pass.steps,
             "emphasis": pass.emphasis,
@@ -240,7 +240,7 @@ impl BatchRunner<'_> {
             "root_motion": item.root_motion(writing.root_motion()).name(),
             "temporal_smoothing": self.source.temporal_smoothing_frames(),
             "text_scale": self.source.model.text_scale(),
-            "stand_in": self.source.model.stand_in(&item.line.prompt),
+            "stand_in": item.line.sentences().find_map(|sentence| self.source.model.stand_in(&sentence.prompt)),
             "formats": formats.collect::<Vec<_>>(),
             "fps": writing.fps.unwrap_or(20.0),
             "bvh_unit": writing.bvh_unit.to_string(),

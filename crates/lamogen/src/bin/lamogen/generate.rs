@@ -24,7 +24,15 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     }
     let source = ModelSource::open(&options.source, console)?;
     let goals = options.goals.requested_goals().resolve(&source.device())?;
-    if options.pass.emphasis.is_some() && goals.is_none() {
+    let sentences = options.sentences.iter();
+    let following = { sentences.map(|sentence| sentence.request(&source.device())) }
+        .collect::<Result<Vec<Request>, _>>()?;
+    let has_goals = goals.is_some()
+        || options
+            .sentences
+            .iter()
+            .any(|sentence| sentence.has_goals());
+    if options.pass.emphasis.is_some() && !has_goals {
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
     let requests: Vec<Request> = seeds
@@ -34,7 +42,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
                 .seconds(options.seconds)
                 .seed(seed)
                 .root_motion(options.writing.root_motion());
-            let request = options.then.iter().fold(request, Request::then);
+            let request = following.iter().cloned().fold(request, Request::then);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),

@@ -39,13 +39,12 @@ mod vary;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 use arguments::{Arguments, Command};
 use console::{Console, print_to_stderr};
 
 fn main() -> ExitCode {
-    let Arguments { command, console } = Arguments::parse();
+    let arguments = arguments::parse(std::env::args_os().collect());
+    let Arguments { command, console } = arguments.unwrap_or_else(|error| error.exit());
     let console = Console::new(&console);
     // A training has a signal handler of its own: it stops after the current step.
     if !matches!(command, Command::Train(_)) {

@@ -6,6 +6,7 @@ use clap::Args;
 use lamogen::laban::GoalError;
 use lamogen::{Component, Goal, PartScale, RequestedGoals, Scale};
 
+use super::sentences::SentenceArguments;
 use super::shared::{ModelArguments, PassArguments, WritingArguments};
 use crate::output::OutputFile;
 
@@ -22,6 +23,7 @@ Examples:
   lamogen generate \"a person jumps\" --weight strong --time sudden --seconds 4 --seed 7 --out jump.glb
   lamogen generate \"a person walks\" --weight \"0:light 2:strong\" --emphasis 10 --out walk.html
   lamogen generate \"a person walks\" --part arms:strong --part legs:light --out arms.html
+  lamogen generate \"a person walks forward\" --seconds 3 --then \"a person jumps\" --seconds 2 --weight strong --out scene.glb
   lamogen generate \"a person dances\" --like dance.bvh --shape any --out alike.html
   lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
 
@@ -33,11 +35,15 @@ pub struct GenerateArguments {
     pub prompt: String,
     #[command(flatten)]
     pub goals: GoalArguments,
-    /// What the person does in the next window, for a model that makes a motion a window at a time, such as DiP with two seconds
-    /// each. May be given several times; the last holds to the end.
+    /// What the person does next, in the same motion. --seconds, --weight, --time, --flow, --shape, --scale, --like and --part after
+    /// it are those of this sentence. May be given several times.
     #[arg(long, value_name = "SENTENCE")]
     pub then: Vec<String>,
-    /// Length in seconds: 2 to 9.8 with the embedded model and most others.
+    /// The sentences of --then, with their options.
+    #[arg(skip)]
+    pub sentences: Vec<SentenceArguments>,
+    /// Length in seconds: at least 2 with the embedded model and most others. What is longer than the model's longest motion (9.8) is made of
+    /// pieces that overlap.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f32,
     /// Seed of the start noise: the same seed gives the same motion.
@@ -118,21 +124,21 @@ fn parse_scale(text: &str) -> Result<Scale, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
-    use crate::arguments::{Arguments, Command};
+    use crate::arguments::Command;
 
     #[test]
     fn goals_are_words_numbers_keys_or_values_of_their_own_component() {
         let parse = |arguments: &[&str]| {
             let all = [&["lamogen", "generate", "a person jumps"], arguments].concat();
-            Arguments::try_parse_from(all).map(|arguments| match arguments.command {
-                Command::Generate(options) => options
-                    .goals
-                    .requested_goals()
-                    .resolve(&lamogen::Device::flex())
-                    .ok()?,
-                _ => None,
+            crate::arguments::parse(all.iter().map(Into::into).collect()).map(|arguments| {
+                match arguments.command {
+                    Command::Generate(options) => options
+                        .goals
+                        .requested_goals()
+                        .resolve(&lamogen::Device::flex())
+                        .ok()?,
+                    _ => None,
+                }
             })
         };
         assert_eq!(parse(&[]).unwrap(), None);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use lamogen::{Device, Goals, JsonRequest, Preset, Request, RootMotion};
 use lamogen_data::Checksum;
+use serde_json::Value;
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
 
@@ -16,10 +17,10 @@ pub struct BatchItem {
     /// The name of the output files.
     pub id: String,
     pub line: JsonRequest,
-    /// The goals, after [`BatchItem::resolve_goals`].
-    goals: Option<Goals>,
-    /// The checksum of the motion file that has the Laban features to reach.
-    like_checksum: Option<String>,
+    /// The goals of each sentence, after [`BatchItem::resolve_goals`].
+    goals: Vec<Option<Goals>>,
+    /// The checksum of the motion file that has the Laban features to reach, for each sentence.
+    like_checksums: Vec<Option<String>>,
 }
 
 /// Parses the requests of a file. Returns them, and the number of each wrong line with the reason. `endings` are the
@@ -70,8 +71,8 @@ fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
         number,
         id: { line.id.clone() }.unwrap_or_else(|| format!("line-{number:05}")),
         line,
-        goals: None,
-        like_checksum: None,
+        goals: Vec::new(),
+        like_checksums: Vec::new(),
     })
 }
 
@@ -83,42 +84,44 @@ pub fn file_checksum(path: &Path) -> Option<String> {
 }
 
 impl BatchItem {
-    /// Combines the goals of the request, and reads the motion file with the features to reach, if the request names
-    /// one.
+    /// Combines the goals of the sentences, and reads the motion files with the features to reach, if the request names
+    /// any.
     pub fn resolve_goals(&mut self, device: &Device) -> Result<(), String> {
-        let requested = self.line.requested_goals();
-        let requested = requested.map_err(|error| error.to_string())?;
-        self.goals = requested
-            .resolve(device)
-            .map_err(|error| error.to_string())?;
+        let goals = self.line.goals(device);
+        self.goals = goals.map_err(|error| error.to_string())?;
         Ok(())
     }
 
-    /// Computes the checksum of the motion file with the features to reach, if there is one that can be read. A motion
-    /// counts as finished only while this checksum stays the same. `checksums` has those of the files that were read
-    /// before.
-    pub fn compute_like_checksum(&mut self, checksums: &mut HashMap<PathBuf, Option<String>>) {
-        let Some(path) = &self.line.like else {
-            return;
-        };
-        let checksum = { checksums.entry(path.clone()) }.or_insert_with(|| file_checksum(path));
-        self.like_checksum = checksum.clone();
+    /// Computes the checksums of the motion files with the features to reach, as far as there are any that can be read. A
+    /// motion counts as finished only while they stay the same. `checksums` has those of the files that were read before.
+    pub fn compute_like_checksums(&mut self, checksums: &mut HashMap<PathBuf, Option<String>>) {
+        let sentences = self.line.sentences();
+        let files = sentences.map(|sentence| {
+            let path = sentence.like.as_ref()?;
+            let checksum = { checksums.entry(path.clone()) }.or_insert_with(|| file_checksum(path));
+            checksum.clone()
+        });
+        self.like_checksums = files.collect();
     }
 
-    /// Returns the checksum of the motion file with the features to reach; `None` if there is no such file.
-    pub fn like_checksum(&self) -> Option<&str> {
-        self.like_checksum.as_deref()
+    /// Returns the checksum of the motion file with the features to reach, or null if there is no such file; for several
+    /// sentences a list of them.
+    pub fn like_checksums(&self) -> Value {
+        match &self.like_checksums[..] {
+            [] => Value::Null,
+            [checksum] => checksum.clone().into(),
+            checksums => checksums.to_vec().into(),
+        }
     }
 
     /// Whether the request has goals; known after [`BatchItem::resolve_goals`].
     pub fn is_guided(&self) -> bool {
-        self.goals.is_some()
+        self.goals.iter().any(Option::is_some)
     }
 
     /// Returns the length of the motion in seconds.
     pub fn seconds(&self) -> f32 {
-        // The default of Request::new.
-        self.line.seconds.unwrap_or(3.0)
+        self.line.total_seconds()
     }
 
     /// Returns the seed of the start noise.
@@ -151,7 +154,7 @@ impl BatchItem {
         line.emphasis = pass.emphasis;
         line.body = pass.body.map(BodyName::body);
         line.is_looped = Some(pass.is_looped);
-        line.request_with(self.goals.clone(), preset)
+        line.request_with(&self.goals, preset)
     }
 }
 
@@ -169,7 +172,7 @@ mod tests {
         items[1].resolve_goals(&Device::flex()).unwrap();
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
         assert_eq!(
-            items[1].goals.as_ref().unwrap().to_string(),
+            items[1].goals[0].as_ref().unwrap().to_string(),
             "Weight 0:1 1:1.5, Time 1.2, Shape peak=2, arms Flow 0.8"
         );
         assert_eq!((items[1].number, items[1].seed()), (3, 7));
