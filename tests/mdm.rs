@@ -354,11 +354,18 @@ fn dip_continues_a_motion_to_any_length_with_other_sentences() {
     assert_eq!(walk.frames(), 220);
     let features = |motion: &Motion| motion.features().unwrap().to_vec();
     let jump = model
-        .generate(&request.clone().then("a person jumps"))
+        .generate(
+            &Request::new("a person walks")
+                .frames(40)
+                .seed(5)
+                .then(Request::new("a person jumps").frames(180)),
+        )
         .unwrap();
     let jump = jump.network.baseline;
-    assert_eq!(features(&walk)[..6], features(&jump)[..6]);
-    assert_ne!(features(&walk)[6], features(&jump)[6]);
+    // The sentence of a window is that of its middle.
+    assert_eq!(jump.frames(), 220);
+    assert_eq!(features(&walk)[..42], features(&jump)[..42]);
+    assert_ne!(features(&walk)[42], features(&jump)[42]);
     // The last frames of a clip are another start.
     let after = model
         .generate(&request.clone().after(&walk))
@@ -400,18 +407,25 @@ fn a_stopped_chain_returns_the_windows_that_are_made() {
 }
 
 #[test]
-fn models_of_whole_motions_continue_none() {
+fn models_of_whole_motions_continue_motions_and_change_sentences() {
     let folder = encoder_folder();
     let model = load(folder.path());
     let request = Request::new("a person walks").frames(40).steps(2);
     let motion = model.generate(&request).unwrap().baseline;
-    for request in [
-        request.clone().then("a person jumps"),
-        request.after(&motion),
-    ] {
-        let error = model.generate(&request).unwrap_err().to_string();
-        says(&error, &["DiP", "whole motions"]);
-    }
+    let two = request
+        .clone()
+        .then(Request::new("a person jumps").frames(50));
+    assert_eq!(model.generate(&two).unwrap().network.baseline.frames(), 90);
+    let after = request.clone().tag(Tag::Strong).after(&motion);
+    let after = model.generate(&after).unwrap();
+    assert_eq!(after.network.guided.frames(), 40);
+    assert_ne!(after.network.guided, after.network.baseline);
+    let folder = decoder_folder("dip");
+    let error = load(folder.path()).generate(&request.before(&motion));
+    says(
+        &error.unwrap_err().to_string(),
+        &["lead to", "a window at a time"],
+    );
 }
 
 #[test]
@@ -465,7 +479,7 @@ fn the_command_generates_and_describes() {
         "--then",
         "a person jumps",
         "--seconds",
-        "12",
+        "9",
     ];
     let generate = [
         &["generate"],

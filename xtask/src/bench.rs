@@ -131,6 +131,7 @@ fn batch(
         lengths: vec![frames; motions],
         step_noise: None,
         continuation: None,
+        known: None,
     }
 }
 

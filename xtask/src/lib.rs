@@ -6,6 +6,7 @@ pub mod judges;
 pub mod measure;
 pub mod parity;
 pub mod perception;
+pub mod seams;
 pub mod strips;
 pub mod subject;
 pub mod sweep;

@@ -110,6 +110,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Measure where motions go from one sentence to the next, beside clips that are cross-faded; prints a table.
+    Seams {
+        #[command(flatten)]
+        options: xtask::seams::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -195,6 +203,15 @@ fn main() -> ExitCode {
             })
         }
         Task::Truth { options, device } => truth(&options, device),
+        Task::Seams { options, device } => with_device(device, |device| {
+            match xtask::seams::run(&options, device, &mut |line| eprintln!("{line}")) {
+                Ok(table) => {
+                    print!("{table}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::Perception { options, device } => with_device(device, |device| {
             match xtask::perception::run(&options, device, &mut |line| eprintln!("{line}")) {
                 Ok(page) => {

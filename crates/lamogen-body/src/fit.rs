@@ -17,6 +17,9 @@ pub struct FitInput<'a> {
     pub body: &'a RestPose,
     /// The height of the ground, in metres.
     pub ground: f64,
+    /// The frames with which the result begins, on the same body and where the motion is: the fit leaves them as they are, and
+    /// goes on from them. `None` where all frames are fitted, as always in a loop.
+    pub start: Option<&'a Rotations>,
 }
 
 /// The result of a fit.

@@ -28,6 +28,34 @@ struct LoopSeam {
     signs: [f64; JOINTS],
 }
 
+/// Puts the frames that a fit begins with in the place of the first ones. The others are moved along the ground, since a path
+/// that was scaled to the body's size does not lead on from them.
+fn hold_start(
+    start: &Rotations,
+    reference: &mut [[DVec3; JOINTS]],
+    solved: &mut [[DQuat; JOINTS]],
+) {
+    let held = start.frames().min(reference.len());
+    let poses = start.joints().into_iter().take(held);
+    let poses: Vec<[DVec3; JOINTS]> = poses
+        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
+        .collect();
+    if let Some(last) = poses.last() {
+        let shift = (last[0] - reference[held - 1][0]) * DVec3::new(1.0, 0.0, 1.0);
+        for place in reference[held..].as_flattened_mut() {
+            *place += shift;
+        }
+    }
+    reference[..held].copy_from_slice(&poses);
+    for (frame, turns) in start.local().iter().zip(solved) {
+        for (turn, own) in frame.iter().zip(turns) {
+            let turn = DQuat::from_array(turn.map(f64::from)).normalize();
+            // Both signs are the same rotation; the numbers of the next frame are near to those of the frame's own.
+            *own = turn * turn.dot(*own).signum();
+        }
+    }
+}
+
 /// An elbow or knee, which bends one way only.
 struct HingeJoint {
     joint: Joint,
@@ -56,6 +84,8 @@ pub(crate) struct MotionFit {
     least_foot_heights: Vec<[f64; 2]>,
     /// The height of the ground, in metres.
     ground: f64,
+    /// The number of frames at the beginning that stay as they are.
+    held: usize,
     /// How the end of a loop leads into its beginning; `None` for a motion with two ends. The tables of a loop have
     /// [`SEAM_FRAMES`] further frames.
     seam: Option<LoopSeam>,
@@ -91,6 +121,7 @@ impl MotionFit {
             motion,
             body: rest,
             ground,
+            start,
         } = *input;
         let offsets = BoneOffsets::of(rest);
         // A loop is prepared with a cycle before it and one after it, so that its ends know their neighbours.
@@ -118,6 +149,10 @@ impl MotionFit {
         if repeated.is_some() {
             close_seams(&offsets, frames, &mut reference, &mut solved);
         }
+        let held = start.map_or(0, |start| start.frames().min(frames));
+        if let Some(start) = start {
+            hold_start(start, &mut reference, &mut solved);
+        }
         let find =
             |reference: &[[DVec3; JOINTS]]| find_contacts(reference, features.as_deref(), ground);
         let mut contacts = find(&reference);
@@ -133,6 +168,12 @@ impl MotionFit {
                 .iter()
                 .all(|trust| is_trusted(*trust))
         });
+        // A foot that stands in the held frames goes on standing where it stands at their end.
+        for contact in &mut contacts {
+            if contact.from < held && held < contact.until {
+                contact.position = reference[held - 1][contact.joint.index()].to_array();
+            }
+        }
         let mut least_foot_heights = least_foot_heights(&reference, &contacts, ground);
         let seam = repeated.map(|_| {
             let seam = LoopSeam {
@@ -182,6 +223,7 @@ impl MotionFit {
             trust,
             contacts,
             ground,
+            held,
             curvatures: Vec::new(),
             minimizer: Minimizer::new(point),
         };
@@ -243,6 +285,8 @@ impl MotionFit {
         value += self.add_step_terms(trial, &mut gradient);
         self.fold_seam(trial.frames, &mut gradient);
         self.differentiate_normalization(trial, &mut gradient);
+        let held = self.held * FRAME_WIDTH;
+        gradient[..held].fill(0.0);
         let curvatures = &self.curvatures;
         self.minimizer.update(value, gradient, &|step| {
             for (block, curvature) in curvatures.iter().enumerate() {
@@ -254,6 +298,7 @@ impl MotionFit {
                     curvature.solve(step, offset + i, FRAME_WIDTH);
                 }
             }
+            step[..held].fill(0.0);
         });
     }
 

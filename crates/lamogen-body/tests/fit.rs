@@ -72,6 +72,7 @@ fn fit_on(motion: &Motion, body: &RestPose, fit: &FitOptions) -> Motion {
         motion,
         body,
         ground: 0.0,
+        start: None,
     };
     let fitted = fit.run(&[input], None, &mut |_| ControlFlow::Continue(()));
     assert!(!fitted.is_stopped);
@@ -260,6 +261,7 @@ fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() 
         motion,
         body: &rest,
         ground: 0.0,
+        start: None,
     };
     let run = |inputs: &[FitInput<'_>], threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -302,6 +304,7 @@ fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
         motion: &still,
         body: &rest,
         ground: 0.0,
+        start: None,
     };
     let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
     let before = still.position(30, Joint::RightWrist)[1];

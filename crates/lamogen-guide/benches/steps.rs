@@ -43,6 +43,7 @@ fn steps(criterion: &mut Criterion) {
             lengths: vec![FRAMES; motions],
             step_noise: None,
             continuation: None,
+            known: None,
         };
         let baseline = || sampler.baseline(&batch, &mut ()).expect("a baseline");
         group.bench_function(BenchmarkId::new("baseline", motions), |bencher| {

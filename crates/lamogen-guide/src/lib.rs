@@ -27,6 +27,7 @@ mod frame_selection;
 mod guidance;
 mod guided;
 mod host;
+mod known;
 mod laban_term;
 mod looped;
 mod loss_term;
@@ -44,6 +45,7 @@ pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales}
 pub use error::{GuideError, Quantity, StoppedPass};
 pub use guidance::{Body, Finish, Guidance, GuidanceVariable, Preset, PresetError, UpdateTiming};
 pub use guided::{GuidedMotions, LabanComparison};
+pub use known::KnownFrames;
 pub use laban_term::LabanTerm;
 pub use lamogen_body::{FitError, FitOptions, FitProgress};
 pub use looped::{Looped, longest_loop};

@@ -29,6 +29,8 @@ pub struct Rig<'a> {
     guidance: &'a Guidance,
     body: RestPose,
     device: Device,
+    /// The frames with which every motion begins.
+    start: Option<Rotations>,
 }
 
 /// The result of guidance on a rigid body.
@@ -55,7 +57,14 @@ impl<'a> Rig<'a> {
             guidance,
             body: RestPose::humanml3d(),
             device: device.clone(),
+            start: None,
         }
+    }
+
+    /// Sets the frames with which every motion begins, on HumanML3D's body and where the motions are: they stay as they are,
+    /// and the fit goes on from them.
+    pub fn with_start(self, start: Option<Rotations>) -> Self {
+        Rig { start, ..self }
     }
 
     /// Returns the rigid motions that are nearest to the network's motions, and whether `on_progress` stopped the fit
@@ -146,6 +155,7 @@ impl<'a> Rig<'a> {
             body: &self.body,
             // Heights in pose features are measured from the ground.
             ground: 0.0,
+            start: self.start.as_ref(),
         };
         motions.iter().map(input).collect()
     }

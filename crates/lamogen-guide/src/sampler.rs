@@ -6,12 +6,17 @@ use lamogen_model::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Pr
 use lamogen_motion::Normalization;
 
 use crate::error::GuideError;
+use crate::known::KnownFrames;
 use crate::looped::HeadingClosure;
 use crate::noise::StepNoise;
 use crate::observer::{Observer, Pass, Step};
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
 use crate::windows::{Continuation, WindowChain, window_count};
+
+/// How often the network is asked at each step for the noise that a pass went through. The first answer is of a motion with the
+/// noise of the step after.
+const INVERSION_ITERATIONS: usize = 2;
 
 /// A sampler that goes from noise to motions step by step.
 ///
@@ -42,6 +47,8 @@ pub struct Batch<C> {
     pub step_noise: Option<StepNoise>,
     /// What a network that continues motions a window at a time needs; `None` for other networks.
     pub continuation: Option<Continuation<C>>,
+    /// The frames that are known before a motion is generated, if there are any. A batch with known frames is a single motion.
+    pub known: Option<KnownFrames>,
 }
 
 /// The state of a pass between two steps: the noisy motions, and the other inputs of the network.
@@ -62,6 +69,7 @@ pub(crate) struct SamplerState<'a, C> {
     window: Option<SmoothingWindow>,
     /// The closure of headings, if they are closed.
     heading_closure: Option<HeadingClosure>,
+    known: Option<&'a KnownFrames>,
 }
 
 impl<'a, D: Denoiser> Sampler<'a, D> {
@@ -173,6 +181,38 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         }
     }
 
+    /// Finds the noisy motions that a pass goes through on its way to given motions (Song et al. 2020, section 4.3): for each
+    /// step, the one at which the network is evaluated, `[batch, frames, features]`. `motions` are normalised, and `batch` has
+    /// their prompts and lengths.
+    ///
+    /// # Panics
+    ///
+    /// If the batch has known frames, or its noise is of another shape than the motions.
+    pub fn invert(&self, batch: &Batch<D::Context>, motions: &Tensor<3>) -> Vec<Tensor<3>> {
+        assert!(batch.known.is_none(), "known frames are inverted alone");
+        let mut state = self.initial_state(batch);
+        assert_eq!(state.x.dims(), motions.dims());
+        let mut after = motions.clone();
+        let mut noise = motions.zeros_like();
+        let mut noisy = Vec::new();
+        for (index, step) in self.steps.iter().enumerate().rev() {
+            let (signal_scale, noise_scale) = coefficients(step.alpha_cumprod);
+            let (next_signal, next_noise) = coefficients(step.next_alpha_cumprod);
+            for _ in 0..INVERSION_ITERATIONS {
+                let clean = (after.clone() - noise.clone() * next_noise) / next_signal;
+                state.x = clean * signal_scale + noise * noise_scale;
+                let output = self.evaluate(&state, index);
+                let clean = self.clean_motion(&state, output.clone(), step);
+                noise = self.predicted_noise(&state, state.x.clone(), &clean, output, step);
+            }
+            let clean = (after - noise.clone() * next_noise) / next_signal;
+            after = clean * signal_scale + noise.clone() * noise_scale;
+            noisy.push(after.clone());
+        }
+        noisy.reverse();
+        noisy
+    }
+
     /// Returns the windows of a pass before its first step.
     pub(crate) fn chain(&self) -> WindowChain {
         WindowChain::new(self.model.window())
@@ -222,6 +262,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             heading_closure: self
                 .samples_loops
                 .then(|| HeadingClosure::new(&lengths, window.len(), self.normalization, &device)),
+            known: batch.known.as_ref(),
         }
     }
 
@@ -264,8 +305,12 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
 
     /// Returns the input of the network at a step.
     fn input(&self, state: &SamplerState<'_, D::Context>, index: usize) -> DenoiserInput {
+        let x = state.x.clone();
         DenoiserInput {
-            x_t: state.x.clone(),
+            x_t: match state.known {
+                Some(known) => known.at_step(x, index),
+                None => x,
+            },
             time: self.time.clone().narrow(0, index, 1),
             embedding: state.embedding.clone(),
             modulation: state.modulation.clone(),
@@ -303,8 +348,12 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Some(window) => window.smooth(clean),
             None => clean,
         };
-        match &state.heading_closure {
+        let clean = match &state.heading_closure {
             Some(closure) => closure.close(clean),
+            None => clean,
+        };
+        match state.known {
+            Some(known) => known.replace(clean),
             None => clean,
         }
     }
@@ -323,6 +372,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         match self.model.prediction() {
             // The clean motion has been changed, so the noise is the rest of x.
             _ if state.heading_closure.is_some()
+                || state.known.is_some()
                 || self.smoothing_window(state, step).is_some() =>
             {
                 (x - clean.clone() * signal_scale) / noise_scale

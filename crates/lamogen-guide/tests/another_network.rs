@@ -66,6 +66,7 @@ fn batch(network: &ToyDenoiser<SwingNetwork>, sizes: &[i32]) -> Batch<()> {
         lengths: vec![FRAMES; sizes.len()],
         step_noise: None,
         continuation: None,
+        known: None,
     }
 }
 

@@ -37,6 +37,7 @@ impl GoldenCase {
             noise: self.tensor("x"),
             lengths: self.counts("frames"),
             step_noise,
+            known: None,
             continuation: network.window().map(|_| Continuation {
                 prefix: self.tensor("prefix"),
                 prompts: Vec::new(),

@@ -73,6 +73,7 @@ fn batch() -> Batch<()> {
         lengths: vec![FRAMES],
         step_noise: None,
         continuation: None,
+        known: None,
     }
 }
 

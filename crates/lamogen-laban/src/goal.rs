@@ -36,7 +36,19 @@ pub enum Goal {
     Any,
     /// Other goals in turn: each holds from its frame to that of the next, as if these frames were a motion of their own.
     /// The first one holds from frame 0. [`Goals::then`](crate::Goals::then) makes such goals.
-    InTurn(Vec<(usize, Goal)>),
+    InTurn(Vec<GoalTurn>),
+}
+
+/// A goal that holds for some of the frames of a motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GoalTurn {
+    /// The first frame. The goal holds up to the first frame of the next.
+    pub start: usize,
+    /// The numbers of frames at the beginning and at the end in which the values to reach pass from those of the baseline to those
+    /// of the goal, and back. A motion that goes on from another cannot begin with another speed.
+    pub ease: [usize; 2],
+    /// The goal.
+    pub goal: Goal,
 }
 
 impl Goal {
@@ -80,17 +92,17 @@ impl Goal {
             Goal::Factor(factor) => factor.changes(),
             Goal::Peak(_) | Goal::Mean(_) | Goal::Series(_) => true,
             Goal::Any => false,
-            Goal::InTurn(goals) => goals.iter().any(|(_, goal)| goal.changes()),
+            Goal::InTurn(turns) => turns.iter().any(|turn| turn.goal.changes()),
         }
     }
 
     /// Splits goals in turn into the frames of each, for a motion of `frames` frames.
-    pub(crate) fn turns(goals: &[(usize, Goal)], frames: usize) -> Vec<(Range<usize>, &Goal)> {
-        let starts = goals.iter().map(|(start, _)| *start);
+    pub(crate) fn turns(turns: &[GoalTurn], frames: usize) -> Vec<(Range<usize>, &GoalTurn)> {
+        let starts = turns.iter().map(|turn| turn.start);
         let ends = starts.skip(1).chain([frames]);
-        let turns = goals.iter().zip(ends);
+        let turns = turns.iter().zip(ends);
         turns
-            .map(|((start, goal), end)| ((*start).min(frames)..end.min(frames), goal))
+            .map(|(turn, end)| (turn.start.min(frames)..end.min(frames), turn))
             .collect()
     }
 
@@ -118,7 +130,7 @@ impl Goal {
                 let mut values = values.iter();
                 values.try_for_each(|&value| check_number("value of a series", value))
             }
-            Goal::InTurn(goals) => goals.iter().try_for_each(|(_, goal)| goal.check()),
+            Goal::InTurn(turns) => turns.iter().try_for_each(|turn| turn.goal.check()),
         }
     }
 
@@ -153,13 +165,33 @@ impl Goal {
                 target.extend(resample(&values[component.first_frame()..], rest));
                 target
             }
-            Goal::InTurn(goals) => { Goal::turns(goals, baseline.len()).into_iter() }
-                .flat_map(|(frames, goal)| {
+            Goal::InTurn(turns) => { Goal::turns(turns, baseline.len()).into_iter() }
+                .flat_map(|(frames, turn)| {
                     let without = without.saturating_sub(frames.start);
-                    goal.target_after(component, without, &baseline[frames])
+                    let baseline = &baseline[frames];
+                    let target = turn.goal.target_after(component, without, baseline);
+                    turn.eased(baseline, target)
                 })
                 .collect(),
         }
+    }
+}
+
+impl GoalTurn {
+    /// Leads from a baseline to a target and back.
+    fn eased(&self, baseline: &[f32], target: Vec<f32>) -> Vec<f32> {
+        let frames = target.len();
+        let pairs = baseline.iter().zip(target).enumerate();
+        pairs
+            .map(|(frame, (baseline, target))| {
+                let distances = [frame + 1, frames - frame];
+                let shares = distances.into_iter().zip(self.ease);
+                let share = shares.fold(1.0, |share: f32, (distance, ease)| {
+                    share.min(distance as f32 / (ease + 1) as f32)
+                });
+                baseline + share * (target - baseline)
+            })
+            .collect()
     }
 }
 
@@ -191,13 +223,13 @@ impl fmt::Display for Goal {
             Goal::Mean(mean) => write!(f, "mean={mean}"),
             Goal::Series(values) => write!(f, "as a series of {} frames", values.len()),
             Goal::Any => f.write_str("any"),
-            Goal::InTurn(goals) => {
-                for (place, (start, goal)) in goals.iter().enumerate() {
+            Goal::InTurn(turns) => {
+                for (place, turn) in turns.iter().enumerate() {
                     if place > 0 {
-                        let seconds = *start as f32 / FRAMES_PER_SECOND;
+                        let seconds = turn.start as f32 / FRAMES_PER_SECOND;
                         write!(f, ", from {seconds} s ")?;
                     }
-                    goal.fmt(f)?;
+                    turn.goal.fmt(f)?;
                 }
                 Ok(())
             }

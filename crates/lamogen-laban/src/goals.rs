@@ -7,7 +7,7 @@ use lamogen_motion::FRAMES_PER_SECOND;
 use crate::curve::ScaleCurve;
 use crate::effectors::EndEffectors;
 use crate::factor::Factor;
-use crate::goal::Goal;
+use crate::goal::{Goal, GoalTurn};
 use crate::goal_error::GoalError;
 use crate::parts::PartScale;
 use crate::series::LabanSeries;
@@ -32,6 +32,8 @@ pub struct Goals {
     /// Goals that hold in the place of these from a frame on, in the order of the frames. They have no later goals of their
     /// own.
     later: Vec<(usize, Goals)>,
+    /// The numbers of frames in which the goals set in and end: see [`Goals::eased`].
+    ease: [usize; 2],
 }
 
 /// The goals of one set of end-effectors.
@@ -61,6 +63,7 @@ impl Goals {
             whole,
             parts: Vec::new(),
             later: Vec::new(),
+            ease: [0, 0],
         }
     }
 
@@ -89,21 +92,24 @@ impl Goals {
     /// assert_eq!(goals.to_string(), "no change; from 3 s Weight 1.5");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn then(mut self, frame: usize, goals: Goals) -> Self {
-        let Goals {
-            whole,
-            parts,
-            later,
-        } = goals;
-        let own = Goals {
-            whole,
-            parts,
-            later: Vec::new(),
-        };
-        self.later.push((frame, own));
+    pub fn then(mut self, frame: usize, mut goals: Goals) -> Self {
+        let later = std::mem::take(&mut goals.later);
+        self.later.push((frame, goals));
         let later = later.into_iter();
         self.later
             .extend(later.map(|(start, goals)| (frame + start, goals)));
+        self
+    }
+
+    /// Lets the goals set in and end gradually: the values to reach pass from those of the baseline to those of the goals in so many
+    /// frames at the beginning, and back in so many at the end. Of goals that hold one after another, these are the beginning of
+    /// the first and the end of the last.
+    pub fn eased(mut self, [begin, end]: [usize; 2]) -> Self {
+        self.ease[0] = begin;
+        match self.later.last_mut() {
+            Some((_, last)) => last.ease[1] = end,
+            None => self.ease[1] = end,
+        }
         self
     }
 
@@ -215,29 +221,33 @@ impl Goals {
     /// `all`. Where parts have factors of their own, the whole body's goals for Weight, Time and Flow move to a term of
     /// the rest of the body.
     pub fn terms(&self, all: &EndEffectors) -> Vec<EndEffectorGoals> {
-        if self.later.is_empty() {
+        if self.later.is_empty() && self.ease == [0, 0] {
             return self.segment_terms(all);
         }
-        let segments: Vec<(usize, Vec<EndEffectorGoals>)> = { self.segments() }
-            .map(|(start, goals)| (start, goals.segment_terms(all)))
+        let segments: Vec<(usize, [usize; 2], Vec<EndEffectorGoals>)> = { self.segments() }
+            .map(|(start, goals)| (start, goals.ease, goals.segment_terms(all)))
             .collect();
         let mut sets: Vec<&EndEffectors> = Vec::new();
-        for term in segments.iter().flat_map(|(_, terms)| terms) {
+        for term in segments.iter().flat_map(|(_, _, terms)| terms) {
             if !sets.contains(&&term.end_effectors) {
                 sets.push(&term.end_effectors);
             }
         }
         let in_turn = |set: &EndEffectors, component: Component| {
-            let goals = segments.iter().map(|(start, terms)| {
+            let turns = segments.iter().map(|(start, ease, terms)| {
                 let mut terms = terms.iter().filter(|term| term.end_effectors == *set);
                 // A segment may lack a set, or have two terms of one: then it is a part that is all of the rest.
                 let goals = terms.find_map(|term| match &term.goals[component.index()] {
                     Goal::Any => None,
                     goal => Some(goal.clone()),
                 });
-                (*start, goals.unwrap_or(Goal::Any))
+                GoalTurn {
+                    start: *start,
+                    ease: *ease,
+                    goal: goals.unwrap_or(Goal::Any),
+                }
             });
-            Goal::InTurn(goals.collect())
+            Goal::InTurn(turns.collect())
         };
         let terms = sets.into_iter().map(|set| EndEffectorGoals {
             end_effectors: set.clone(),
@@ -306,6 +316,7 @@ impl From<ScaleCurve> for Goals {
             whole: Component::ALL.map(|component| Goal::Factor(scale.of(component).clone())),
             parts: Vec::new(),
             later: Vec::new(),
+            ease: [0, 0],
         }
     }
 }
@@ -470,6 +481,17 @@ mod tests {
             let error = goals.check(frames, &all).unwrap_err().to_string();
             assert!(error.contains(&format!("frame {start}")), "{error}");
         }
+    }
+
+    #[test]
+    fn goals_set_in_and_end_gradually() {
+        let strong = Goals::default().with(Component::Weight, Factor::constant(2.0).unwrap());
+        let goals = Goals::anything()
+            .then(2, strong.eased([3, 1]))
+            .then(8, Goals::anything());
+        let terms = goals.terms(&EndEffectors::default());
+        let target = terms[0].goals[0].target(Component::Weight, &[1.0; 10]);
+        assert_eq!(target, [1.0, 1.0, 1.25, 1.5, 1.75, 2.0, 2.0, 1.5, 1.0, 1.0]);
     }
 
     #[test]

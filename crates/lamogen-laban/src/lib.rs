@@ -31,7 +31,7 @@ pub use curve::ScaleCurve;
 pub use effectors::{BodyPart, EffectorError, EndEffectors};
 pub use factor::{Factor, FactorError, FactorKeyframe, Interpolation};
 pub use features::{LabanFeatures, LabanOptions};
-pub use goal::Goal;
+pub use goal::{Goal, GoalTurn};
 pub use goal_error::GoalError;
 pub use goals::{EndEffectorGoals, Goals};
 pub use loss::{LabanTarget, LossDivisor};

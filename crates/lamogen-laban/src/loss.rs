@@ -121,11 +121,11 @@ impl Goal {
         // The weight is squared in the loss, so that the root of the emphasis enters it.
         let root = match self {
             Goal::Any => return vec![0.0; baseline.len()],
-            Goal::InTurn(goals) => {
-                let turns = Goal::turns(goals, baseline.len()).into_iter();
-                let weights = turns.flat_map(|(frames, goal)| {
+            Goal::InTurn(turns) => {
+                let turns = Goal::turns(turns, baseline.len()).into_iter();
+                let weights = turns.flat_map(|(frames, turn)| {
                     let values = (&baseline[frames.clone()], &target[frames]);
-                    goal.weights(values.0, values.1, divisor, emphasis)
+                    turn.goal.weights(values.0, values.1, divisor, emphasis)
                 });
                 return weights.collect();
             }

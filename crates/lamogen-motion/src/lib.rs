@@ -18,6 +18,7 @@ mod motion;
 mod normalization;
 pub mod npy;
 mod padding;
+mod placement;
 mod precise;
 mod quality;
 mod rotations;
@@ -36,6 +37,7 @@ pub use lamogen_io::{
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
+pub use placement::{GroundMove, Placement};
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{CHAINS, JOINTS, Joint};

@@ -218,14 +218,18 @@ pub enum RequestError {
     )]
     #[allow(missing_docs)]
     LongMotion { found: usize },
-    /// The request continues a motion, but the model makes whole motions.
+    /// A loop is requested that continues a motion or leads to one.
+    #[error("expected a loop without a motion before or after it, found one")]
+    LoopOfNeighbours,
+    /// The request leads to a motion, but the model makes a motion a window at a time.
     #[error(
-        "expected a model that makes a motion a window at a time, such as DiP, for {what}; this one makes whole motions"
+        "expected a model that makes whole motions to lead to a given one, found one that makes a motion a window at a time"
     )]
-    #[allow(missing_docs)]
-    NoWindows { what: &'static str },
-    /// The motion to continue is too short.
-    #[error("expected a motion of at least {expected} frames to continue, found {found}")]
+    BeforeOfWindows,
+    /// The motion to continue or to lead to is too short.
+    #[error(
+        "expected a motion of at least {expected} frames to continue or to lead to, found {found}"
+    )]
     #[allow(missing_docs)]
     Prefix { expected: usize, found: usize },
     /// The request has tags, and factors or other goals too.

@@ -1,7 +1,6 @@
 //! Checking requests, and grouping them into batches.
 
-use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::ops::{Range, RangeInclusive};
 
 use lamogen_guide::{Body, Guidance, Preset, Schedule, Tiling, longest_loop};
 use lamogen_laban::{EndEffectors, Goals, Scale};
@@ -9,6 +8,7 @@ use lamogen_model::{Denoiser, MotionWindow, Tokenizer, Tokens};
 use lamogen_motion::{POSE_FEATURES, RootMotion};
 
 use crate::error::RequestError;
+use crate::neighbours::{KNOWN_FRAMES, KnownStart, known_end};
 use crate::request::Request;
 
 /// A request that has been checked against a model.
@@ -21,12 +21,19 @@ pub(crate) struct GenerationJob {
     /// How a motion of several sentences, or one longer than the model's longest, is cut into tiles. Such a job runs alone.
     /// `None` for all others.
     pub(crate) tiling: Option<Tiling>,
-    /// The pose features of the frames before the motion, if the model reads such frames and the request has them.
-    pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
+    /// The end of the motion that this one continues, if there is one.
+    pub(crate) start: Option<KnownStart>,
+    /// The pose features of the first frames of the motion that this one leads to, if there is one.
+    pub(crate) end: Vec<[f32; POSE_FEATURES]>,
+    /// The number of frames that the network makes, with the known ones.
     pub(crate) frames: usize,
+    /// The frames of the motion that is requested, among these.
+    pub(crate) kept: Range<usize>,
     pub(crate) seed: u64,
-    /// `None` where the motion of the text alone is requested.
+    /// The goals of all frames that the network makes. `None` where the motion of the text alone is requested.
     pub(crate) goals: Option<Goals>,
+    /// The goals of the kept frames.
+    pub(crate) requested_goals: Option<Goals>,
     pub(crate) root_motion: RootMotion,
 }
 
@@ -43,6 +50,11 @@ impl GenerationJob {
     /// Returns the number of tokens of all sentences that did not fit the model.
     pub(crate) fn cut_tokens(&self) -> usize {
         self.segments.iter().map(|segment| segment.tokens.cut).sum()
+    }
+
+    /// Returns whether the job cannot run with others in a batch.
+    pub(crate) fn runs_alone(&self) -> bool {
+        self.tiling.is_some() || self.kept != (0..self.frames)
     }
 
     /// Returns the tokens of the sentence at a frame; past the end of the motion, of the last one.
@@ -99,9 +111,9 @@ pub(crate) fn split_into_batches(groups: Vec<JobGroup>, batch_size: usize) -> Ve
         if batch_size > 1 {
             group.jobs.sort_by_key(|job| job.frames);
         }
-        let (tiled, whole): (Vec<_>, Vec<_>) =
-            { group.jobs.into_iter() }.partition(|job| job.tiling.is_some());
-        let jobs = whole.chunks(batch_size).chain(tiled.chunks(1));
+        let (alone, together): (Vec<_>, Vec<_>) =
+            { group.jobs.into_iter() }.partition(GenerationJob::runs_alone);
+        let jobs = together.chunks(batch_size).chain(alone.chunks(1));
         let batch = |jobs: &[GenerationJob]| JobGroup {
             jobs: jobs.to_vec(),
             guidance: group.guidance.clone(),
@@ -137,18 +149,22 @@ fn encode(tokenizer: &Tokenizer, prompt: &str) -> Result<Tokens, RequestError> {
     }
 }
 
-/// Checks whether a model with such windows can continue a motion as a request asks for.
-fn check_continuation(request: &Request, window: Option<MotionWindow>) -> Result<(), RequestError> {
-    match (window, &request.prefix) {
-        (None, Some(_)) => Err(RequestError::NoWindows {
-            what: "a motion to continue",
-        }),
-        (Some(window), Some(prefix)) if prefix.len() < window.prefix => Err(RequestError::Prefix {
-            expected: window.prefix,
-            found: prefix.len(),
-        }),
-        _ => Ok(()),
-    }
+/// Takes the frames that are known before and after a motion from the clips of a request, for a model with such windows.
+fn known_frames(
+    request: &Request,
+    window: Option<MotionWindow>,
+) -> Result<(Option<KnownStart>, Vec<[f32; POSE_FEATURES]>), RequestError> {
+    let (frames, least) = match window {
+        Some(window) => (window.prefix, window.prefix),
+        None => (KNOWN_FRAMES, 2),
+    };
+    let start = { request.after.as_deref() }.map(|clip| KnownStart::of(clip, frames, least));
+    let end = match (&request.before, window) {
+        (Some(_), Some(_)) => return Err(RequestError::BeforeOfWindows),
+        (Some(clip), None) => known_end(clip, frames)?,
+        (None, _) => Vec::new(),
+    };
+    Ok((start.transpose()?, end))
 }
 
 /// Returns the goals that a request states, if it does.
@@ -182,6 +198,23 @@ fn joined_goals(goals: Vec<Option<Goals>>, segments: &[JobSegment]) -> Option<Go
     goals
         .reduce(|(joined, _), (goals, start)| (joined.then(start, goals), 0))
         .map(|(goals, _)| goals)
+}
+
+/// The number of frames in which goals set in beside known frames, whose speed they cannot change: half a second.
+const EASE: usize = 10;
+
+/// Returns the goals of a motion with known frames around it, which may have any features.
+fn goals_of_kept(goals: Goals, kept: &Range<usize>, frames: usize) -> Goals {
+    let ease = |has_known: bool| if has_known { EASE } else { 0 };
+    let goals = goals.eased([ease(kept.start > 0), ease(kept.end < frames)]);
+    let goals = match kept.start {
+        0 => goals,
+        start => Goals::anything().then(start, goals),
+    };
+    match kept.end {
+        end if end < frames => goals.then(end, Goals::anything()),
+        _ => goals,
+    }
 }
 
 /// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer.
@@ -247,8 +280,11 @@ pub(crate) fn assign_to_group(
     let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
     guidance.loss_terms = terms.cloned().collect();
     guidance.check()?;
-    check_continuation(request, model.window())?;
+    let (start, end) = known_frames(request, model.window())?;
     let is_looped = request.is_looped;
+    if is_looped && (start.is_some() || !end.is_empty()) {
+        return Err(RequestError::LoopOfNeighbours);
+    }
     if is_looped && model.window().is_some() {
         return Err(RequestError::LoopOfWindows);
     }
@@ -281,14 +317,27 @@ pub(crate) fn assign_to_group(
         segments.push(job_segment);
         goals.push(segment_goals);
     }
-    let frames = segments.iter().map(|segment| segment.frames).sum();
-    if frames > Request::LONGEST_MOTION {
-        return Err(RequestError::LongMotion { found: frames });
+    let requested: usize = segments.iter().map(|segment| segment.frames).sum();
+    if requested > Request::LONGEST_MOTION {
+        return Err(RequestError::LongMotion { found: requested });
     }
-    let goals = joined_goals(goals, &segments);
+    // Networks with windows do not make the known frames again.
+    let before = match model.window() {
+        Some(_) => 0,
+        None => start.as_ref().map_or(0, |start| start.features.len()),
+    };
+    let kept = before..before + requested;
+    let frames = kept.end + end.len();
+    let requested_goals = joined_goals(goals, &segments);
+    let goals = { requested_goals.clone() }.map(|goals| goals_of_kept(goals, &kept, frames));
     let tiling = (model.window().is_none() && !is_looped).then(|| {
-        let frames: Vec<usize> = segments.iter().map(|segment| segment.frames).collect();
-        Tiling::new(&frames, *lengths.end())
+        let mut lengths_of_tiles: Vec<usize> =
+            segments.iter().map(|segment| segment.frames).collect();
+        lengths_of_tiles[0] += before;
+        if let Some(last) = lengths_of_tiles.last_mut() {
+            *last += end.len();
+        }
+        Tiling::new(&lengths_of_tiles, *lengths.end())
     });
     let tiling = tiling.filter(|tiling| !tiling.is_whole());
     let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
@@ -296,10 +345,13 @@ pub(crate) fn assign_to_group(
         request: index,
         segments,
         tiling,
-        prefix: request.prefix.clone(),
+        start,
+        end,
         frames,
+        kept,
         seed: request.seed,
         goals,
+        requested_goals,
         root_motion: request.root_motion,
     };
     let has_same_options = |group: &&mut JobGroup| {

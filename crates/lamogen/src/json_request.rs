@@ -10,6 +10,7 @@ use lamogen_motion::RootMotion;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::neighbour_files::Neighbours;
 use crate::request::Request;
 use crate::requested_goals::RequestedGoals;
 
@@ -51,6 +52,12 @@ pub struct JsonRequest {
     /// What comes next in the same motion: objects with a sentence, a length and goals.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub then: Vec<JsonRequest>,
+    /// The path of a motion file to go on from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after: Option<PathBuf>,
+    /// The path of a motion file to lead to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before: Option<PathBuf>,
     /// The seed of the start noise; 0 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
@@ -92,9 +99,9 @@ pub enum JsonRequestError {
     #[error("{reason}")]
     #[allow(missing_docs)]
     Invalid { reason: String },
-    /// The motion file to be like cannot be read.
+    /// A motion file to be like, to go on from or to lead to cannot be read.
     #[error(transparent)]
-    Like(#[from] ReadError),
+    Motion(#[from] ReadError),
 }
 
 /// Makes the error of an object that is not valid.
@@ -160,6 +167,8 @@ impl JsonRequest {
         let plain = JsonRequest {
             id: None,
             then: Vec::new(),
+            after: None,
+            before: None,
             seed: None,
             steps: None,
             preset: None,
@@ -250,6 +259,16 @@ impl JsonRequest {
             .collect()
     }
 
+    /// Reads the motions before and after this one, if the object names any.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read.
+    pub fn neighbours(&self) -> Result<Neighbours, JsonRequestError> {
+        let neighbours = Neighbours::read(self.after.as_deref(), self.before.as_deref());
+        neighbours.map_err(JsonRequestError::Motion)
+    }
+
     /// Makes the request. `preset` is that of the model ([`LaMoGen::preset`](crate::LaMoGen::preset)) and holds where the
     /// object states none. Motion files to be like are read here.
     ///
@@ -257,11 +276,12 @@ impl JsonRequest {
     ///
     /// If a motion file cannot be read, or goals are not valid, which [`parse`](Self::parse) has checked.
     pub fn request(&self, preset: Preset, device: &Device) -> Result<Request, JsonRequestError> {
-        Ok(self.request_with(&self.goals(device)?, preset))
+        let request = self.request_with(&self.goals(device)?, preset);
+        Ok(self.neighbours()?.apply(request))
     }
 
     /// Makes the request with other goals than those that the object states, one entry for each sentence; sentences past the
-    /// last entry have none. `preset` is as in [`request`](Self::request).
+    /// last entry have none. `preset` is as in [`request`](Self::request). The [motions before and after](Self::neighbours) are not set.
     pub fn request_with(&self, goals: &[Option<Goals>], preset: Preset) -> Request {
         let mut sentences = self
             .sentences()

@@ -55,8 +55,11 @@ mod generation;
 mod groups;
 #[cfg(feature = "json")]
 mod json_request;
+mod kept;
 mod licence;
 mod load;
+mod neighbour_files;
+mod neighbours;
 mod request;
 #[cfg(feature = "json")]
 mod requested_goals;
@@ -74,6 +77,7 @@ pub use generation::{
 #[cfg(feature = "json")]
 pub use json_request::{JsonRequest, JsonRequestError};
 pub use licence::Licence;
+pub use neighbour_files::Neighbours;
 pub use request::{Length, Request};
 #[cfg(feature = "json")]
 pub use requested_goals::RequestedGoals;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
-use lamogen_motion::{FRAMES_PER_SECOND, Motion, POSE_FEATURES, RootMotion, encode_every_frame};
+use lamogen_motion::{FRAMES_PER_SECOND, Motion, RootMotion};
 
 use crate::error::RequestError;
 
@@ -44,8 +44,10 @@ pub struct Request {
     pub(crate) root_motion: RootMotion,
     /// The requests that follow this one in the same motion, which have none of their own.
     pub(crate) following: Vec<Request>,
-    /// The pose features of the frames before the motion.
-    pub(crate) prefix: Option<Arc<[[f32; POSE_FEATURES]]>>,
+    /// The motion that this one continues.
+    pub(crate) after: Option<Arc<Motion>>,
+    /// The motion that this one leads to.
+    pub(crate) before: Option<Arc<Motion>>,
 }
 
 impl Request {
@@ -72,7 +74,8 @@ impl Request {
             is_looped: false,
             root_motion: RootMotion::default(),
             following: Vec::new(),
-            prefix: None,
+            after: None,
+            before: None,
         }
     }
 
@@ -226,15 +229,24 @@ impl Request {
         self
     }
 
-    /// Sets the motion whose last frames this motion continues, for a model that makes a motion a window at a time. Without
-    /// it such a model continues a body that stands still.
+    /// Sets the motion that this one continues. The first frame follows the last one of that motion, in pose and velocity and,
+    /// unless the body is [`Body::Network`](lamogen_guide::Body::Network), where it stands there and facing as it does. The network
+    /// sees the last second; a model that makes a motion a window at a time sees as many frames as it has learnt to, and without
+    /// a motion to continue it continues a body that stands still.
+    ///
+    /// That motion may be of any body; it is continued by the body of all generated motions, on a ground at height 0.
     pub fn after(self, motion: &Motion) -> Self {
-        let features = match motion.features() {
-            Some(features) => features.to_vec(),
-            None => encode_every_frame(motion.joints()),
-        };
         Request {
-            prefix: Some(features.into()),
+            after: Some(Arc::new(motion.clone())),
+            ..self
+        }
+    }
+
+    /// Sets the motion that this one leads to: its first frame follows the last one of this motion, in pose and velocity. With
+    /// [`after`](Self::after), the motion goes from the one to the other. Where the body ends is not decided by this.
+    pub fn before(self, motion: &Motion) -> Self {
+        Request {
+            before: Some(Arc::new(motion.clone())),
             ..self
         }
     }
@@ -269,23 +281,15 @@ impl Request {
 
     /// Returns whether the request states nothing but a sentence, a length and goals.
     pub(crate) fn is_segment(&self) -> bool {
-        let Request {
-            prompt,
-            length,
-            tags,
-            goals,
-            parts,
-            ..
-        } = self;
-        let plain = Request {
-            prompt: prompt.clone(),
-            length: *length,
-            tags: tags.clone(),
-            goals: goals.clone(),
-            parts: parts.clone(),
-            ..Request::new("")
+        let others = Request {
+            prompt: String::new(),
+            length: Request::new("").length,
+            tags: Vec::new(),
+            goals: None,
+            parts: Vec::new(),
+            ..self.clone()
         };
-        *self == plain
+        others == Request::new("")
     }
 }
 

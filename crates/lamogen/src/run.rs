@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, LabanComparison,
-    Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
+    Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, KnownFrames,
+    LabanComparison, Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
-use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch};
+use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch, Tokens};
 use lamogen_motion::{Motion, MotionError, Rotations, close_path};
 
 use crate::error::{
@@ -18,6 +18,7 @@ use crate::generation::{
     GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban, TermValues,
 };
 use crate::groups::{GenerationJob, JobGroup};
+use crate::kept::KeptFrames;
 use crate::licence::Licence;
 use crate::request::Request;
 use crate::standing::standing;
@@ -59,12 +60,20 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let lengths = self.group.is_looped.then(|| self.lengths());
         let network = Looped::new(&network, lengths.as_deref());
         let tiling = self.group.jobs.iter().find_map(|job| job.tiling.as_ref());
-        let network = Tiled::new(&network, tiling);
+        let whole_network = &network;
+        let network = Tiled::new(whole_network, tiling);
         let batch = self.batch(&network);
         let sampler = Sampler::new(&network, normalization, self.group.steps)
             .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
             .map_err(|error| self.interrupted(error, &[]))?
             .with_loops(self.group.is_looped);
+        let batch = match batch.known.clone() {
+            Some(known) => Batch {
+                known: Some(self.with_noise(known, whole_network, &wordless)?),
+                ..batch
+            },
+            None => batch,
+        };
         let baseline = sampler
             .baseline(&batch, &mut observer)
             .map_err(|error| self.interrupted(error, &[]))?;
@@ -74,13 +83,14 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let embedding = batch.prompt.embedding.clone();
         let mut fitter = BodyFitter {
             run: self,
-            rig: Rig::new(&self.group.guidance, &network.device()),
+            rig: Rig::new(&self.group.guidance, &network.device()).with_start(self.held_frames()),
             embedding: &embedding,
             observer,
         };
         let baselines = fitter.baselines(&network_baselines, &baseline)?;
         if !self.group.is_guided {
-            return Ok(self.text_alone(baselines, network_baselines));
+            let generations = self.text_alone(baselines, network_baselines);
+            return Ok(self.kept(generations));
         }
         let jobs = self.group.jobs.iter();
         let goals: Vec<Goals> = { jobs }
@@ -128,7 +138,27 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             };
             (job.request, generation)
         });
-        Ok(generations.collect())
+        Ok(self.kept(generations.collect()))
+    }
+
+    /// Removes the known frames before and after the motions.
+    fn kept(&self, generations: Vec<(usize, Generation)>) -> Vec<(usize, Generation)> {
+        let device = self.model.network.device();
+        let jobs = generations.into_iter().zip(&self.group.jobs);
+        jobs.map(|((request, generation), job)| {
+            let frames = KeptFrames {
+                frames: &job.kept,
+                goals: job.requested_goals.clone().unwrap_or_default(),
+                start: job.start.as_ref(),
+                options: &self.group.guidance.laban,
+                device: &device,
+            };
+            match job.kept == (0..job.frames) {
+                true => (request, generation),
+                false => (request, frames.of(generation)),
+            }
+        })
+        .collect()
     }
 
     /// Returns the words of a request's sentences that occur in no caption that the model was trained on.
@@ -244,7 +274,62 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 }
             },
             continuation: { network.window() }.map(|window| self.continuation(network, window)),
+            known: self.known_frames(),
         }
+    }
+
+    /// Returns the frames of a motion that are known before it is generated, if there are any. Such a motion runs alone.
+    fn known_frames(&self) -> Option<KnownFrames> {
+        let job = self
+            .group
+            .jobs
+            .first()
+            .filter(|job| job.kept != (0..job.frames))?;
+        let start = job.start.as_ref().map_or(&[][..], |start| &start.features);
+        Some(KnownFrames::new(
+            job.frames,
+            start,
+            &job.end,
+            &self.model.normalization,
+            &self.model.network.device(),
+        ))
+    }
+
+    /// Adds to known frames the noise that the network makes them of, for a text without words.
+    fn with_noise<N: Denoiser>(
+        &self,
+        known: KnownFrames,
+        network: &N,
+        wordless: &Tokens,
+    ) -> Result<KnownFrames, Error> {
+        let LaMoGen {
+            normalization,
+            temporal_smoothing,
+            ..
+        } = self.model;
+        let sampler = Sampler::new(network, normalization, self.group.steps)
+            .and_then(|sampler| sampler.with_temporal_smoothing(*temporal_smoothing))
+            .map_err(|error| self.interrupted(error, &[]))?;
+        let device = self.model.network.device();
+        let noisy = known.clips().map(|clip| {
+            let clip = clip?;
+            let batch = Batch {
+                prompt: network.encode(&TokenBatch::new([wordless], &device)),
+                noise: clip.zeros_like(),
+                lengths: vec![clip.dims()[1]],
+                step_noise: None,
+                continuation: None,
+                known: None,
+            };
+            Some(sampler.invert(&batch, &clip))
+        });
+        Ok(known.with_noise(noisy))
+    }
+
+    /// Returns the frames that a body's fit leaves as they are.
+    fn held_frames(&self) -> Option<Rotations> {
+        let job = self.group.jobs.first().filter(|job| job.kept.start > 0)?;
+        job.start.as_ref().map(|start| start.rotations.clone())
     }
 
     /// Encodes the sentences of further windows and the frames that the motions continue.
@@ -266,8 +351,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             let tokens = jobs.iter().map(|job| job.tokens_at(middle));
             network.encode(&TokenBatch::new(tokens, &device))
         });
-        let prefixes = jobs.iter().flat_map(|job| match &job.prefix {
-            Some(features) => features[features.len() - window.prefix..].to_vec(),
+        let prefixes = jobs.iter().flat_map(|job| match &job.start {
+            Some(start) => start.features.clone(),
             None => standing(window.prefix),
         });
         let prefixes: Vec<f32> = prefixes.flatten().collect();

@@ -147,6 +147,7 @@ impl Network {
             lengths: case.lengths()?,
             step_noise: None,
             continuation: None,
+            known: None,
         })
     }
 
@@ -197,6 +198,7 @@ impl Network {
             lengths: case.lengths()?,
             step_noise: None,
             continuation: None,
+            known: None,
         };
         let size = batch.lengths.len();
         let scales = vec![case.scale()?.into(); size];

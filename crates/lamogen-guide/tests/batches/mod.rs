@@ -22,5 +22,6 @@ pub fn batch(lengths: &[usize], frames: usize) -> Batch<()> {
         lengths: lengths.to_vec(),
         step_noise: None,
         continuation: None,
+        known: None,
     }
 }

@@ -10,6 +10,8 @@ pub use rest::RestPose;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 
 use crate::motion::{FRAMES_PER_SECOND, Motion};
@@ -134,6 +136,20 @@ impl Rotations {
     /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.root.len()
+    }
+
+    /// Returns some of the frames, which are no loop.
+    ///
+    /// # Panics
+    ///
+    /// If the range is empty or reaches beyond the last frame.
+    pub fn between(&self, frames: Range<usize>) -> Rotations {
+        Rotations::new(
+            self.rest.clone(),
+            self.root[frames.clone()].to_vec(),
+            self.local[frames].to_vec(),
+            self.frames_per_second,
+        )
     }
 
     /// Returns the frame rate in frames a second: 20, unless the rotations were made or

@@ -68,14 +68,14 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     };
     let mut checksums = HashMap::new();
     for item in &mut items {
-        item.compute_like_checksums(&mut checksums);
+        item.compute_checksums(&mut checksums);
     }
     if options.merge {
         return runner.report_missing(&items);
     }
     let (finished, mut pending): (Vec<BatchItem>, Vec<BatchItem>) =
         { items.into_iter() }.partition(|item| runner.missing_part(item).is_none());
-    runner.resolve_goals(&mut pending)?;
+    runner.read_files(&mut pending)?;
     runner.check(&pending)?;
 
     let start = Instant::now();
@@ -248,6 +248,9 @@ impl BatchRunner<'_> {
             "gif_width": writing.gif_width,
             "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
         });
+        if let Some(checksums) = item.neighbour_checksums() {
+            identity["neighbours"] = json!(checksums);
+        }
         let method = self.source.model.sampling_method();
         if method != self.source.model.network().sampling_method() {
             identity["sampler"] = method.name().into();
@@ -347,10 +350,10 @@ impl BatchRunner<'_> {
     }
 
     /// Resolves the goals of all items, before anything is generated.
-    fn resolve_goals(&self, items: &mut [BatchItem]) -> Result<(), Failure> {
+    fn read_files(&self, items: &mut [BatchItem]) -> Result<(), Failure> {
         let device = self.source.device();
         let wrong = items.iter_mut().filter_map(|item| {
-            let reason = item.resolve_goals(&device).err()?;
+            let reason = item.read_files(&device).err()?;
             Some((item.number, reason))
         });
         reject_lines(requests_name(self.options), wrong.collect())
@@ -403,7 +406,7 @@ impl BatchRunner<'_> {
         );
         facts.insert("id".into(), item.id.as_str().into());
         facts.insert("batch".into(), self.identity(item));
-        let scene = Scene::from_generation(&item.line.prompt, generation, facts);
+        let scene = Scene::from_generation(generation, facts);
         // The JSON file marks the motion as finished, so it is written last. An old one from a run with other options
         // is removed first, since it would mark the motion as finished while its files are being written.
         let record = self.output(item, OutputFormat::Json).path;

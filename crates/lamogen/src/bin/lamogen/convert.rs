@@ -62,6 +62,7 @@ fn clean_feet(motion: &Motion, bar: &ProgressBar) -> Result<Motion, Failure> {
         motion,
         body: &RestPose::of(motion),
         ground: ground(motion),
+        start: None,
     };
     let mut fitted = FitOptions::default().run(&[input], None, &mut |progress| {
         bar.set_length(progress.total as u64);

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lamogen::{Generation, Request};
+use lamogen::{Generation, Neighbours, Request};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::{BodyName, GenerateArguments, PassArguments, PresetName};
@@ -10,7 +10,7 @@ use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
 use crate::output::{OutputFile, OutputFormat};
 use crate::report;
-use crate::scene::Scene;
+use crate::scene::{Scene, seconds};
 use crate::source::ModelSource;
 
 /// Runs `lamogen generate`.
@@ -35,6 +35,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     if options.pass.emphasis.is_some() && !has_goals {
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
+    let neighbours = Neighbours::read(options.after.as_deref(), options.before.as_deref())?;
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
@@ -43,6 +44,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
                 .seed(seed)
                 .root_motion(options.writing.root_motion());
             let request = following.iter().cloned().fold(request, Request::then);
+            let request = neighbours.apply(request);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),
@@ -105,7 +107,7 @@ impl Sample<'_> {
             &options.pass,
             source,
         );
-        let scene = Scene::from_generation(&options.prompt, generation, facts);
+        let scene = Scene::from_generation(generation, facts);
         for output in self.outputs {
             output.write(&scene, &options.writing, console)?;
         }
@@ -178,7 +180,18 @@ pub fn generation_facts(
         "root_motion": generation.guided.root_motion().name(),
         "loss": generation.loss,
     });
-    facts.as_object().cloned().unwrap_or_default()
+    let mut facts = facts.as_object().cloned().unwrap_or_default();
+    if generation.sentences.len() > 1 {
+        let sentences = generation.sentences.iter().map(|sentence| {
+            json!({
+                "prompt": sentence.prompt,
+                "from": seconds(sentence.frames.start),
+                "until": seconds(sentence.frames.end),
+            })
+        });
+        facts.insert("sentences".into(), sentences.collect());
+    }
+    facts
 }
 
 /// Formats the measurements of a motion and the names of its files.

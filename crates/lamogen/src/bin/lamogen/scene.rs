@@ -82,11 +82,10 @@ const COLOURS: [[u8; 3]; 4] = [[194, 65, 12], [107, 114, 128], [3, 105, 161], [2
 
 impl Scene {
     /// Makes a scene of a generated motion. If it was guided, the baseline comes before it.
-    pub fn from_generation(
-        title: &str,
-        generation: Generation,
-        facts: Map<String, Value>,
-    ) -> Scene {
+    pub fn from_generation(generation: Generation, facts: Map<String, Value>) -> Scene {
+        let sentences = generation.sentences.iter();
+        let sentences: Vec<&str> = sentences.map(|sentence| &sentence.prompt[..]).collect();
+        let title = sentences.join(", then ");
         let scale = generation.goals.to_string();
         let is_guided = !generation.loss.is_empty();
         let text_alone = "text alone".to_owned();
@@ -103,7 +102,7 @@ impl Scene {
         let notes = [is_guided.then_some(scale), seed];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
         Scene {
-            title: title.to_owned(),
+            title,
             notes: notes.join(", "),
             motions: if is_guided {
                 vec![baseline, guided]

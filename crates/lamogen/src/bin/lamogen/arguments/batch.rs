@@ -11,6 +11,7 @@ use crate::output::OutputFormat;
 pub const AFTER_HELP: &str = "\
 Every line of the file is a request as JSON, with fields that mean what they mean to lamogen generate:
   {\"prompt\": \"a person jumps\", \"weight\": \"strong\", \"time\": 1.2, \"seconds\": 4, \"seed\": 7, \"id\": \"jump\"}
+  {\"prompt\": \"a person walks\", \"then\": [{\"prompt\": \"a person jumps\", \"seconds\": 2, \"weight\": \"strong\"}], \"after\": \"walk.bvh\"}
 Only the prompt must be there. A motion's files are named by its id (letters A to Z and a to z, digits, - _ and .), or by its \
 line's number.
 

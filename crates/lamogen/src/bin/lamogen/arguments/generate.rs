@@ -46,6 +46,12 @@ pub struct GenerateArguments {
     /// pieces that overlap.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f32,
+    /// A motion file to go on from: the first frame follows its last one, where and as the body stands there.
+    #[arg(long, value_name = "FILE")]
+    pub after: Option<PathBuf>,
+    /// A motion file to lead to: its first frame follows the last one of this motion. With --after, what lies between.
+    #[arg(long, value_name = "FILE")]
+    pub before: Option<PathBuf>,
     /// Seed of the start noise: the same seed gives the same motion.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

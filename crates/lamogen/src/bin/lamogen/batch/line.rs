@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use lamogen::{Device, Goals, JsonRequest, Preset, Request, RootMotion};
+use lamogen::{Device, Goals, JsonRequest, Neighbours, Preset, Request, RootMotion};
 use lamogen_data::Checksum;
 use serde_json::Value;
 
@@ -17,8 +17,12 @@ pub struct BatchItem {
     /// The name of the output files.
     pub id: String,
     pub line: JsonRequest,
-    /// The goals of each sentence, after [`BatchItem::resolve_goals`].
+    /// The goals of each sentence, after [`BatchItem::read_files`].
     goals: Vec<Option<Goals>>,
+    /// The motions before and after, once they are read with the goals.
+    neighbours: Neighbours,
+    /// The checksums of the motion files before and after.
+    neighbour_checksums: [Option<String>; 2],
     /// The checksum of the motion file that has the Laban features to reach, for each sentence.
     like_checksums: Vec<Option<String>>,
 }
@@ -72,6 +76,8 @@ fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
         id: { line.id.clone() }.unwrap_or_else(|| format!("line-{number:05}")),
         line,
         goals: Vec::new(),
+        neighbours: Neighbours::default(),
+        neighbour_checksums: [None, None],
         like_checksums: Vec::new(),
     })
 }
@@ -84,24 +90,33 @@ pub fn file_checksum(path: &Path) -> Option<String> {
 }
 
 impl BatchItem {
-    /// Combines the goals of the sentences, and reads the motion files with the features to reach, if the request names
-    /// any.
-    pub fn resolve_goals(&mut self, device: &Device) -> Result<(), String> {
+    /// Combines the goals of the sentences, and reads the motion files that the request names: with features to reach, to go on
+    /// from, to lead to.
+    pub fn read_files(&mut self, device: &Device) -> Result<(), String> {
         let goals = self.line.goals(device);
         self.goals = goals.map_err(|error| error.to_string())?;
+        let neighbours = self.line.neighbours();
+        self.neighbours = neighbours.map_err(|error| error.to_string())?;
         Ok(())
     }
 
-    /// Computes the checksums of the motion files with the features to reach, as far as there are any that can be read. A
+    /// Computes the checksums of the motion files that the request names, as far as they can be read. A
     /// motion counts as finished only while they stay the same. `checksums` has those of the files that were read before.
-    pub fn compute_like_checksums(&mut self, checksums: &mut HashMap<PathBuf, Option<String>>) {
-        let sentences = self.line.sentences();
-        let files = sentences.map(|sentence| {
-            let path = sentence.like.as_ref()?;
+    pub fn compute_checksums(&mut self, checksums: &mut HashMap<PathBuf, Option<String>>) {
+        let mut checksum = |path: &Option<PathBuf>| {
+            let path = path.as_ref()?;
             let checksum = { checksums.entry(path.clone()) }.or_insert_with(|| file_checksum(path));
             checksum.clone()
-        });
-        self.like_checksums = files.collect();
+        };
+        let sentences = self.line.sentences();
+        self.like_checksums = sentences.map(|sentence| checksum(&sentence.like)).collect();
+        self.neighbour_checksums = [&self.line.after, &self.line.before].map(checksum);
+    }
+
+    /// Returns the checksums of the motion files to go on from and to lead to; `None` if the request names none.
+    pub fn neighbour_checksums(&self) -> Option<&[Option<String>; 2]> {
+        let has_any = self.line.after.is_some() || self.line.before.is_some();
+        has_any.then_some(&self.neighbour_checksums)
     }
 
     /// Returns the checksum of the motion file with the features to reach, or null if there is no such file; for several
@@ -114,7 +129,7 @@ impl BatchItem {
         }
     }
 
-    /// Whether the request has goals; known after [`BatchItem::resolve_goals`].
+    /// Whether the request has goals; known after [`BatchItem::read_files`].
     pub fn is_guided(&self) -> bool {
         self.goals.iter().any(Option::is_some)
     }
@@ -154,7 +169,8 @@ impl BatchItem {
         line.emphasis = pass.emphasis;
         line.body = pass.body.map(BodyName::body);
         line.is_looped = Some(pass.is_looped);
-        line.request_with(&self.goals, preset)
+        self.neighbours
+            .apply(line.request_with(&self.goals, preset))
     }
 }
 
@@ -169,7 +185,7 @@ mod tests {
                     \"emphasis\": 3}\r\n";
         let (mut items, wrong) = parse_items(text, &["glb", "json"]);
         assert_eq!(wrong, []);
-        items[1].resolve_goals(&Device::flex()).unwrap();
+        items[1].read_files(&Device::flex()).unwrap();
         assert_eq!([&items[0].id[..], &items[1].id], ["line-00001", "w.1"]);
         assert_eq!(
             items[1].goals[0].as_ref().unwrap().to_string(),

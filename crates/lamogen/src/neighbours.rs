@@ -1,0 +1,184 @@
+//! The motions before and after a generated one.
+//!
+//! ```text
+//! clip ──on HumanML3D's body──▶ its last second ──▶ pose features: the first frames that the network sees
+//!                                              └──▶ rotations: the first frames of the body's fit
+//!                                              └──▶ where it stands at its end: where the new motion begins
+//! ```
+
+use lamogen_motion::{JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotations, encode};
+
+use crate::error::RequestError;
+
+/// The number of frames of a clip that a network without windows sees: one second.
+pub(crate) const KNOWN_FRAMES: usize = 20;
+
+/// The end of a motion that another one continues.
+#[derive(Clone, Debug)]
+pub(crate) struct KnownStart {
+    /// The pose features of the last frames.
+    pub(crate) features: Vec<[f32; POSE_FEATURES]>,
+    /// The rotations of the last frames, where these pose features are.
+    pub(crate) rotations: Rotations,
+    /// Where the clip stands at its end.
+    placement: Placement,
+}
+
+impl KnownStart {
+    /// Takes the last frames of a clip: so many, or as many as it has.
+    ///
+    /// # Errors
+    ///
+    /// If the clip has fewer than `least` frames.
+    pub(crate) fn of(
+        clip: &Motion,
+        frames: usize,
+        least: usize,
+    ) -> Result<KnownStart, RequestError> {
+        let (features, rotations) = features_on_body(clip, least)?;
+        let all = features.len();
+        let known = all - frames.min(all)..all;
+        let features = features[known.clone()].to_vec();
+        let rotations = rotations.between(known);
+        let last = |poses: Vec<[[f32; 3]; JOINTS]>| poses.last().map(Placement::of);
+        let own = last(rotations.joints());
+        let decoded = Motion::from_pose_features(features.clone())
+            .ok()
+            .and_then(|motion| last(motion.joints().to_vec()));
+        let (Some(own), Some(decoded), Some(placement)) =
+            (own, decoded, last(clip.joints().to_vec()))
+        else {
+            return Err(RequestError::Prefix {
+                expected: least,
+                found: clip.frames(),
+            });
+        };
+        Ok(KnownStart {
+            rotations: own.to(&decoded).of_rotations(&rotations),
+            features,
+            placement,
+        })
+    }
+
+    /// Moves a motion that goes on from these frames to where the clip stands at its end.
+    pub(crate) fn carry_on(&self, rotations: &Rotations) -> Rotations {
+        let last = self.rotations.joints().last().map(Placement::of);
+        let last = last.expect("there are known frames");
+        last.to(&self.placement).of_rotations(rotations)
+    }
+}
+
+/// Returns the pose features of the first frames of a clip: so many, or as many as it has.
+///
+/// # Errors
+///
+/// If the clip has fewer than 2 frames.
+pub(crate) fn known_end(
+    clip: &Motion,
+    frames: usize,
+) -> Result<Vec<[f32; POSE_FEATURES]>, RequestError> {
+    let (features, _) = features_on_body(clip, 2)?;
+    Ok(features[..frames.min(features.len())].to_vec())
+}
+
+/// Puts a clip on HumanML3D's body, with the ground at height 0 and the first pose at the origin, facing +Z. Returns its pose
+/// features, a row for each frame, and its rotations.
+fn features_on_body(
+    clip: &Motion,
+    least: usize,
+) -> Result<(Vec<[f32; POSE_FEATURES]>, Rotations), RequestError> {
+    if clip.frames() < least.max(2) {
+        return Err(RequestError::Prefix {
+            expected: least.max(2),
+            found: clip.frames(),
+        });
+    }
+    let body = RestPose::humanml3d();
+    let own = clip.rotations();
+    let rotations = match own.rest().leg() > 0.0 {
+        true => own.on(&body),
+        false => Rotations::on_body(clip, &body),
+    };
+    let rotations = rotations.between(0..rotations.frames());
+    let ground = Motion::from_rotations(rotations.clone())
+        .map(|motion| lamogen_body::ground(&motion))
+        .unwrap_or(0.0);
+    let root = rotations.root().iter();
+    let root = root.map(|[x, y, z]| [*x, (f64::from(*y) - ground) as f32, *z]);
+    let rotations = Rotations::new(
+        body,
+        root.collect(),
+        rotations.local().to_vec(),
+        rotations.frames_per_second(),
+    );
+    let first = Placement::of(&rotations.joints()[0]);
+    let rotations = first.to(&Placement::ORIGIN).of_rotations(&rotations);
+    let joints = rotations.joints();
+    // A row describes a step, and the heading of the first row is special, so the clip gets a frame more at each end.
+    let extrapolate = |from: &[[f32; 3]; JOINTS], to: &[[f32; 3]; JOINTS]| {
+        std::array::from_fn(|joint| {
+            std::array::from_fn(|axis| 2.0 * to[joint][axis] - from[joint][axis])
+        })
+    };
+    let count = joints.len();
+    let before = extrapolate(&joints[1], &joints[0]);
+    let after = extrapolate(&joints[count - 2], &joints[count - 1]);
+    let rows = encode(&[&[before], &joints[..], &[after]].concat());
+    Ok((rows[1..=count].to_vec(), rotations))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lamogen_motion::FRAMES_PER_SECOND;
+
+    /// A body that walks a curve on stiff legs.
+    fn clip(frames: usize) -> Motion {
+        let turn = |frame: usize| 2.0 + 0.05 * frame as f32;
+        let local = (0..frames).map(|frame| {
+            let mut pose = [[0.0, 0.0, 0.0, 1.0]; JOINTS];
+            let half = turn(frame) / 2.0;
+            pose[0] = [0.0, half.sin(), 0.0, half.cos()];
+            let swing = 0.5 * (0.2 * frame as f32).sin();
+            pose[16] = [0.0, 0.0, swing.sin(), swing.cos()];
+            pose
+        });
+        let root = (0..frames).map(|frame| [3.0 - 0.02 * frame as f32, 1.0, 0.03 * frame as f32]);
+        let rotations = Rotations::new(
+            RestPose::humanml3d(),
+            root.collect(),
+            local.collect(),
+            FRAMES_PER_SECOND,
+        );
+        Motion::from_rotations(rotations).unwrap()
+    }
+
+    #[test]
+    fn features_and_rotations_of_the_end_are_at_one_place() {
+        let clip = clip(50);
+        let start = KnownStart::of(&clip, 20, 2).unwrap();
+        let decoded = Motion::from_pose_features(start.features.clone()).unwrap();
+        let rigid = Motion::from_rotations(start.rotations.clone()).unwrap();
+        assert_eq!((decoded.frames(), rigid.frames()), (20, 20));
+        assert!(
+            decoded.distance(&rigid) < 2e-3,
+            "{}",
+            decoded.distance(&rigid)
+        );
+        // What goes on from there is where the clip ends, but for the height of the ground.
+        let back = Motion::from_rotations(start.carry_on(&start.rotations)).unwrap();
+        let (ends, own) = (clip.joints()[49], back.joints()[19]);
+        for (expected, found) in ends.iter().zip(own) {
+            assert!((expected[0] - found[0]).abs() < 1e-3);
+            assert!((expected[2] - found[2]).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn a_single_frame_continues_nothing() {
+        let message = KnownStart::of(&clip(1), 20, 2).unwrap_err().to_string();
+        assert!(message.contains("at least 2 frames") && message.contains("found 1"));
+        assert!(known_end(&clip(1), 20).is_err());
+        assert_eq!(known_end(&clip(30), 20).unwrap().len(), 20);
+    }
+}

@@ -1,0 +1,248 @@
+//! Motions of several sentences, long motions, and motions that go on from others.
+
+use lamogen::motion::Placement;
+use lamogen::{
+    BodyPart, Device, Generation, Joint, LaMoGen, LabanOptions, LabanSeries, Motion, PartScale,
+    Preset, Request, Tag,
+};
+
+fn model() -> LaMoGen {
+    LaMoGen::embedded(&Device::flex()).unwrap()
+}
+
+/// Returns the mean length over joints of the differences of an order of joint positions, in metres.
+fn differences(joints: &[[[f32; 3]; 22]], order: usize) -> Vec<f32> {
+    let mut rows: Vec<Vec<f32>> = { joints.iter() }
+        .map(|pose| pose.as_flattened().to_vec())
+        .collect();
+    for _ in 0..order {
+        let pairs = rows.windows(2);
+        rows = pairs
+            .map(|pair| pair[1].iter().zip(&pair[0]).map(|(b, a)| b - a).collect())
+            .collect();
+    }
+    let length = |point: &[f32]| point.iter().map(|x| x * x).sum::<f32>().sqrt();
+    { rows.iter() }
+        .map(|row| row.chunks_exact(3).map(length).sum::<f32>() / 22.0)
+        .collect()
+}
+
+/// Checks that the differences across a border are not larger than others of the motion.
+fn is_smooth_at(joints: &[[[f32; 3]; 22]], border: usize, tolerance: f32) {
+    for order in [1, 2, 3] {
+        let values = differences(joints, order);
+        let across = border - order..border;
+        let largest = values[across.clone()].iter().copied().fold(0.0, f32::max);
+        let others = [&values[..across.start], &values[across.end..]].concat();
+        let most = others.into_iter().fold(0.0, f32::max);
+        assert!(
+            largest <= tolerance * most,
+            "difference {order} at frame {border}: {largest}, at most {most} elsewhere"
+        );
+    }
+}
+
+/// Returns the ratios of the means of the components over some frames, after and before guidance.
+fn changes(generation: &Generation, frames: std::ops::Range<usize>) -> [f32; 4] {
+    let means = [&generation.baseline_laban, &generation.guided_laban]
+        .map(|series| series.known_means(frames.clone()));
+    std::array::from_fn(|component| means[1][component] / means[0][component])
+}
+
+#[test]
+fn each_sentence_has_its_length_and_its_words() {
+    let request = Request::new("a person walks forward")
+        .seconds(3.0)
+        .seed(3)
+        .then(Request::new("a person jumps").seconds(2.0).tag(Tag::Strong))
+        .then(
+            Request::new("a person walks forward")
+                .seconds(3.0)
+                .part(PartScale::new(BodyPart::Arms).tag(Tag::Light).unwrap()),
+        );
+    let generation = model().generate(&request).unwrap();
+    let motion = &generation.guided;
+    assert_eq!(motion.frames(), 160);
+    let sentences: Vec<_> = { generation.sentences.iter() }
+        .map(|sentence| (&sentence.prompt[..], sentence.frames.clone()))
+        .collect();
+    assert_eq!(
+        sentences,
+        [
+            ("a person walks forward", 0..60),
+            ("a person jumps", 60..100),
+            ("a person walks forward", 100..160)
+        ]
+    );
+    // What is reported is what a file has.
+    let device = Device::flex();
+    let own = Motion::from_joints(motion.joints().to_vec()).unwrap();
+    let own = LabanSeries::of(&own, &LabanOptions::default(), &device);
+    for (found, reported) in own.frames().iter().zip(generation.guided_laban.frames()) {
+        for (found, reported) in found.iter().zip(reported) {
+            assert!((found - reported).abs() < 1e-4 * reported.max(1.0));
+        }
+    }
+    let [walk, ..] = changes(&generation, 5..55);
+    let [jump, ..] = changes(&generation, 64..96);
+    assert!((walk - 1.0).abs() < 0.1, "{walk}");
+    assert!((jump / 1.5 - 1.0).abs() < 0.1, "{jump}");
+    // The arms, which only the third sentence speaks of.
+    let arms = { generation.parts.iter() }
+        .find(|part| part.end_effectors == *PartScale::new(BodyPart::Arms).end_effectors())
+        .unwrap();
+    let mean = |series: &LabanSeries| series.known_means(105..155)[0];
+    let arms = mean(&arms.guided) / mean(&arms.baseline);
+    assert!((arms / 0.5 - 1.0).abs() < 0.15, "{arms}");
+    for border in [60, 100] {
+        is_smooth_at(motion.joints(), border, 1.0);
+        is_smooth_at(generation.baseline.joints(), border, 1.0);
+    }
+    assert!(generation.goals.to_string().contains("from 3 s Weight 1.5"));
+    // The jump is where it was asked for: both feet are off the ground, and not while the body walks.
+    let lowest = |frame: usize| {
+        let feet = [Joint::LeftFoot, Joint::RightFoot];
+        feet.map(|foot| motion.position(frame, foot)[1])
+            .into_iter()
+            .fold(f32::INFINITY, f32::min)
+    };
+    let highest = |frames: std::ops::Range<usize>| frames.map(lowest).fold(0.0, f32::max);
+    assert!(highest(60..100) > 0.1 && highest(0..55) < 0.06);
+}
+
+#[test]
+fn a_motion_of_one_sentence_may_be_longer_than_the_networks_longest() {
+    let request = Request::new("a person walks forward").seconds(25.0).seed(1);
+    let motion = model().generate(&request).unwrap().baseline;
+    assert_eq!(motion.frames(), 500);
+    let [pelvis, end] = [0, 499].map(|frame| motion.position(frame, Joint::Pelvis));
+    assert!(
+        (end[0] - pelvis[0]).hypot(end[2] - pelvis[2]) > 8.0,
+        "{end:?}"
+    );
+    // A seed means one motion, and short motions are what they were.
+    let again = model().generate(&request).unwrap().baseline;
+    assert_eq!(motion, again);
+}
+
+#[test]
+fn a_motion_goes_on_where_another_ends() {
+    let model = model();
+    let walk = Request::new("a person walks forward").seconds(4.0).seed(1);
+    let walk = model.generate(&walk).unwrap().guided;
+    // The clip may stand and face anywhere.
+    let far = Placement::of(&walk.joints()[40]).to(&Placement::of(&walk.joints()[0]));
+    let walk = Motion::from_rotations(far.of_rotations(&walk.rotations())).unwrap();
+    for (sentence, seed) in [
+        ("a person walks forward", 2),
+        ("a person jumps", 3),
+        ("a person turns around", 4),
+    ] {
+        let request = Request::new(sentence).seconds(3.0).seed(seed).after(&walk);
+        let generation = model.generate(&request.tag(Tag::Strong)).unwrap();
+        for motion in [&generation.baseline, &generation.guided] {
+            assert_eq!(motion.frames(), 60);
+            let joints = [walk.joints(), motion.joints()].concat();
+            is_smooth_at(&joints, walk.frames(), 1.0);
+        }
+        // Goals set in within half a second.
+        let [change, ..] = changes(&generation, 12..60);
+        assert!((change / 1.5 - 1.0).abs() < 0.1, "{sentence}: {change}");
+        assert_eq!(generation.target.frames().len(), 60);
+    }
+}
+
+#[test]
+fn a_motion_leads_from_one_to_another() {
+    let model = model();
+    let clip = |sentence: &str| {
+        let request = Request::new(sentence).seconds(3.0).seed(1);
+        model.generate(&request).unwrap().baseline
+    };
+    let (walk, kick) = (clip("a person walks forward"), clip("a person kicks"));
+    let request = Request::new("a person walks forward")
+        .seconds(3.0)
+        .after(&walk);
+    let motion = model.generate(&request.before(&kick)).unwrap().baseline;
+    let from = [walk.joints(), motion.joints()].concat();
+    is_smooth_at(&from, walk.frames(), 1.2);
+    // The clip begins where the motion ends: it is moved there.
+    let steps = motion.frames();
+    let last = Placement::of(&motion.joints()[steps - 1]);
+    let moved = Placement::of(&kick.joints()[0])
+        .to(&last)
+        .of_rotations(&kick.rotations());
+    let relative =
+        |pose: &[[f32; 3]; 22]| pose.map(|[x, y, z]| [x - pose[0][0], y, z - pose[0][2]]);
+    let all = [motion.joints(), &moved.joints()].concat();
+    let all: Vec<_> = all.iter().map(relative).collect();
+    is_smooth_at(&all, steps, 1.2);
+}
+
+#[test]
+fn what_cannot_be_made_is_said() {
+    let model = model();
+    let walk = || Request::new("a person walks").seconds(3.0);
+    let jump = || Request::new("a person jumps");
+    let clip = model.generate(&walk()).unwrap().baseline;
+    let frame = Motion::from_joints(clip.joints()[..1].to_vec()).unwrap();
+    for (request, parts) in [
+        (
+            walk().then(jump().seconds(1.0)),
+            &["sentence 2", "40 to 72000 frames", "1 s"][..],
+        ),
+        (
+            walk().then(jump().seconds(f32::NAN)),
+            &["sentence 2", "NaN"],
+        ),
+        (walk().then(""), &["sentence 2", "empty"]),
+        (
+            walk().then(jump().seed(3)),
+            &["sentence 2", "belong to the first"],
+        ),
+        (
+            walk().then(jump().preset(Preset::Fast)),
+            &["sentence 2", "belong to the first"],
+        ),
+        (
+            walk().then(jump()).looped(true),
+            &["one sentence for a loop"],
+        ),
+        (
+            walk().after(&clip).looped(true),
+            &["loop without a motion before"],
+        ),
+        (walk().after(&frame), &["at least 2 frames", "found 1"]),
+        (walk().before(&frame), &["at least 2 frames", "found 1"]),
+        (walk().seconds(3601.0), &["72000 frames", "3601 s"]),
+        (
+            (0..30).fold(walk(), |all, _| all.then(jump().seconds(3000.0))),
+            &["an hour"],
+        ),
+    ] {
+        let error = model.generate(&request).unwrap_err().to_string();
+        for part in parts {
+            assert!(error.contains(part), "{error}: {part}");
+        }
+    }
+    let many = (0..9_999).fold(walk().frames(40), |all, _| all.then(jump().frames(40)));
+    let error = model.check(&many).unwrap_err().to_string();
+    assert!(error.contains("found 400000"), "{error}");
+}
+
+#[test]
+fn a_run_that_is_stopped_says_how_far_it_came() {
+    let model = model();
+    let request = Request::new("a person walks")
+        .then("a person jumps")
+        .tag(Tag::Strong);
+    let stopped = model.generate_with(&request, &mut |progress| match progress.done {
+        10 => std::ops::ControlFlow::Break(()),
+        _ => std::ops::ControlFlow::Continue(()),
+    });
+    let Err(lamogen::Error::Stopped(stopped)) = stopped else {
+        panic!("the run was stopped");
+    };
+    let prediction = stopped.partial.unfinished[0].prediction.as_ref();
+    assert_eq!(prediction.unwrap().frames(), 120);
+}
