@@ -5,10 +5,14 @@ use glam::{DQuat, DVec3};
 /// The part of its length to which a limb is stretched at most.
 pub(crate) const MAX_STRETCH: f64 = 0.9999;
 
+/// The distance of the middle joint from the line between the ends of a limb, in units of the first bone, from which on the limb
+/// itself says where it bends to.
+const CLEAR_BEND: f64 = 0.25;
+
 /// Bends a limb of two bones so that its end comes to a target. Returns the rotations of both bones in the world.
 ///
 /// The middle joint stays in the plane of the limb, turned with the line from its root to its end. If a pole is given, which is a
-/// direction, the middle joint leans to it by as much as the limb is bent more than before; so a straight limb bends to it.
+/// direction, a limb that is almost straight leans to it by as much as it is bent more than before.
 pub(crate) fn bend(
     [root, middle, end]: [DVec3; 3],
     target: DVec3,
@@ -34,7 +38,8 @@ pub(crate) fn bend(
     let mut across = swing * (first - old * first.dot(old));
     if let Some(pole) = pole {
         let pole = (pole - new * pole.dot(new)).normalize_or_zero();
-        across += pole * (out - across.length()).max(0.0);
+        let straightness = fade(across.length() / (CLEAR_BEND * upper));
+        across += straightness * pole * (out - across.length()).max(0.0);
     }
     let across = match across.length() > 1e-6 * upper {
         true => across.normalize(),

@@ -19,7 +19,8 @@ struct SourceArm {
     shoulder: DVec3,
     upper: DVec3,
     forearm: DVec3,
-    /// The angle of the upper arm about itself, in radians: 0 if the elbow bends forwards, and a quarter turn back if upwards.
+    /// The angle of the upper arm about itself in the T-pose, in radians: 0 if the elbow bends forwards, a quarter turn if
+    /// downwards, and one back if upwards.
     twist: f64,
 }
 
@@ -70,7 +71,7 @@ impl SourceArm {
                 false => damping = (damping * 4.0).min(1e3),
             }
         }
-        assert!(error(angles).length() < 0.01, "{target} {}", error(angles));
+        assert!(error(angles).length() < 0.05, "{target}");
         angles.to_array()
     }
 }
@@ -121,7 +122,7 @@ fn hands_to_hips() -> Motion {
             .clamp(0.0, 1.0);
         hanging.lerp(hips, part * part * (3.0 - 2.0 * part))
     };
-    motion_of_palms((0..56).map(palm), [0.4, -0.9, -1.4], 0.0)
+    motion_of_palms((0..56).map(palm), [0.2, -0.7, -1.3], FRAC_PI_2)
 }
 
 /// Returns a motion whose hands go to the temples, from frame 15 to 40, and back.
@@ -267,41 +268,85 @@ fn trunk_scale(file: &AnimatedFile, test: &TestCharacter) -> f64 {
     top.distance(hips) / source_top.distance(source_hips)
 }
 
+/// Returns where the left palm is relative to a place of the body, in units of the trunk of the motion's body: of the motion, and
+/// of a character without and with hands that touch. `joints` are those of which the place is the middle.
+fn palm_places(
+    motion: &Motion,
+    test: &TestCharacter,
+    files: [&AnimatedFile; 2],
+    joints: [(Joint, &str); 2],
+) -> [DVec3; 3] {
+    const FRAME: usize = 30;
+    let joint = |joint: Joint| DVec3::from(motion.position(FRAME, joint).map(f64::from));
+    let [elbow, wrist] = [Joint::LeftElbow, Joint::LeftWrist].map(joint);
+    let source = wrist + HAND_LENGTH * (wrist - elbow);
+    let [first, second] = joints.map(|(place, _)| joint(place));
+    let places = files.map(|file| {
+        let at = |(_, name): (Joint, &str)| file.position(FRAME, &format!("mixamorig:{name}"));
+        let origin = at(joints[0]).midpoint(at(joints[1]));
+        (palm(file, FRAME, "Left") - origin) / trunk_scale(file, test)
+    });
+    [source - first.midpoint(second), places[0], places[1]]
+}
+
 #[test]
-fn print_hips() {
+fn hands_on_the_hips_are_on_the_hips_of_every_body() {
     let folder = tempfile::tempdir().unwrap();
-    for (what, motion) in [("hips", hands_to_hips()), ("head", hands_to_head())] {
-        for (name, test) in bodies() {
-            let [free, placed] =
-                [false, true].map(|place| animated(&test, &motion, place, folder.path()));
-            let scale = trunk_scale(&free, &test);
-            let origin = |file: &AnimatedFile| {
-                let at = |name: &str| file.position(30, &format!("mixamorig:{name}"));
-                match what {
-                    "hips" => at("LeftUpLeg").midpoint(at("RightUpLeg")),
-                    _ => at("Head"),
-                }
-            };
-            let source_origin = {
-                let joint = |joint: Joint| DVec3::from(motion.position(30, joint).map(f64::from));
-                match what {
-                    "hips" => joint(Joint::LeftHip).midpoint(joint(Joint::RightHip)),
-                    _ => joint(Joint::Head),
-                }
-            };
-            let source = {
-                let [elbow, wrist] = [Joint::LeftElbow, Joint::LeftWrist]
-                    .map(|joint| DVec3::from(motion.position(30, joint).map(f64::from)));
-                wrist + HAND_LENGTH * (wrist - elbow) - source_origin
-            };
-            let at = |file: &AnimatedFile| (palm(file, 30, "Left") - origin(file)) / scale;
-            eprintln!(
-                "{what}: {name}: scale {scale:.2} source {source:.3} {:.3} before {:.3} after; largest step {:.1} cm before, {:.1} cm after",
-                at(&free),
-                at(&placed),
-                100.0 * largest_step(&free),
-                100.0 * largest_step(&placed),
-            );
+    let motion = hands_to_hips();
+    for (name, test) in bodies() {
+        let [free, placed] =
+            [false, true].map(|place| animated(&test, &motion, place, folder.path()));
+        let hips = [
+            (Joint::LeftHip, "LeftUpLeg"),
+            (Joint::RightHip, "RightUpLeg"),
+        ];
+        let [source, before, after] = palm_places(&motion, &test, [&free, &placed], hips);
+        eprintln!(
+            "hips: {name}: palm {:.2} beside and {:.2} above the hips in the motion, {:.2} and {:.2} before, {:.2} and {:.2} after; largest step {:.1} cm before, {:.1} cm after",
+            source.x,
+            source.y,
+            before.x,
+            before.y,
+            after.x,
+            after.y,
+            100.0 * largest_step(&free),
+            100.0 * largest_step(&placed),
+        );
+        // Arms that are too short come as near as they can.
+        let is_in_reach = test.sizes[2] >= test.sizes[1] && test.neck;
+        let [missed_before, missed] = [before, after].map(|place| (place.y - source.y).abs());
+        match is_in_reach {
+            true => assert!(missed < 0.06, "{name}: {after} in place of {source}"),
+            false => assert!(missed < missed_before + 0.01, "{name}"),
         }
+        assert!((0.13..0.3).contains(&after.x), "{name}: {after}");
+        assert!(largest_step(&placed) < 1.6 * largest_step(&free), "{name}");
+        // Where nothing touches, arms are as they are without.
+        for frame in (0..3).chain(placed.frames() - 3..placed.frames()) {
+            for node in placed.names() {
+                let [with, without] = [&placed, &free].map(|file| file.position(frame, node));
+                assert!(with.distance(without) < 1e-6, "{name}: {node}, {frame}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hands_at_the_head_come_nearer_to_their_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let motion = hands_to_head();
+    for (name, test) in bodies() {
+        let [free, placed] =
+            [false, true].map(|place| animated(&test, &motion, place, folder.path()));
+        let head = [(Joint::Head, "Head"); 2];
+        let [source, before, after] = palm_places(&motion, &test, [&free, &placed], head);
+        let [missed_before, missed] = [before, after].map(|place| place.distance(source));
+        eprintln!(
+            "head: {name}: {missed_before:.2} from its place before, {missed:.2} after; largest step {:.1} cm before, {:.1} cm after",
+            100.0 * largest_step(&free),
+            100.0 * largest_step(&placed),
+        );
+        assert!(missed < missed_before + 0.01, "{name}");
+        assert!(largest_step(&placed) < 1.6 * largest_step(&free), "{name}");
     }
 }
