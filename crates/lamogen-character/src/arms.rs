@@ -25,6 +25,10 @@ const MAX_WRIST_BEND: f64 = 60.0;
 /// The part of its length up to which an arm is stretched as far as its target asks. From there on it comes to its full length ever
 /// more slowly, because the elbow of an arm that becomes straight is fast.
 const FREE_STRETCH: f64 = 0.95;
+/// The part of its length to which an arm is shortened at most, as an elbow bends by about 150°.
+const MIN_STRETCH: f64 = 0.3;
+/// The angle in degrees by which the line from shoulder to wrist turns freely, and the one by which it turns at most.
+const MAX_SWING: [f64; 2] = [45.0, 75.0];
 /// How often the place of two hands between two bodies is moved into the reach of both arms.
 const REACH_STEPS: usize = 8;
 /// How often hands are placed, because a hand may touch the other arm, which moves as well.
@@ -82,32 +86,26 @@ pub(crate) fn place_hands(retargeter: &Retargeter<'_>, poses: &mut [CharacterPos
     };
     let parts = body_parts(retargeter);
     let lengths = [0, 1].map(|arm| source_hand_length(retargeter, arm));
-    let palms: Vec<[DVec3; 2]>;
     let joints = retargeter.rotations.joints();
-    let mut touches = Vec::with_capacity(poses.len());
-    {
-        let frames = joints.iter().enumerate().map(|(frame, positions)| {
+    let touches: Vec<Touches> = { joints.iter().enumerate() }
+        .map(|(frame, positions)| {
             let source = SourcePose {
                 positions: positions.map(|place| DVec3::from(place.map(f64::from))),
                 turns: retargeter.global_rotations(frame),
             };
             let palms = [0, 1].map(|arm| source_palm(retargeter, &source, arm, lengths[arm]));
-            touches.push(Touches {
+            Touches {
                 between: palms[1] - palms[0],
                 places: palms.map(|palm| {
-                    parts
-                        .iter()
-                        .map(|part| part.place_of(palm, &source))
-                        .collect()
+                    let places = parts.iter().map(|part| part.place_of(palm, &source));
+                    places.collect()
                 }),
                 source,
-            });
-            palms
-        });
-        palms = frames.collect();
-    }
+            }
+        })
+        .collect();
     let rate = f64::from(retargeter.rotations.frames_per_second());
-    let weights = touch_weights(&parts, &palms, &touches, rate);
+    let weights = touch_weights(&parts, &touches, rate);
     let hand_scale = { arms.iter().zip(lengths) }
         .map(|(arm, length)| arm.palm.length() / length)
         .sum::<f64>()
@@ -191,17 +189,12 @@ fn source_palm(retargeter: &Retargeter<'_>, pose: &SourcePose, arm: usize, lengt
 }
 
 /// Returns how much hands touch what at every frame.
-fn touch_weights(
-    parts: &[BodyPart],
-    palms: &[[DVec3; 2]],
-    touches: &[Touches],
-    rate: f64,
-) -> TouchWeights {
+fn touch_weights(parts: &[BodyPart], touches: &[Touches], rate: f64) -> TouchWeights {
     let reach = (BLEND_SECONDS / 2.0 * rate).round() as usize;
     let weight =
         |value: f64, [all, none]: [f64; 2]| fade(((value - all) / (none - all)).clamp(0.0, 1.0));
-    let hands: Vec<f64> = { palms.iter() }
-        .map(|[left, right]| weight(left.distance(*right), HAND_DISTANCES))
+    let hands: Vec<f64> = { touches.iter() }
+        .map(|touch| weight(touch.between.length(), HAND_DISTANCES))
         .collect();
     let parts = [0, 1].map(|hand| {
         let weights = parts.iter().enumerate().map(|(index, part)| {
@@ -304,17 +297,36 @@ fn bend_arm(arm: &ArmNodes, pose: &CharacterPose, target: DVec3, pole: DVec3) ->
     [bent[0], bent[1], hand]
 }
 
-/// Moves the target of a wrist towards the shoulder if the arm has to be stretched almost to its full length for it, or farther.
+/// Moves the target of a wrist to where the arm can bring it: neither to its full length at once, nor nearer to the shoulder than an
+/// elbow bends, nor to quite another direction.
 fn within_reach([shoulder, elbow, wrist]: [DVec3; 3], target: DVec3) -> DVec3 {
     let length = shoulder.distance(elbow) + elbow.distance(wrist);
-    let distance = target.distance(shoulder) / length;
-    let rest = MAX_STRETCH - FREE_STRETCH;
-    let excess = distance - FREE_STRETCH;
-    let stretched = match excess > 0.0 {
-        true => FREE_STRETCH + rest * (1.0 - (-excess / rest).exp()),
-        false => distance,
+    let free = wrist.distance(shoulder) / length;
+    let asked = target.distance(shoulder) / length;
+    // An arm that is as straight or as bent already need not change.
+    let stretched = soft_limit(asked, FREE_STRETCH, MAX_STRETCH)
+        .max(asked.min(free))
+        .max(free.min(MIN_STRETCH));
+    let directions = [wrist - shoulder, target - shoulder].map(DVec3::try_normalize);
+    let [Some(old), Some(new)] = directions else {
+        return wrist;
     };
-    // An arm that is straight already need not bend.
-    let stretched = stretched.max(distance.min(wrist.distance(shoulder) / length));
-    shoulder + (target - shoulder) * (stretched / distance.max(1e-9))
+    let angle = old.angle_between(new);
+    let [most, all] = MAX_SWING.map(f64::to_radians);
+    let direction = match old.cross(new).try_normalize() {
+        Some(axis) if angle > most => {
+            DQuat::from_axis_angle(axis, soft_limit(angle, most, all)) * old
+        }
+        _ => new,
+    };
+    shoulder + direction * (stretched * length)
+}
+
+/// Returns a value that is the same up to a first limit, and from there on comes ever more slowly to a second one.
+fn soft_limit(value: f64, first: f64, second: f64) -> f64 {
+    let rest = second - first;
+    match value > first {
+        true => first + rest * (1.0 - (-(value - first) / rest).exp()),
+        false => value,
+    }
 }
