@@ -1,6 +1,7 @@
 //! Development tasks of lamogen, as a library so that tests can run them too.
 
 pub mod bench;
+pub mod bodies;
 pub mod embed;
 pub mod judges;
 pub mod measure;

@@ -86,6 +86,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Draw one motion on characters of other proportions, the picture of docs/characters.md.
+    Bodies {
+        #[command(flatten)]
+        options: xtask::bodies::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Time one step of training on random motions; prints one JSON line.
     BenchTraining {
         #[command(flatten)]
@@ -169,6 +177,14 @@ fn main() -> ExitCode {
         Task::Strips { options, device } => {
             with_device(device, |device| {
                 match xtask::strips::run(&options, device) {
+                    Ok(()) => ExitCode::SUCCESS,
+                    Err(error) => fail(&*error),
+                }
+            })
+        }
+        Task::Bodies { options, device } => {
+            with_device(device, |device| {
+                match xtask::bodies::run(&options, device) {
                     Ok(()) => ExitCode::SUCCESS,
                     Err(error) => fail(&*error),
                 }

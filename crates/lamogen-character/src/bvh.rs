@@ -64,6 +64,8 @@ impl BvhDocument {
             world_rotation: turn,
             world_scale: scale,
             can_move: false,
+            is_turned: false,
+            is_moved: false,
         }];
         for (index, joint) in self.skeleton.joints.iter().enumerate() {
             let parent = joint.parent.map_or(0, |parent| parent + 1);
@@ -86,6 +88,8 @@ impl BvhDocument {
                 world_rotation: above.world_rotation * rotation,
                 world_scale: scale,
                 can_move: positions.count() == 3,
+                is_turned: false,
+                is_moved: false,
             });
         }
         nodes

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use lamogen_files::JointMapping;
 use lamogen_motion::{Joint, Motion, RootMotion};
 
+use crate::bind_pose::RestPoseNotice;
 use crate::bvh::BvhDocument;
 use crate::document::{AnimationData, Channel, GltfDocument};
 use crate::error::CharacterError;
@@ -30,6 +31,7 @@ use crate::skeleton::CharacterSkeleton;
 pub struct Character {
     document: CharacterDocument,
     skeleton: CharacterSkeleton,
+    rest_pose_notice: Option<RestPoseNotice>,
 }
 
 /// The file of a character.
@@ -79,8 +81,11 @@ pub struct CharacterAnimation {
     pub is_loop: bool,
     /// The bones that move.
     pub bones: Vec<BoneTrack>,
-    /// The pelvis.
+    /// The pelvis, or the node above it that carries the whole body.
     pub pelvis: PositionTrack,
+    /// The nodes that the file stores at other places than those of the rest pose, at which the animation holds them. There are
+    /// some only if the rest pose is that in which the mesh was bound.
+    pub held: Vec<PositionTrack>,
     /// The copyright notice of the motion.
     pub copyright: Option<String>,
 }
@@ -155,13 +160,24 @@ impl Character {
             }
             let document = BvhDocument::parse(&bytes, mapping, path)?;
             let skeleton = CharacterSkeleton::read_bvh(&document, mapping)?;
-            let document = CharacterDocument::Bvh(document);
-            return Ok(Character { document, skeleton });
+            return Ok(Character {
+                document: CharacterDocument::Bvh(document),
+                skeleton,
+                rest_pose_notice: None,
+            });
         }
         let document = GltfDocument::parse(bytes, path)?;
-        let skeleton = CharacterSkeleton::read(&document, mapping, root)?;
-        let document = CharacterDocument::Gltf(document);
-        Ok(Character { document, skeleton })
+        let (skeleton, rest_pose_notice) = CharacterSkeleton::read(&document, mapping, root)?;
+        Ok(Character {
+            document: CharacterDocument::Gltf(document),
+            skeleton,
+            rest_pose_notice,
+        })
+    }
+
+    /// Returns what is to be said about the rest pose; `None` if it is simply that of the nodes.
+    pub fn rest_pose_notice(&self) -> Option<&RestPoseNotice> {
+        self.rest_pose_notice.as_ref()
     }
 
     /// Returns the naming scheme of the skeleton: `VRM`, another known scheme, or `mapping file`.
@@ -236,12 +252,18 @@ impl Character {
                 bones.push(track(place, vec![rotation; poses.len()]));
             }
         }
-        let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
+        let pelvis = self.skeleton.carrier;
+        for (place, node) in nodes.iter().enumerate().filter(|(_, node)| node.is_turned) {
+            if bones.iter().all(|bone| bone.node != node.index) {
+                let rotation = node.rotation.as_quat().normalize().to_array();
+                bones.push(track(place, vec![rotation; poses.len()]));
+            }
+        }
         let root_motion = motion.root_motion();
         let root = self.root_node(root_motion)?;
         let path = match root_motion {
             RootMotion::Hips => vec![DVec3::ZERO; poses.len()],
-            _ => retargeted.ground_path(pelvis),
+            _ => retargeted.ground_path(self.skeleton.joint(Joint::Pelvis).expect("a pelvis")),
         };
         let start = match root_motion {
             RootMotion::None => path[0],
@@ -277,6 +299,12 @@ impl Character {
             });
             position_track(place, positions.collect())
         });
+        let moved = { 0..nodes.len() }.filter(|place| *place != pelvis && nodes[*place].is_moved);
+        let held = moved.map(|place| {
+            let position = nodes[place].translation.as_vec3().to_array();
+            position_track(place, vec![position; poses.len()])
+        });
+        let held = held.collect();
         Ok(CharacterAnimation {
             name: "motion".to_owned(),
             frames_per_second: retargeted.frames_per_second,
@@ -285,6 +313,7 @@ impl Character {
             is_loop: motion.loop_travel().is_some(),
             bones,
             pelvis: position_track(pelvis, pelvis_positions.collect()),
+            held,
             copyright: motion.copyright().map(str::to_owned),
         })
     }
@@ -304,7 +333,7 @@ impl Character {
             return Ok(None);
         }
         let nodes = &self.skeleton.nodes;
-        let pelvis = self.skeleton.joint(Joint::Pelvis).expect("a pelvis");
+        let pelvis = self.skeleton.carrier;
         match nodes[pelvis].parent {
             Some(parent) if nodes[parent].can_move => Ok(Some(parent)),
             _ => Err(CharacterError::Root {
@@ -408,7 +437,9 @@ fn animation_data(animation: &CharacterAnimation) -> AnimationData {
     let rate = animation.frames_per_second;
     let rotations =
         { animation.bones.iter() }.map(|bone| Channel::Rotation(bone.node, bone.rotations.clone()));
-    let moved = animation.root.iter().chain([&animation.pelvis]);
+    let moved = { animation.root.iter() }
+        .chain([&animation.pelvis])
+        .chain(&animation.held);
     let translations = moved.map(|track| Channel::Translation(track.node, track.positions.clone()));
     AnimationData {
         name: animation.name.clone(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use lamogen_files::glb::split_chunks;
+use lamogen_files::glb::{GlbError, split_chunks};
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
@@ -154,6 +154,18 @@ impl GltfDocument {
     /// Returns a part of the JSON.
     pub(crate) fn value(&self, name: &str) -> &Value {
         &self.value[name]
+    }
+
+    /// Returns the inverse bind matrices of every skin, column by column; `None` for a skin without them.
+    pub(crate) fn inverse_bind_matrices(&self) -> Result<Vec<Option<Vec<[f64; 16]>>>, String> {
+        let folder = self.path.parent();
+        lamogen_files::glb::inverse_bind_matrices(&self.bytes, &self.path, folder).map_err(
+            |error| match error {
+                // The path of the file is said elsewhere.
+                GlbError::Format { reason, .. } => reason,
+                error => error.to_string(),
+            },
+        )
     }
 
     /// Returns the names of the file's animations.
@@ -355,12 +367,14 @@ impl AnimationData {
                     )
                 }
                 Channel::Translation(node, values) => {
-                    let numbers = &mut values.as_flattened().iter().copied();
+                    let moves = values.iter().any(|value| *value != values[0]);
+                    let keyframes = if moves { count } else { 1 };
+                    let numbers = &mut values[..keyframes].as_flattened().iter().copied();
                     (
                         node,
                         "translation",
-                        count,
-                        add(numbers, "VEC3", count, None),
+                        keyframes,
+                        add(numbers, "VEC3", keyframes, None),
                     )
                 }
             };

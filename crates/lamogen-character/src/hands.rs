@@ -50,6 +50,16 @@ pub(crate) fn relaxed_fingers(skeleton: &CharacterSkeleton) -> Vec<(usize, DQuat
     bent
 }
 
+/// Returns the middle of the knuckles of a hand in the rest pose; `None` if the hand has fewer than two fingers.
+pub(crate) fn knuckles(skeleton: &CharacterSkeleton, hand: usize) -> Option<DVec3> {
+    let bones = FINGERS.iter().filter_map(|words| {
+        let first = *finger_bones(skeleton, hand, words).first()?;
+        Some(skeleton.nodes[first].world_position)
+    });
+    let places: Vec<DVec3> = bones.collect();
+    (places.len() >= 2).then(|| places.iter().sum::<DVec3>() / places.len() as f64)
+}
+
 /// Returns the bones of a finger, from the palm outwards.
 fn finger_bones(skeleton: &CharacterSkeleton, hand: usize, words: &[&str]) -> Vec<usize> {
     let is_named = |place: usize| {

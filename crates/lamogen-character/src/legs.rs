@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3};
 use lamogen_body::foot_contacts;
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
 
+use crate::ik::{MAX_STRETCH, bend, fade, smooth, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The joints of a leg: hip, knee, ankle and the ball of the foot.
@@ -24,8 +25,6 @@ const LEGS: [[Joint; 4]; 2] = [
 
 /// The time over which a foot is drawn to and from its place, in seconds.
 const BLEND_SECONDS: f64 = 0.25;
-/// The part of its length to which a leg is stretched at most.
-const MAX_STRETCH: f64 = 0.9999;
 /// The time over which the pelvis sinks for a foot that it is too high for, in seconds.
 const SINK_SECONDS: f64 = 0.2;
 
@@ -91,7 +90,7 @@ pub(crate) fn plant_feet(
             if (target - ankle).length() < 1e-9 && sinks[frame] > -1e-9 {
                 continue;
             }
-            let [thigh, shin] = bend([hip + sink, knee + sink, ankle + sink], target);
+            let [thigh, shin] = bend([hip + sink, knee + sink, ankle + sink], target, None);
             world[nodes.hip] = Some(thigh * pose.rotations[nodes.hip]);
             world[nodes.knee] = Some(shin * pose.rotations[nodes.knee]);
         }
@@ -198,20 +197,6 @@ fn smooth_heights(shifts: &mut [DVec3], poses: &[CharacterPose], rate: f64) {
     }
 }
 
-/// Returns a smooth curve that is nowhere below the values.
-fn soften(values: &[f64], reach: usize) -> Vec<f64> {
-    let around = |frame: usize| frame.saturating_sub(reach)..(frame + reach + 1).min(values.len());
-    let largest: Vec<f64> = (0..values.len())
-        .map(|frame| values[around(frame)].iter().copied().fold(0.0, f64::max))
-        .collect();
-    (0..values.len())
-        .map(|frame| {
-            let range = around(frame);
-            largest[range.clone()].iter().sum::<f64>() / range.len() as f64
-        })
-        .collect()
-}
-
 /// Returns how far the pelvis moves up at every frame, which is 0 or less: no leg has to be longer than it is.
 fn sinks(legs: &[(LegNodes, Vec<DVec3>)], poses: &[CharacterPose], rate: f64) -> Vec<f64> {
     let depths = poses.iter().enumerate().map(|(frame, pose)| {
@@ -238,46 +223,4 @@ fn sinks(legs: &[(LegNodes, Vec<DVec3>)], poses: &[CharacterPose], rate: f64) ->
         .into_iter()
         .map(|depth| -depth)
         .collect()
-}
-
-/// Returns 1 at 0, 0 from 1 on, and a smooth curve between.
-fn fade(distance: f64) -> f64 {
-    1.0 - smooth(distance.min(1.0))
-}
-
-/// Returns a curve from 0 to 1 that begins and ends level.
-fn smooth(part: f64) -> f64 {
-    part * part * (3.0 - 2.0 * part)
-}
-
-/// Bends a leg so that its ankle comes to a target. Returns the rotations of thigh and shin in the world.
-///
-/// The knee stays in the plane of hip, knee and ankle, turned with the line from hip to ankle.
-fn bend([hip, knee, ankle]: [DVec3; 3], target: DVec3) -> [DQuat; 2] {
-    let (thigh, shin) = (knee - hip, ankle - knee);
-    let (upper, lower) = (thigh.length(), shin.length());
-    let (Some(old), Some(new)) = (
-        (ankle - hip).try_normalize(),
-        (target - hip).try_normalize(),
-    ) else {
-        return [DQuat::IDENTITY; 2];
-    };
-    let swing = DQuat::from_rotation_arc(old, new);
-    let distance = (target - hip).length();
-    let distance = distance.clamp(
-        (upper - lower).abs() * 1.0001,
-        MAX_STRETCH * (upper + lower),
-    );
-    // The part of the thigh across the line from hip to ankle is the direction in which the knee bends.
-    let across = swing * (thigh - old * thigh.dot(old));
-    let across = match across.length() > 1e-6 * upper {
-        true => across.normalize(),
-        false => swing * old.any_orthonormal_vector(),
-    };
-    let along = (upper * upper - lower * lower + distance * distance) / (2.0 * distance);
-    let out = (upper * upper - along * along).max(0.0).sqrt();
-    let new_knee = hip + new * along + across * out;
-    let new_ankle = hip + new * distance;
-    let arc = |from: DVec3, to: DVec3| DQuat::from_rotation_arc(from.normalize(), to.normalize());
-    [arc(thigh, new_knee - hip), arc(shin, new_ankle - new_knee)]
 }

@@ -5,20 +5,25 @@
 //!                                   │
 //! Motion ──rotations relative to the rest pose, in the body's frame──▶ retarget ──▶ CharacterAnimation
 //!                                   │                                                    │
-//!                                   └── feet that stand: two-bone IK of the legs         ▼
+//!                                   └── feet that stand, hands that touch: two-bone IK      ▼
 //! hero_jump.glb ◀──the same file, byte for byte, and one more animation──────── Character::save
 //! ```
 
+mod arms;
+mod bind_pose;
+mod body_part;
 mod bvh;
 mod character;
 mod document;
 mod error;
 mod hands;
+mod ik;
 mod legs;
 mod retarget;
 mod skeleton;
 mod vrm;
 
+pub use bind_pose::RestPoseNotice;
 pub use character::{
     BoneTrack, Character, CharacterAnimation, CharacterOptions, PositionTrack, SaveOptions,
 };

@@ -6,8 +6,8 @@ use lamogen_motion::{
     FRAMES_PER_SECOND, JOINTS, Joint, Motion, Rotations, ground_path, loop_frame_rate,
 };
 
-use crate::legs;
 use crate::skeleton::CharacterSkeleton;
+use crate::{arms, legs};
 
 /// Options of retargeting.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,9 @@ pub struct RetargetOptions {
     /// Whether feet that stand in the motion are held in their place on the character, by bending its legs. The default
     /// is true.
     pub plant_feet: bool,
+    /// Whether hands that touch each other or the body in the motion do so on the character, by bending its arms. The default is
+    /// true.
+    pub place_hands: bool,
     /// Whether straight fingers are bent as those of a relaxed hand. The default is true.
     pub relax_hands: bool,
 }
@@ -26,6 +29,7 @@ impl Default for RetargetOptions {
         RetargetOptions {
             frames_per_second: 30.0,
             plant_feet: true,
+            place_hands: true,
             relax_hands: true,
         }
     }
@@ -123,11 +127,13 @@ pub(crate) fn retarget<'a>(
     let mut poses = retargeter.poses(&repeated, options);
     poses.truncate(2 * frames + 1);
     poses.drain(..frames);
-    let pelvis = skeleton.joint(Joint::Pelvis).expect("a pelvis");
-    // The second cycle is moved back to where the first one was. Nodes above the pelvis do not move.
+    // The second cycle is moved back to where the first one was. Nodes above the body do not move.
     for pose in &mut poses {
         for place in 0..skeleton.nodes.len() {
-            if skeleton.ancestors(place).any(|above| above == pelvis) {
+            if skeleton
+                .ancestors(place)
+                .any(|above| above == skeleton.carrier)
+            {
                 pose.positions[place] -= travel;
             }
         }
@@ -193,11 +199,14 @@ impl<'a> Retargeter<'a> {
         if options.plant_feet {
             legs::plant_feet(self, motion, &mut poses);
         }
+        if options.place_hands {
+            arms::place_hands(self, &mut poses);
+        }
         poses
     }
 
     /// Returns the rotations of the joints of the motion's body in the world.
-    fn global_rotations(&self, frame: usize) -> [DQuat; JOINTS] {
+    pub(crate) fn global_rotations(&self, frame: usize) -> [DQuat; JOINTS] {
         let local = &self.rotations.local()[frame];
         let mut global = [DQuat::IDENTITY; JOINTS];
         for joint in Joint::ALL {
@@ -269,7 +278,7 @@ impl<'a> Retargeter<'a> {
     /// relative to their parents in the rest pose.
     pub(crate) fn place_nodes(&self, world: &[Option<DQuat>], pelvis: DVec3) -> CharacterPose {
         let skeleton = self.skeleton;
-        let pelvis_node = skeleton.joint(Joint::Pelvis);
+        let pelvis_rest = skeleton.rest_position(Joint::Pelvis).expect("a pelvis");
         let mut pose = CharacterPose {
             positions: Vec::with_capacity(skeleton.nodes.len()),
             rotations: Vec::with_capacity(skeleton.nodes.len()),
@@ -286,11 +295,16 @@ impl<'a> Retargeter<'a> {
                     )
                 }
             };
-            pose.positions.push(match Some(place) == pelvis_node {
-                true => pelvis,
+            let rotation = world[place].unwrap_or(rotation);
+            pose.positions.push(match place == skeleton.carrier {
+                // What carries the body is where the pelvis comes to its place.
+                true => {
+                    let offset = pelvis_rest - node.world_position;
+                    pelvis - rotation * (node.world_rotation.inverse() * offset)
+                }
                 false => position,
             });
-            pose.rotations.push(world[place].unwrap_or(rotation));
+            pose.rotations.push(rotation);
         }
         pose
     }
@@ -327,6 +341,13 @@ fn driven_nodes(skeleton: &CharacterSkeleton, source_rest: &[DVec3; JOINTS]) -> 
             place,
             alignment: bone.and_then(alignment).unwrap_or(DQuat::IDENTITY),
             source: RotationSource::Joint(joint),
+        });
+    }
+    if skeleton.joint(Joint::Pelvis) != Some(skeleton.carrier) {
+        driven.push(DrivenNode {
+            place: skeleton.carrier,
+            alignment: DQuat::IDENTITY,
+            source: RotationSource::Joint(Joint::Pelvis),
         });
     }
     let is_joint = |place: usize| driven.iter().any(|node| node.place == place);

@@ -7,6 +7,7 @@ use lamogen_files::{JointMapping, SkeletonJoints, SkeletonNode, find_joints};
 use lamogen_motion::{JOINTS, Joint};
 use serde_json::Value;
 
+use crate::bind_pose::{RestSkeleton, rest_skeleton};
 use crate::bvh::BvhDocument;
 use crate::document::GltfDocument;
 use crate::error::CharacterError;
@@ -30,6 +31,10 @@ pub(crate) struct RestNode {
     pub(crate) world_scale: f64,
     /// Whether an animation can change its position.
     pub(crate) can_move: bool,
+    /// Whether the file stores another rotation relative to the parent than that of the rest pose.
+    pub(crate) is_turned: bool,
+    /// Whether the file stores another translation relative to the parent than that of the rest pose.
+    pub(crate) is_moved: bool,
 }
 
 /// The nodes of a character and its joints.
@@ -39,6 +44,8 @@ pub(crate) struct CharacterSkeleton {
     pub(crate) nodes: Vec<RestNode>,
     /// The place of each joint in `nodes`; the spine's are in `spine`.
     pub(crate) joints: [Option<usize>; JOINTS],
+    /// The place of the node that carries the whole body: the pelvis, or the node above it where legs or spine are not below the pelvis.
+    pub(crate) carrier: usize,
     /// The nodes between the pelvis and the neck, and their height in our spine: 1 is that of the first joint of the spine,
     /// 3 that of the third.
     pub(crate) spine: Vec<(usize, f64)>,
@@ -56,14 +63,18 @@ const SCALE_TOLERANCE: f64 = 1e-3;
 
 impl CharacterSkeleton {
     /// Reads the skeleton of a file. `root` is the name of the node at or above the character, if there are several.
+    ///
+    /// The rest pose is that of the nodes, or that in which the mesh was bound if the nodes are stored in another one. That of a VRM
+    /// is that of the nodes, as its specification has it.
     pub(crate) fn read(
         document: &GltfDocument,
         mapping: Option<&JointMapping>,
         root: Option<&str>,
-    ) -> Result<CharacterSkeleton, CharacterError> {
+    ) -> Result<RestSkeleton, CharacterError> {
         let path = document.path();
         let nodes = read_nodes(document)?;
-        let skinned = skinned_nodes(document);
+        let skins = used_skins(document);
+        let skinned = skinned_nodes(document, &skins);
         if skinned.is_empty() {
             return Err(CharacterError::Skin {
                 path: path.to_owned(),
@@ -112,7 +123,11 @@ impl CharacterSkeleton {
                 })?
             }
         };
-        CharacterSkeleton::of_nodes(nodes, found, path)
+        let make = |nodes| CharacterSkeleton::of_nodes(nodes, found.clone(), path);
+        match found.scheme {
+            "VRM" => Ok((make(nodes)?, None)),
+            _ => rest_skeleton(document, &skins, nodes, &found, make),
+        }
     }
 
     /// Reads the skeleton of a BVH file. The rest pose is the one without rotations if the body stands in it, or else that of the
@@ -170,8 +185,7 @@ impl CharacterSkeleton {
                 )));
             }
         }
-        let pelvis = skeleton.joint(Joint::Pelvis).expect("a pelvis");
-        match &skeleton.nodes[pelvis] {
+        match &skeleton.nodes[skeleton.carrier] {
             pelvis if pelvis.can_move => Ok(skeleton),
             pelvis => {
                 let name = &pelvis.name;
@@ -199,11 +213,13 @@ impl CharacterSkeleton {
         let mut skeleton = CharacterSkeleton {
             nodes,
             joints: found.nodes,
+            carrier: 0,
             spine: Vec::new(),
             neck: Vec::new(),
             facing: DQuat::IDENTITY,
             scheme: found.scheme,
         };
+        skeleton.find_carrier(path)?;
         skeleton.check_scales(path)?;
         skeleton.find_spine();
         skeleton.find_facing(path)?;
@@ -253,7 +269,7 @@ impl CharacterSkeleton {
 
     /// Returns whether the body stands upright in the rest pose: whether its head is above its pelvis, and this above its
     /// ankles.
-    fn stands(&self) -> bool {
+    pub(crate) fn stands(&self) -> bool {
         let at = |joint| self.rest_position(joint);
         let head = at(Joint::Head).or(at(Joint::Neck));
         let ankles = [at(Joint::LeftAnkle), at(Joint::RightAnkle)];
@@ -300,6 +316,16 @@ impl CharacterSkeleton {
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Finds the node that carries the whole body.
+    fn find_carrier(&mut self, path: &Path) -> Result<(), CharacterError> {
+        self.carrier = carrier(&self.nodes, &self.joints).ok_or_else(|| CharacterError::Body {
+            path: path.to_owned(),
+            problem: "expected legs and trunk below one node, at or above the pelvis, found none"
+                .into(),
+        })?;
         Ok(())
     }
 
@@ -371,23 +397,40 @@ impl CharacterSkeleton {
     }
 }
 
+/// Returns the node that carries the whole body: the lowest one at or above the pelvis that legs and head are below. Some rigs have
+/// the legs beside the hips.
+pub(crate) fn carrier(nodes: &[RestNode], joints: &[Option<usize>; JOINTS]) -> Option<usize> {
+    let joint = |joint: Joint| joints[joint.index()];
+    let top = joint(Joint::Head).or(joint(Joint::Neck));
+    let ends = [joint(Joint::LeftHip), joint(Joint::RightHip), top];
+    ancestors(nodes, joint(Joint::Pelvis)?).find(|place| {
+        let mut ends = ends.into_iter().flatten();
+        ends.all(|end| ancestors(nodes, end).any(|above| above == *place))
+    })
+}
+
 /// Returns a node and the nodes above it.
-fn ancestors(nodes: &[RestNode], place: usize) -> impl Iterator<Item = usize> + '_ {
+pub(crate) fn ancestors(nodes: &[RestNode], place: usize) -> impl Iterator<Item = usize> + '_ {
     std::iter::successors(Some(place), |place| nodes[*place].parent)
 }
 
-/// Returns the indices of the nodes that skins use.
-fn skinned_nodes(document: &GltfDocument) -> Vec<usize> {
+/// Returns the indices of the skins that meshes use.
+fn used_skins(document: &GltfDocument) -> Vec<usize> {
     let nodes = document.value("nodes").as_array();
-    let is_used = |skin: usize| {
+    let is_used = |skin: &usize| {
         nodes
             .into_iter()
             .flatten()
-            .any(|node| node["skin"].as_u64() == Some(skin as u64) && node["mesh"].is_u64())
+            .any(|node| node["skin"].as_u64() == Some(*skin as u64) && node["mesh"].is_u64())
     };
-    let skins = document.value("skins").as_array();
-    let used = { skins.into_iter().flatten().enumerate() }.filter(|(skin, _)| is_used(*skin));
-    let joints = used.flat_map(|(_, skin)| skin["joints"].as_array().into_iter().flatten());
+    let count = document.value("skins").as_array().map_or(0, Vec::len);
+    (0..count).filter(is_used).collect()
+}
+
+/// Returns the indices of the nodes that skins use.
+fn skinned_nodes(document: &GltfDocument, skins: &[usize]) -> Vec<usize> {
+    let skins = skins.iter().map(|skin| &document.value("skins")[*skin]);
+    let joints = skins.flat_map(|skin| skin["joints"].as_array().into_iter().flatten());
     joints
         .filter_map(|joint| Some(joint.as_u64()? as usize))
         .collect()
@@ -452,6 +495,8 @@ fn read_nodes(document: &GltfDocument) -> Result<Vec<RestNode>, CharacterError> 
             world_rotation,
             world_scale,
             can_move: true,
+            is_turned: false,
+            is_moved: false,
         });
         let children = node["children"].as_array().into_iter().flatten();
         let children: Vec<usize> = children

@@ -240,6 +240,7 @@ fn limbs_in_the_written_bvh_point_where_those_of_the_motion_point() {
             let options = RetargetOptions {
                 frames_per_second: 20.0,
                 plant_feet: false,
+                place_hands: false,
                 ..RetargetOptions::default()
             };
             let animation = skeleton.animate(&motion, &options).unwrap();

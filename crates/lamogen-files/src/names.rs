@@ -55,9 +55,38 @@ const MAX_PREFIXES: usize = 32;
 /// Recognises the naming scheme of a skeleton and returns its name and the nodes of the joints.
 ///
 /// Of the schemes for which the file has all required joints, the one with the most joints is chosen; of several characters with as many joints, the one
-/// that the animation moves most.
+/// that the animation moves most. If there is none and most names end with a number, as those of Sketchfab's files do, the names without
+/// these numbers are looked at.
 pub(crate) fn recognise(clip: &Clip) -> Result<(&'static str, JointNodes), UnknownSkeleton> {
-    let index = NodeIndex::new(clip);
+    let found = recognise_names(clip, &|name| name);
+    match found {
+        Err(_) if has_numbered_names(clip) => {
+            recognise_names(clip, &|name| without_number(name).unwrap_or(name)).or(found)
+        }
+        found => found,
+    }
+}
+
+/// Returns a name without the number at its end: `LeftLeg_57` becomes `LeftLeg`; `None` if there is no number.
+fn without_number(name: &str) -> Option<&str> {
+    let (name, number) = name.rsplit_once('_')?;
+    let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then_some(name)
+}
+
+/// Whether most nodes have names that end with a number.
+fn has_numbered_names(clip: &Clip) -> bool {
+    let names = clip.nodes.iter().map(|node| &*node.name);
+    let numbered = names.filter(|name| without_number(name).is_some());
+    2 * numbered.count() > clip.nodes.len()
+}
+
+/// Recognises the naming scheme by the names of the nodes, of which `shorten` returns the part that counts.
+fn recognise_names(
+    clip: &Clip,
+    shorten: &dyn Fn(&str) -> &str,
+) -> Result<(&'static str, JointNodes), UnknownSkeleton> {
+    let index = NodeIndex::new(clip, shorten);
     let mut best: Option<SchemeMatch> = None;
     let mut closest: Option<SchemeMatch> = None;
     for scheme in SCHEMES {
@@ -122,11 +151,12 @@ pub(crate) fn node_names(clip: &Clip) -> String {
 }
 
 impl<'a> NodeIndex<'a> {
-    fn new(clip: &'a Clip) -> Self {
+    fn new(clip: &'a Clip, shorten: &dyn Fn(&str) -> &str) -> Self {
         let mut nodes: HashMap<String, Vec<usize>> = HashMap::new();
         for (index, node) in clip.nodes.iter().enumerate() {
             if node.name != END_SITE {
-                nodes.entry(key(&node.name)).or_default().push(index);
+                let key = key(shorten(&node.name));
+                nodes.entry(key).or_default().push(index);
             }
         }
         let moves = clip
@@ -288,6 +318,31 @@ mod tests {
             assert_eq!(nodes[Joint::RightWrist.index()], Some(13));
             assert_eq!(nodes[Joint::Neck.index()], None);
         }
+    }
+
+    #[test]
+    fn numbers_at_the_end_of_all_names_are_ignored() {
+        let numbered = |name: &str| {
+            let number = MIXAMO
+                .iter()
+                .position(|other| other.split('<').next() == Some(name));
+            format!("mixamorig{name}_{:02}", 65 - number.unwrap())
+        };
+        let names: Vec<String> = MIXAMO
+            .iter()
+            .map(|name| match name.split_once('<') {
+                Some((name, parent)) => format!("{}<{}", numbered(name), numbered(parent)),
+                None => numbered(name),
+            })
+            .collect();
+        let mut names: Vec<&str> = names.iter().map(|name| &**name).collect();
+        names.push("Sketchfab_model");
+        let (scheme, nodes) = recognise(&clip(&names)).unwrap();
+        assert!(scheme.starts_with("Mixamo"), "{scheme}");
+        assert_eq!(nodes[Joint::RightWrist.index()], Some(13));
+        // A skeleton that lacks a hand is none with its numbers and none without.
+        names[13] = "Hook_1<mixamorigRightForeArm_53";
+        assert!(recognise(&clip(&names)).is_err());
     }
 
     #[test]

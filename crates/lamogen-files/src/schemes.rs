@@ -265,6 +265,22 @@ pub(crate) const SCHEMES: &[NamingScheme] = &[
         marker: None,
     },
     NamingScheme {
+        name: "Quaternius",
+        sides: L_R,
+        middle: ["Hips", "Neck", "Head"],
+        leg: ["UpperLeg.%", "LowerLeg.%", "Foot.%", "Toes.%|Toe.%"],
+        arm: ["Shoulder.%", "UpperArm.%", "LowerArm.%", "Fist.%|Palm.%"],
+        marker: None,
+    },
+    NamingScheme {
+        name: "Blender, Mixamo's words",
+        sides: L_R,
+        middle: ["hips", "neck", "head"],
+        leg: ["upleg.%", "leg.%", "foot.%", "toe.%|toebase.%"],
+        arm: ["shoulder.%", "arm.%", "forearm.%", "hand.%"],
+        marker: None,
+    },
+    NamingScheme {
         name: "3ds Max Biped, Reallusion",
         sides: L_R,
         middle: ["Pelvis|Hip", "Neck|NeckTwist01", "Head"],

@@ -1,5 +1,6 @@
 //! The container of a glTF file: its checked JSON document and its buffers.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,15 +17,17 @@ use serde_json::Value;
 
 use super::GlbError;
 use super::meshopt::{self, CompressedView, MAX_DECODED_BYTES};
-use super::reduction::{CompressedViews, reduce_to_animation};
+use super::reduction::{CompressedViews, DocumentPart, bind_matrix_accessors, reduce};
 use crate::vrma;
 
-/// The parts of a glTF file that animate its nodes.
-pub(super) struct GltfFile {
+/// The parts of a glTF file that are read.
+pub(super) struct GltfFile<'a> {
     pub(super) root: Root,
+    /// The accessor of the inverse bind matrices of each skin.
+    pub(super) bind_matrices: Vec<Option<usize>>,
     /// The extension of VRM animations, if the file has it.
     pub(super) vrm_animation: Option<Value>,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Cow<'a, [u8]>>,
     /// The bytes of compressed views, by the index of the view.
     decoded: HashMap<usize, Vec<u8>>,
 }
@@ -49,18 +52,18 @@ const SURFACE_EXTENSIONS: [&str; 9] = [
     "MSFT_texture_dds",
 ];
 
-impl GltfFile {
-    /// Parses the bytes of a `.glb` or `.gltf` file, as far as an animation needs them: the one of the given name, or else
-    /// the first one. The bytes themselves show which of the two kinds of files it is.
+impl<'a> GltfFile<'a> {
+    /// Parses the bytes of a `.glb` or `.gltf` file, as far as a part of it needs them. The bytes themselves show which of the two
+    /// kinds of files it is.
     ///
     /// Buffers may be in the file itself or, if there is a `folder`, in other files of it, but not in a network. `path` is
     /// used only in error messages.
     pub(super) fn parse(
-        bytes: &[u8],
+        bytes: &'a [u8],
         path: &Path,
         folder: Option<&Path>,
-        animation: Option<&str>,
-    ) -> Result<GltfFile, GlbError> {
+        part: DocumentPart<'_>,
+    ) -> Result<GltfFile<'a>, GlbError> {
         let format_error = |reason| GlbError::Format {
             path: path.to_owned(),
             reason,
@@ -68,11 +71,13 @@ impl GltfFile {
         let (json, chunk) = split_chunks(bytes).map_err(format_error)?;
         let Document {
             root,
+            bind_matrices,
             compressed,
             vrm_animation,
-        } = parse_document(json, animation).map_err(format_error)?;
+        } = parse_document(json, part).map_err(format_error)?;
         let mut file = GltfFile {
             root,
+            bind_matrices,
             vrm_animation,
             buffers: Vec::new(),
             decoded: HashMap::new(),
@@ -112,7 +117,7 @@ impl GltfFile {
         &mut self,
         path: &Path,
         folder: Option<&Path>,
-        chunk: Option<&[u8]>,
+        chunk: Option<&'a [u8]>,
     ) -> Result<(), GlbError> {
         let mut remaining = MAX_BYTES;
         for (index, buffer) in self.root.buffers.iter().enumerate() {
@@ -127,12 +132,12 @@ impl GltfFile {
                 ))
             })?;
             let bytes = match &buffer.uri {
-                None if index == 0 => chunk.map(<[u8]>::to_vec).ok_or_else(|| {
+                None if index == 0 => chunk.map(Cow::Borrowed).ok_or_else(|| {
                     format_error("expected the binary chunk of a GLB file, found none".into())
                 })?,
                 None => return Err(format_error("expected a URI, found none".into())),
                 Some(uri) => match uri.strip_prefix("data:") {
-                    Some(data) => decode_data_uri(data).map_err(format_error)?,
+                    Some(data) => Cow::Owned(decode_data_uri(data).map_err(format_error)?),
                     None => {
                         let relative = relative_path(uri).map_err(format_error)?;
                         let folder = folder.ok_or_else(|| {
@@ -141,8 +146,9 @@ impl GltfFile {
                             ))
                         })?;
                         let side = folder.join(relative);
-                        read_side_file(&side, length)
-                            .map_err(|reason| GlbError::Io { path: side, reason })?
+                        let bytes = read_side_file(&side, length)
+                            .map_err(|reason| GlbError::Io { path: side, reason })?;
+                        Cow::Owned(bytes)
                     }
                 },
             };
@@ -358,15 +364,16 @@ pub fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     Ok((json, binary))
 }
 
-/// The parts of a document that animate nodes.
+/// The parts of a document that are read.
 struct Document {
     root: Root,
+    bind_matrices: Vec<Option<usize>>,
     compressed: CompressedViews,
     vrm_animation: Option<Value>,
 }
 
-/// Parses and checks the parts of the document that animate nodes, and ignores those that only change the appearance.
-fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Document, FormatProblem> {
+/// Parses and checks a part of the document, and ignores all that only changes the appearance.
+fn parse_document(json: &[u8], part: DocumentPart<'_>) -> Result<Document, FormatProblem> {
     #[derive(Deserialize)]
     struct DocumentVersion {
         asset: Asset,
@@ -383,7 +390,7 @@ fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Document, Form
     if asset.version.split('.').next() != Some("2") {
         return Err(format!("expected glTF 2, found version {}", asset.version));
     }
-    let (reduced, compressed) = reduce_to_animation(&document, animation)?;
+    let (reduced, compressed) = reduce(&document, part)?;
     let mut root = Root::deserialize(reduced).map_err(unreadable)?;
     root.extensions_required.retain(|name| {
         !SURFACE_EXTENSIONS
@@ -400,6 +407,7 @@ fn parse_document(json: &[u8], animation: Option<&str>) -> Result<Document, Form
         Some(problem) => Err(problem),
         None => Ok(Document {
             root,
+            bind_matrices: bind_matrix_accessors(&document),
             compressed,
             vrm_animation: document["extensions"].get(vrma::EXTENSION).cloned(),
         }),

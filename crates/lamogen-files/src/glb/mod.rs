@@ -25,6 +25,7 @@ mod meshopt;
 mod read;
 mod reduction;
 mod skeleton;
+mod skins;
 mod write;
 
 use std::io;
@@ -34,6 +35,7 @@ pub(crate) use buffer::{BufferBuilder, BufferViewTarget};
 pub use container::split_chunks;
 pub(crate) use read::{GltfMotion, read};
 pub(crate) use skeleton::{SkeletonFile, node_index};
+pub use skins::inverse_bind_matrices;
 pub use write::{GlbOptions, bytes, write};
 
 /// The errors of reading and writing GLB and glTF files.

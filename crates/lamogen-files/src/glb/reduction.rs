@@ -12,20 +12,35 @@ use serde_json::{Map, Value, json};
 use super::container::FormatProblem;
 use super::meshopt::{self, CompressedView};
 
-/// Reduces a document to its nodes, the requested animation (by its name, or else the first one), and everything that it
-/// refers to. Indices stay valid: entries that are not needed are replaced by minimal valid ones. Other animations keep
-/// only their names. Compressed views that are needed become views of their compressed bytes and are returned beside the document.
-pub(super) fn reduce_to_animation(
+/// The part of a document that is read.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum DocumentPart<'a> {
+    /// The animation of this name, or else the first one, and the nodes.
+    Animation(Option<&'a str>),
+    /// The inverse bind matrices of the skins.
+    BindMatrices,
+}
+
+/// Reduces a document to its nodes, the requested part, and everything that it refers to. Indices stay valid: entries that are not
+/// needed are replaced by minimal valid ones. Other animations keep only their names. Compressed views that are needed become
+/// views of their compressed bytes and are returned beside the document.
+pub(super) fn reduce(
     document: &Value,
-    animation: Option<&str>,
+    part: DocumentPart<'_>,
 ) -> Result<(Value, CompressedViews), FormatProblem> {
     let list = |name: &str| document[name].as_array().map_or(&[][..], Vec::as_slice);
     let animations = list("animations");
-    let chosen = match animation {
-        None => Some(0),
-        Some(name) => animations.iter().position(|entry| entry["name"] == name),
+    let chosen = match part {
+        DocumentPart::Animation(None) => Some(0),
+        DocumentPart::Animation(Some(name)) => {
+            animations.iter().position(|entry| entry["name"] == name)
+        }
+        DocumentPart::BindMatrices => None,
     };
     let mut accessors = BTreeSet::new();
+    if let DocumentPart::BindMatrices = part {
+        accessors.extend(bind_matrix_accessors(document).into_iter().flatten());
+    }
     let reduced_animations: Vec<Value> = { animations.iter().enumerate() }
         .map(|(position, entry)| match Some(position) == chosen {
             true => reduced_animation(entry, &mut accessors),
@@ -124,7 +139,8 @@ pub(super) fn reduce_to_animation(
         "buffers": buffers,
     });
     for name in ["extensionsRequired", "extensionsUsed"] {
-        if document[name].is_array() {
+        // Extensions of animations and nodes do not change what bind matrices are.
+        if document[name].is_array() && matches!(part, DocumentPart::Animation(_)) {
             root[name] = document[name].clone();
         }
     }
@@ -147,6 +163,14 @@ fn compressed_view(view: &Value) -> Result<Option<CompressedView>, FormatProblem
 
 /// The URI of an empty buffer.
 const EMPTY_BUFFER: &str = "data:application/octet-stream;base64,";
+
+/// Returns the accessor of the inverse bind matrices of each skin.
+pub(super) fn bind_matrix_accessors(document: &Value) -> Vec<Option<usize>> {
+    let skins = document["skins"].as_array().into_iter().flatten();
+    skins
+        .map(|skin| index(&skin["inverseBindMatrices"]))
+        .collect()
+}
 
 /// Reduces an animation to the channels that move nodes, and adds the indices of their accessors to `accessors`.
 fn reduced_animation(animation: &Value, accessors: &mut BTreeSet<usize>) -> Value {

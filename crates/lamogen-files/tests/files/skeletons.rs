@@ -343,6 +343,28 @@ fn cases() -> Vec<Case> {
             vec![],
         ),
         (
+            "Quaternius",
+            tree(
+                "ground Root\n belly Belly\n  pelvis Hips\n   spine1 Abdomen\n    *chest Torso\n     neck Neck\n      head Head",
+                ["UpperLeg.%", "LowerLeg.%", "Foot.%", "Toe.%", ""],
+                ["Shoulder.%", "UpperArm.%", "LowerArm.%", "Fist.%", ""],
+            ),
+            L_R,
+            1.0,
+            spine.clone(),
+        ),
+        (
+            "Blender, Mixamo's words",
+            tree(
+                "pelvis hips\n belly spine\n  *chest chest\n   neck neck\n    head head",
+                ["upleg.%", "leg.%", "foot.%", "toe.%", ""],
+                ["shoulder.%", "arm.%", "forearm.%", "hand.%", ""],
+            ),
+            L_R,
+            1.0,
+            spine.clone(),
+        ),
+        (
             "3ds Max Biped",
             tree(
                 "pelvis Bip01\n pelvis Bip01 Pelvis\n  belly Bip01 Spine\n   *chest Bip01 Spine1\n    neck Bip01 Neck\n     head Bip01 Head",

@@ -14,7 +14,7 @@ use crate::glb::grid::FrameTimes;
 /// Builds the clip of an animation: samples its curves at the frames of a common grid. Returns also the index in the clip of
 /// each node of the file.
 pub(super) fn build_clip(
-    file: &GltfFile,
+    file: &GltfFile<'_>,
     animation: &Animation,
 ) -> Result<(Clip, Vec<usize>), FormatProblem> {
     let nodes = &file.root.nodes;

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::GlbError;
 use super::container::{FormatProblem, GltfFile};
+use super::reduction::DocumentPart;
 use crate::clip::Clip;
 use crate::schemes::JointNodes;
 use crate::vrma::human_joints;
@@ -43,7 +44,7 @@ pub(crate) fn read(
     folder: Option<&Path>,
     animation: Option<&str>,
 ) -> Result<GltfMotion, GlbError> {
-    let file = GltfFile::parse(bytes, path, folder, animation)?;
+    let file = GltfFile::parse(bytes, path, folder, DocumentPart::Animation(animation))?;
     let format_error = |reason| GlbError::Format {
         path: path.to_owned(),
         reason,

@@ -18,7 +18,7 @@ pub(super) struct NodeTracks {
 
 /// Reads the curves of an animation. The result has one entry for each node of the file.
 pub(super) fn node_tracks(
-    file: &GltfFile,
+    file: &GltfFile<'_>,
     animation: &Animation,
 ) -> Result<Vec<NodeTracks>, FormatProblem> {
     let nodes = &file.root.nodes;
@@ -69,7 +69,7 @@ pub(super) fn node_tracks(
 
 /// Reads the keyframes of a sampler. `to_value` converts the numbers of each row to a value.
 fn read_curve<const N: usize, T>(
-    file: &GltfFile,
+    file: &GltfFile<'_>,
     sampler: &Sampler,
     to_value: impl Fn([f64; N]) -> T,
 ) -> Result<KeyframeCurve<T>, FormatProblem> {

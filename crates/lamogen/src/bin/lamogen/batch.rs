@@ -36,7 +36,7 @@ const MAX_LISTED: usize = 10;
 pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     let mut items = read_items(options, console)?;
     options.writing.check(&options.format)?;
-    for notice in options.writing.unused_option_notices(&options.format) {
+    for notice in options.writing.notices(&options.format) {
         console.notice(notice);
     }
     match options.merge {
@@ -265,6 +265,7 @@ impl BatchRunner<'_> {
                 "node": onto.character,
                 "names": onto.onto_names,
                 "free_feet": onto.free_feet,
+                "free_hands": onto.free_hands,
                 "relax_hands": onto.hands == HandsName::Relax,
             });
         }

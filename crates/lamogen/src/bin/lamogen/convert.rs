@@ -18,7 +18,7 @@ use crate::source::open_device;
 pub fn run(options: &ConvertArguments, console: &Console) -> Result<(), Failure> {
     options.to.check()?;
     options.writing.check(&[options.to.format])?;
-    for notice in options.writing.unused_option_notices(&[options.to.format]) {
+    for notice in options.writing.notices(&[options.to.format]) {
         console.notice(notice);
     }
     let mut file = open_motion_file(

@@ -19,7 +19,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     let outputs = sample_files(options, &seeds)?;
     let formats: Vec<OutputFormat> = options.out.iter().map(|output| output.format).collect();
     options.writing.check(&formats)?;
-    for notice in options.writing.unused_option_notices(&formats) {
+    for notice in options.writing.notices(&formats) {
         console.notice(notice);
     }
     let source = ModelSource::open(&options.source, console)?;

@@ -252,6 +252,7 @@ impl OutputFile {
     ) -> Result<(), Failure> {
         let mut options = RetargetOptions {
             plant_feet: !writing.onto.free_feet,
+            place_hands: !writing.onto.free_hands,
             relax_hands: writing.onto.hands == HandsName::Relax,
             ..RetargetOptions::default()
         };

@@ -225,6 +225,9 @@ pub struct OntoArguments {
     /// Let feet slide as they do when the character has other proportions than the motion's body.
     #[arg(long, requires = "onto")]
     pub free_feet: bool,
+    /// Let hands that touch each other or the body miss or enter them on a character of other proportions.
+    #[arg(long, requires = "onto")]
+    pub free_hands: bool,
     /// What becomes of straight fingers: bent as those of a relaxed hand, or kept as they are.
     #[arg(long, value_enum, default_value = "relax", requires = "onto")]
     pub hands: HandsName,
@@ -260,6 +263,12 @@ impl OntoArguments {
         };
         let character = Character::open(path, &options)?;
         Ok(Some(self.opened.get_or_init(|| character)))
+    }
+
+    /// Returns what is to be said about the character, once it is read.
+    fn notice(&self) -> Option<String> {
+        let notice = self.opened.get()?.rest_pose_notice()?;
+        Some(format!("{}: {notice}", self.onto.as_ref()?.display()))
     }
 }
 
@@ -319,8 +328,9 @@ impl WritingArguments {
         Ok(())
     }
 
-    /// Returns a notice for each option that was given and has no effect on files of these formats.
-    pub fn unused_option_notices(&self, formats: &[OutputFormat]) -> Vec<String> {
+    /// Returns a notice for each option that was given and has no effect on files of these formats, and what is to be said about the
+    /// character.
+    pub fn notices(&self, formats: &[OutputFormat]) -> Vec<String> {
         let given = [
             (
                 "--fps",
@@ -369,18 +379,17 @@ impl WritingArguments {
         let unused = given.into_iter().filter(|(_, is_given, affected)| {
             *is_given && !affected.iter().any(|format| formats.contains(format))
         });
-        unused
-            .map(|(option, _, affected)| {
-                let endings: Vec<String> = affected
-                    .iter()
-                    .map(|format| format!(".{}", format.ending()))
-                    .collect();
-                format!(
-                    "{option} changes nothing here: it is for {}",
-                    endings.join(" and ")
-                )
-            })
-            .collect()
+        let unused = unused.map(|(option, _, affected)| {
+            let endings: Vec<String> = affected
+                .iter()
+                .map(|format| format!(".{}", format.ending()))
+                .collect();
+            format!(
+                "{option} changes nothing here: it is for {}",
+                endings.join(" and ")
+            )
+        });
+        self.onto.notice().into_iter().chain(unused).collect()
     }
 }
 
