@@ -11,6 +11,7 @@ use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
 use crate::seam::close_seam;
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
+use crate::steps::{break_into_steps, lift_between_steps};
 
 /// The number of unknowns of a frame: the root position, and the quaternion of every joint that has children.
 const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
@@ -85,8 +86,13 @@ impl TrialMotion {
 }
 
 impl MotionFit {
-    /// Prepares the fit of a motion. It starts at the rotations solved from the motion.
-    pub(crate) fn new(input: &FitInput<'_>, options: FitOptions) -> MotionFit {
+    /// Prepares the fit of a motion. It starts at the rotations solved from the motion. `stiff_frames` are
+    /// those of the goal ([`FitObjective::stiff_frames`](crate::FitObjective::stiff_frames)).
+    pub(crate) fn new(
+        input: &FitInput<'_>,
+        options: FitOptions,
+        stiff_frames: &[usize],
+    ) -> MotionFit {
         let FitInput {
             motion,
             body: rest,
@@ -134,6 +140,11 @@ impl MotionFit {
                 .all(|trust| is_trusted(*trust))
         });
         let mut least_foot_heights = least_foot_heights(&reference, &contacts, ground);
+        if let Some(stride) = options.stride {
+            let steps = break_into_steps(contacts.clone(), &reference, stride);
+            lift_between_steps(&mut least_foot_heights, [&contacts, &steps], ground);
+            contacts = steps;
+        }
         let seam = repeated.map(|_| {
             let seam = LoopSeam {
                 travel: (reference[2 * frames][0] - reference[frames][0])
@@ -185,7 +196,7 @@ impl MotionFit {
             curvatures: Vec::new(),
             minimizer: Minimizer::new(point),
         };
-        fit.curvatures = fit.curvatures();
+        fit.curvatures = fit.curvatures(stiff_frames);
         fit
     }
 
@@ -471,7 +482,10 @@ impl MotionFit {
 
     /// Estimates the curvature of the fit's value along the root and along every joint that has children, each by itself.
     /// Steps of the minimiser are divided by these curvatures.
-    fn curvatures(&self) -> Vec<BandedFactorization> {
+    ///
+    /// Frames that are not trusted have hardly any curvature of their own, and a step would go far beyond a goal there. At
+    /// `stiff_frames` they count as trusted.
+    fn curvatures(&self, stiff_frames: &[usize]) -> Vec<BandedFactorization> {
         let FitOptions {
             nearness,
             smoothness,
@@ -492,7 +506,11 @@ impl MotionFit {
         }
         let third = jerk + smoothness;
         let joints = JOINTS as f64;
-        let root = |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + 1e-3;
+        let mut trust = self.trust.clone();
+        for &frame in stiff_frames {
+            trust[frame] = 1.0;
+        }
+        let root = |t: usize| 2.0 * (nearness * trust[t] * joints + standing[t]) + 1e-3;
         let mut all = vec![BandedFactorization::new(
             frames,
             root,
@@ -505,7 +523,7 @@ impl MotionFit {
             let lever = 4.0 * levers[joint.index()];
             let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
             let diagonal = |t: usize| {
-                let near = nearness * self.trust[t] * lever;
+                let near = nearness * trust[t] * lever;
                 2.0 * (near + contact_share * standing[t] + prior) + 1e-4
             };
             let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);

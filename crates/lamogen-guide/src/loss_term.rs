@@ -276,6 +276,11 @@ impl PreparedTerm {
         self.term.value_name(value)
     }
 
+    /// Returns the factors on differences, `[batch, frames, values]`.
+    pub(crate) fn weight(&self) -> Tensor<3> {
+        self.weight.clone()
+    }
+
     /// Returns the values to reach, `[batch, frames, values]`.
     pub(crate) fn target(&self) -> Tensor<3> {
         self.target.clone()

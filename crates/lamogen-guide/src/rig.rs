@@ -17,6 +17,12 @@ use crate::loss_term::TermComparison;
 /// network's pass. On the body a larger weight is possible: in the network's pass it would move the motion away from
 /// the sentence.
 const RIG_EMPHASIS: f32 = 3.5;
+/// The factor on the loss of places, relative to the network's pass. In that pass a position that a hand is far from
+/// would count more than everything else, and the network leaves the sentence for it; the body has to be there.
+const PLACE_EMPHASIS: f32 = 350.0;
+
+/// The distance in metres that a foot may slide on a path before it takes a step.
+const STRIDE: f64 = 0.4;
 
 /// Fits motions of pose features to the rigid body of HumanML3D, which all motions of the data set have.
 ///
@@ -43,7 +49,7 @@ pub struct RigMotions {
     /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the
     /// body beside it.
     pub parts: Vec<LabanComparison>,
-    /// The values of the terms of [`Guidance::loss_terms`].
+    /// The values of the terms of [`Guidance::loss_terms`], and then of [`Guidance::places`].
     pub terms: Vec<TermComparison>,
 }
 
@@ -106,7 +112,7 @@ impl<'a> Rig<'a> {
             &lengths,
             goals,
             &guidance,
-            RIG_EMPHASIS,
+            [RIG_EMPHASIS, PLACE_EMPHASIS],
         )?;
         let mut objective = LossObjective {
             rig: self,
@@ -115,7 +121,12 @@ impl<'a> Rig<'a> {
             non_finite: None,
         };
         let inputs = self.fit_inputs(motions);
-        let fit = { self.guidance.fit }.run(&inputs, Some(&mut objective), on_progress);
+        let mut fit = self.guidance.fit;
+        // A path leads bodies on whose feet the sentence would have standing.
+        if self.guidance.places.path.is_some() && fit.stride.is_none() {
+            fit.stride = Some(STRIDE);
+        }
+        let fit = fit.run(&inputs, Some(&mut objective), on_progress);
         if let Some((motion, value)) = objective.non_finite {
             return Err(GuideError::Rig {
                 value: targets.value_name(value),
@@ -176,6 +187,10 @@ struct LossObjective<'g> {
 }
 
 impl FitObjective for LossObjective<'_> {
+    fn stiff_frames(&self, motion: usize) -> Vec<usize> {
+        self.targets.place_frames(motion)
+    }
+
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],

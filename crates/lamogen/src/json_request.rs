@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen_files::ReadError;
-use lamogen_guide::{Body, Preset};
+use lamogen_guide::{Body, Facing, GroundPath, Places, Preset, Reach};
 use lamogen_laban::{COMPONENTS, Component, Factor, Goal, GoalError, Goals, PartScale, Scale};
 use lamogen_motion::RootMotion;
 use serde::{Deserialize, Serialize};
@@ -45,6 +45,15 @@ pub struct JsonRequest {
     pub like: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     part: Vec<String>,
+    /// The path of the pelvis along the ground; it is free without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<GroundPath>,
+    /// Where the body faces on its path; along the path without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face: Option<Facing>,
+    /// Positions that parts of the body reach.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reach: Vec<Reach>,
     /// The length of the motion in seconds; 3 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f32>,
@@ -136,6 +145,9 @@ impl JsonRequest {
             return Err(invalid(
                 "expected in_place or a root_motion other than none, found both",
             ));
+        }
+        if request.face.is_some() && request.path.is_none() {
+            return Err(invalid("expected a path beside face, found none"));
         }
         request.requested_goals()?;
         Ok(request)
@@ -230,7 +242,16 @@ impl JsonRequest {
         if let Some(root_motion) = self.root_motion() {
             request = request.root_motion(root_motion);
         }
-        request.guidance(guidance)
+        request.guidance(guidance).places(self.places())
+    }
+
+    /// Returns the places that the object states.
+    pub fn places(&self) -> Places {
+        Places {
+            path: self.path.clone(),
+            facing: self.face.unwrap_or_default(),
+            reaches: self.reach.clone(),
+        }
     }
 
     /// Returns where files of the motion keep its travel, if the object says so.

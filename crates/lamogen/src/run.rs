@@ -108,6 +108,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
+                places: self.group.guidance.places.outcomes(&motion),
                 guided: motion,
                 baseline,
                 network: NetworkMotions {
@@ -168,6 +169,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 baseline_laban: laban,
                 parts: Vec::new(),
                 terms: Vec::new(),
+                places: Vec::new(),
                 loss: Vec::new(),
             };
             (job.request, generation)

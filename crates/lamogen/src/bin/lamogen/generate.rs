@@ -27,13 +27,18 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     if options.pass.emphasis.is_some() && goals.is_none() {
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
+    let places = options.places.places();
+    for notice in places.notices() {
+        console.notice(notice);
+    }
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
             let request = Request::new(&options.prompt)
                 .seconds(options.seconds)
                 .seed(seed)
-                .root_motion(options.writing.root_motion());
+                .root_motion(options.writing.root_motion())
+                .places(places.clone());
             let request = options.then.iter().fold(request, Request::then);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {

@@ -110,9 +110,9 @@ impl BatchItem {
         self.like_checksum.as_deref()
     }
 
-    /// Whether the request has goals; known after [`BatchItem::resolve_goals`].
+    /// Whether the request has goals or places; known after [`BatchItem::resolve_goals`].
     pub fn is_guided(&self) -> bool {
-        self.goals.is_some()
+        self.goals.is_some() || !self.line.places().is_empty()
     }
 
     /// Returns the length of the motion in seconds.
