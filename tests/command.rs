@@ -610,14 +610,16 @@ fn what_is_strange_or_unused_is_said() {
 fn places_are_reported_and_bad_ones_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let walk = ["generate", "a person walks forward", "--steps", "5"];
     let places = [
         "--path",
         "0:0,0 3:0.5,2",
         "--reach",
         "left-hand@1.5=0.5,1.5,1",
     ];
-    let walk_with = |arguments: &[&str]| [&walk[..], arguments].concat();
+    fn walk_with<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
+        let walk = ["generate", "a person walks forward", "--steps", "5"];
+        [&walk[..], arguments].concat()
+    }
     let arguments = walk_with(&[&places[..], &["--out", "walk.json"]].concat());
     let (table, notices) = running::succeeds(folder, &arguments);
     for part in ["pelvis at 3 s", "left-hand at 1.5 s", " cm"] {

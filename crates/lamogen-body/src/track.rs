@@ -20,6 +20,11 @@ const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
 /// They are the first frames again, moved on by the travel.
 const SEAM_FRAMES: usize = 3;
 
+/// What is added to the curvature of the root at frames where a goal counts far more than the terms of the fit, and half of it
+/// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
+/// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
+const STIFF_CURVATURE: f64 = 80.0;
+
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
     /// The travel of a cycle, in metres.
@@ -481,10 +486,7 @@ impl MotionFit {
     }
 
     /// Estimates the curvature of the fit's value along the root and along every joint that has children, each by itself.
-    /// Steps of the minimiser are divided by these curvatures.
-    ///
-    /// Frames that are not trusted have hardly any curvature of their own, and a step would go far beyond a goal there. At
-    /// `stiff_frames` they count as trusted.
+    /// Steps of the minimiser are divided by these curvatures. `stiff_frames` are those of the goal.
     fn curvatures(&self, stiff_frames: &[usize]) -> Vec<BandedFactorization> {
         let FitOptions {
             nearness,
@@ -506,11 +508,12 @@ impl MotionFit {
         }
         let third = jerk + smoothness;
         let joints = JOINTS as f64;
-        let mut trust = self.trust.clone();
+        let mut stiff = vec![0.0; self.reference.len()];
         for &frame in stiff_frames {
-            trust[frame] = 1.0;
+            stiff[frame] = STIFF_CURVATURE;
         }
-        let root = |t: usize| 2.0 * (nearness * trust[t] * joints + standing[t]) + 1e-3;
+        let root =
+            |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + stiff[t] + 1e-3;
         let mut all = vec![BandedFactorization::new(
             frames,
             root,
@@ -523,8 +526,8 @@ impl MotionFit {
             let lever = 4.0 * levers[joint.index()];
             let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
             let diagonal = |t: usize| {
-                let near = nearness * trust[t] * lever;
-                2.0 * (near + contact_share * standing[t] + prior) + 1e-4
+                let near = nearness * self.trust[t] * lever;
+                2.0 * (near + contact_share * standing[t] + prior) + 0.5 * stiff[t] + 1e-4
             };
             let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
             all.push(BandedFactorization::new(
