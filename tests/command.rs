@@ -607,6 +607,102 @@ fn what_is_strange_or_unused_is_said() {
 }
 
 #[test]
+fn places_are_reported_and_bad_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let places = [
+        "--path",
+        "0:0,0 3:0.5,2",
+        "--reach",
+        "left-hand@1.5=0.5,1.5,1",
+    ];
+    fn walk_with<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
+        let walk = ["generate", "a person walks forward", "--steps", "5"];
+        [&walk[..], arguments].concat()
+    }
+    let arguments = walk_with(&[&places[..], &["--out", "walk.json"]].concat());
+    let (table, notices) = running::succeeds(folder, &arguments);
+    for part in ["pelvis at 3 s", "left-hand at 1.5 s", " cm"] {
+        assert!(table.contains(part), "{table}");
+    }
+    assert!(!notices.contains("m/s"), "{notices}");
+    let record = json(&std::fs::read_to_string(folder.join("walk.json")).unwrap());
+    assert_eq!(record["places"].as_array().unwrap().len(), 3);
+    assert!(number(&record, "/places/1/off_m") < 0.02);
+    assert_eq!(
+        record["places"][1]["asked_m"],
+        serde_json::json!([0.5, null, 2.0])
+    );
+    // What is fast is said, and made.
+    let fast = walk_with(&["--path", "1:0,4", "--out", "fast.npy"]);
+    let (_, notices) = running::succeeds(folder, &fast);
+    assert!(notices.contains("4.0 m/s from 0 s to 1 s"), "{notices}");
+    for (wrong, part) in [
+        (&["--path", ""][..], "found nothing"),
+        (&["--path", "1:0,1 1:0,2"], "found 1 s after 1 s"),
+        (&["--path", "1:0,nan"], "found NaN"),
+        (&["--path", "1:0"], "found \"1:0\""),
+        (&["--path", "5:0,1"], "found 5 s"),
+        (
+            &["--reach", "tail@1=0,1,0"],
+            "left-hand, right-hand, left-foot",
+        ),
+        (&["--reach", "head=0,1,0"], "part@seconds=x,y,z"),
+        (&["--path", "1:0,1", "--face", "north"], "found \"north\""),
+        (&["--face", "90"], "--path"),
+        (&["--path", "1:0,1", "--loop"], "a path or a loop"),
+        (
+            &["--path", "1:0,1", "--baseline-only"],
+            "cannot be used with",
+        ),
+    ] {
+        fails(
+            folder,
+            &walk_with(&[wrong, &["--out", "no.npy"]].concat()),
+            2,
+            part,
+        );
+        assert!(!folder.join("no.npy").exists());
+    }
+    // The lines of a batch say the same.
+    let line = r#"{"prompt": "a person walks forward", "id": "walk", "path": "3:0.5,2", "face": 0, "reach": ["head@1=0,1.5,0.7"], "steps": 5}"#;
+    requests(folder, &[line]);
+    succeeds(
+        folder,
+        &[
+            "batch",
+            "requests.jsonl",
+            "--out",
+            "places",
+            "--format",
+            "npy",
+        ],
+    );
+    let record = json(&std::fs::read_to_string(folder.join("places/walk.json")).unwrap());
+    assert_eq!(record["places"].as_array().unwrap().len(), 2);
+    assert!(number(&record, "/places/0/off_m") < 0.02);
+    for (field, part) in [
+        (r#""path": "1""#, "path: expected a place"),
+        (
+            r#""reach": ["tail@1=0,1,0"]"#,
+            "reach: expected one of left-hand",
+        ),
+        (r#""face": 90"#, "expected a path beside face"),
+        (r#""path": "1:0,1", "face": 1000"#, "found \"1000\""),
+        (r#""path": "9:0,1""#, "found 9 s"),
+    ] {
+        let line = format!(r#"{{"prompt": "a person walks", "steps": 2, {field}}}"#);
+        requests(folder, &[&line]);
+        fails(
+            folder,
+            &["batch", "requests.jsonl", "--out", "wrong"],
+            2,
+            part,
+        );
+    }
+}
+
+#[test]
 fn motions_are_put_on_a_character_whose_file_stays() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

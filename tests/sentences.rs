@@ -140,10 +140,11 @@ fn a_motion_goes_on_where_another_ends() {
     ] {
         let request = Request::new(sentence).seconds(3.0).seed(seed).after(&walk);
         let generation = model.generate(&request.tag(Tag::Strong)).unwrap();
-        for motion in [&generation.baseline, &generation.guided] {
+        // A strong motion is faster than the clip, half a second after it.
+        for (motion, tolerance) in [(&generation.baseline, 1.0), (&generation.guided, 1.4)] {
             assert_eq!(motion.frames(), 60);
             let joints = [walk.joints(), motion.joints()].concat();
-            is_smooth_at(&joints, walk.frames(), 1.0);
+            is_smooth_at(&joints, walk.frames(), tolerance);
         }
         // Goals set in within half a second.
         let [change, ..] = changes(&generation, 12..60);
@@ -211,6 +212,10 @@ fn what_cannot_be_made_is_said() {
         (
             walk().after(&clip).looped(true),
             &["loop without a motion before"],
+        ),
+        (
+            walk().after(&clip).path("0:0,0 2:1,0".parse().unwrap()),
+            &["expected places, or a motion", "found both"],
         ),
         (walk().after(&frame), &["at least 2 frames", "found 1"]),
         (walk().before(&frame), &["at least 2 frames", "found 1"]),

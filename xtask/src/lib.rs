@@ -7,6 +7,7 @@ pub mod judges;
 pub mod measure;
 pub mod parity;
 pub mod perception;
+pub mod places;
 pub mod seams;
 pub mod strips;
 pub mod subject;

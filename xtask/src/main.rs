@@ -126,6 +126,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Generate sentences with paths and positions to reach, and measure how near they come in files; prints a table in Markdown.
+    Places {
+        #[command(flatten)]
+        options: xtask::places::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -237,6 +245,17 @@ fn main() -> ExitCode {
                 Err(error) => fail(&*error),
             }
         }),
+        Task::Places { options, device } => {
+            with_device(device, |device| {
+                match xtask::places::run(&options, device, &mut |line| eprintln!("{line}")) {
+                    Ok(table) => {
+                        print!("{table}");
+                        ExitCode::SUCCESS
+                    }
+                    Err(error) => fail(&*error),
+                }
+            })
+        }
         Task::Embed {
             from,
             to,

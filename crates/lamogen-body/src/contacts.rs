@@ -30,7 +30,7 @@ const CONTACT_THRESHOLD: f32 = 0.5;
 /// The largest height above the ground at which the ball of a foot may stand, in metres.
 const MAX_BALL_HEIGHT: f64 = 0.02;
 /// The height above the ground that the ball of a fast foot must have, in metres.
-const SWING_HEIGHT: f64 = 0.06;
+pub(crate) const SWING_HEIGHT: f64 = 0.06;
 /// Speeds of a foot along the ground, in metres a second. The required height is 0 up to the first, rises between them,
 /// and is [`SWING_HEIGHT`] from the second on.
 const SWING_SPEED: [f64; 2] = [0.3, 0.7];

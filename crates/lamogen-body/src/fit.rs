@@ -40,6 +40,13 @@ pub trait FitObjective {
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
     ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)>;
+
+    /// Returns the frames of a motion at which the objective counts far more than all terms of the fit, such as those of a
+    /// place that a hand has to reach. A fit makes its steps shorter there. The default returns none.
+    fn stiff_frames(&self, motion: usize) -> Vec<usize> {
+        let _ = motion;
+        Vec::new()
+    }
 }
 
 /// The progress of a fit.
@@ -79,8 +86,13 @@ impl FitOptions {
         on_progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> FitResult {
         let total = self.allowed(goal.is_some());
-        let mut fits: Vec<MotionFit> = { inputs.par_iter() }
-            .map(|input| MotionFit::new(input, *self))
+        let stiff_frames = |motion| match goal.as_deref() {
+            Some(goal) => goal.stiff_frames(motion),
+            None => Vec::new(),
+        };
+        let stiff_frames: Vec<Vec<usize>> = (0..inputs.len()).map(stiff_frames).collect();
+        let mut fits: Vec<MotionFit> = { inputs.par_iter().zip(&stiff_frames) }
+            .map(|(input, stiff_frames)| MotionFit::new(input, *self, stiff_frames))
             .collect();
         let mut is_stopped = false;
         for evaluation in 0..total {

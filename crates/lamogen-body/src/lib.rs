@@ -22,6 +22,7 @@ mod options;
 mod pose;
 mod seam;
 mod snaps;
+mod steps;
 mod track;
 
 pub use contacts::{FootContact, foot_contacts};

@@ -52,6 +52,9 @@ pub struct FitOptions {
     pub prior: f64,
     /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 15.
     pub goal: f64,
+    /// The distance in metres that a foot may slide while it stands; further on it takes steps of this length. `None`, the
+    /// default, holds every standing foot in one place.
+    pub stride: Option<f64>,
 }
 
 impl Default for FitOptions {
@@ -74,6 +77,7 @@ impl Default for FitOptions {
             plane: 0.05,
             prior: 0.002,
             goal: 15.0,
+            stride: None,
         }
     }
 }
@@ -94,7 +98,7 @@ impl FitOptions {
     /// # Errors
     ///
     /// If a weight is not a finite number from 0 to a million, nearness is 0, a number of evaluations is not from 1 to
-    /// 100000, or the fastest turn is not from 1 to 180 degrees.
+    /// 100000, the stride is not from 0.1 to 10 metres, or the fastest turn is not from 1 to 180 degrees.
     pub fn check(&self) -> Result<(), FitError> {
         let weights = [
             ("nearness", self.nearness),
@@ -135,6 +139,9 @@ impl FitOptions {
                 return problem(field, "1 to 100000 evaluations", found as f64);
             }
         }
+        if let Some(stride) = self.stride.filter(|stride| !(0.1..=10.0).contains(stride)) {
+            return problem("stride", "0.1 to 10 metres", stride);
+        }
         match (1.0..=180.0).contains(&self.fastest) {
             true => Ok(()),
             false => problem("fastest", "1 to 180 degrees a frame", self.fastest),
@@ -174,8 +181,12 @@ mod tests {
                 fastest: 0.0,
                 ..FitOptions::default()
             },
+            FitOptions {
+                stride: Some(f64::NAN),
+                ..FitOptions::default()
+            },
         ];
-        let names = ["stand", "nearness", "evaluations", "fastest"];
+        let names = ["stand", "nearness", "evaluations", "fastest", "stride"];
         for (fit, name) in invalid.into_iter().zip(names) {
             let message = fit.check().unwrap_err().to_string();
             assert!(

@@ -11,6 +11,7 @@ use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
 use crate::seam::close_seam;
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
+use crate::steps::{break_into_steps, lift_between_steps};
 
 /// The number of unknowns of a frame: the root position, and the quaternion of every joint that has children.
 const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
@@ -18,6 +19,11 @@ const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
 /// The number of frames after the last one of a loop that take part in its fit: the terms look at up to four frames in a row.
 /// They are the first frames again, moved on by the travel.
 const SEAM_FRAMES: usize = 3;
+
+/// What is added to the curvature of the root at frames where a goal counts far more than the terms of the fit, and half of it
+/// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
+/// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
+const STIFF_CURVATURE: f64 = 80.0;
 
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
@@ -115,8 +121,13 @@ impl TrialMotion {
 }
 
 impl MotionFit {
-    /// Prepares the fit of a motion. It starts at the rotations solved from the motion.
-    pub(crate) fn new(input: &FitInput<'_>, options: FitOptions) -> MotionFit {
+    /// Prepares the fit of a motion. It starts at the rotations solved from the motion. `stiff_frames` are
+    /// those of the goal ([`FitObjective::stiff_frames`](crate::FitObjective::stiff_frames)).
+    pub(crate) fn new(
+        input: &FitInput<'_>,
+        options: FitOptions,
+        stiff_frames: &[usize],
+    ) -> MotionFit {
         let FitInput {
             motion,
             body: rest,
@@ -175,6 +186,11 @@ impl MotionFit {
             }
         }
         let mut least_foot_heights = least_foot_heights(&reference, &contacts, ground);
+        if let Some(stride) = options.stride {
+            let steps = break_into_steps(contacts.clone(), &reference, stride);
+            lift_between_steps(&mut least_foot_heights, [&contacts, &steps], ground);
+            contacts = steps;
+        }
         let seam = repeated.map(|_| {
             let seam = LoopSeam {
                 travel: (reference[2 * frames][0] - reference[frames][0])
@@ -227,7 +243,7 @@ impl MotionFit {
             curvatures: Vec::new(),
             minimizer: Minimizer::new(point),
         };
-        fit.curvatures = fit.curvatures();
+        fit.curvatures = fit.curvatures(stiff_frames);
         fit
     }
 
@@ -515,8 +531,8 @@ impl MotionFit {
     }
 
     /// Estimates the curvature of the fit's value along the root and along every joint that has children, each by itself.
-    /// Steps of the minimiser are divided by these curvatures.
-    fn curvatures(&self) -> Vec<BandedFactorization> {
+    /// Steps of the minimiser are divided by these curvatures. `stiff_frames` are those of the goal.
+    fn curvatures(&self, stiff_frames: &[usize]) -> Vec<BandedFactorization> {
         let FitOptions {
             nearness,
             smoothness,
@@ -537,7 +553,12 @@ impl MotionFit {
         }
         let third = jerk + smoothness;
         let joints = JOINTS as f64;
-        let root = |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + 1e-3;
+        let mut stiff = vec![0.0; self.reference.len()];
+        for &frame in stiff_frames {
+            stiff[frame] = STIFF_CURVATURE;
+        }
+        let root =
+            |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + stiff[t] + 1e-3;
         let mut all = vec![BandedFactorization::new(
             frames,
             root,
@@ -551,7 +572,7 @@ impl MotionFit {
             let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
             let diagonal = |t: usize| {
                 let near = nearness * self.trust[t] * lever;
-                2.0 * (near + contact_share * standing[t] + prior) + 1e-4
+                2.0 * (near + contact_share * standing[t] + prior) + 0.5 * stiff[t] + 1e-4
             };
             let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
             all.push(BandedFactorization::new(

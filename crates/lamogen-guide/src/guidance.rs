@@ -8,6 +8,7 @@ use lamogen_laban::{COMPONENTS, LabanOptions, LossDivisor};
 
 use crate::error::GuideError;
 use crate::loss_term::LossTerms;
+use crate::places::Places;
 use crate::schedule::TRAINING_STEPS;
 
 /// The body on which motions are measured, guided and returned.
@@ -162,6 +163,8 @@ pub struct Guidance {
     pub laban: LabanOptions,
     /// Further terms of the loss, which all motions of the run share: goals of your own.
     pub loss_terms: LossTerms,
+    /// Places at which all bodies of the run shall be; motions of a run with places have the same length. Default: none.
+    pub places: Places,
 }
 
 /// Guidance options together with the number of DDIM steps that they were chosen for.
@@ -250,6 +253,7 @@ impl Guidance {
             finish: None,
             laban: LabanOptions::default(),
             loss_terms: LossTerms::default(),
+            places: Places::default(),
         }
     }
 

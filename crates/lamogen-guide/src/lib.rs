@@ -33,6 +33,7 @@ mod looped;
 mod loss_term;
 mod noise;
 mod observer;
+mod places;
 mod prompt_editing;
 mod rig;
 mod sampler;
@@ -52,6 +53,9 @@ pub use looped::{Looped, longest_loop};
 pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermComparison};
 pub use noise::{StepNoise, noise};
 pub use observer::{Observer, Pass, Step};
+pub use places::{
+    Facing, GroundPath, PlaceError, PlaceOutcome, Places, Reach, ReachPart, Waypoint,
+};
 pub use prompt_editing::prompt_with_tags;
 pub use rig::{Rig, RigMotions};
 pub use sampler::{Batch, Sampler};

@@ -17,6 +17,12 @@ use crate::loss_term::TermComparison;
 /// network's pass. On the body a larger weight is possible: in the network's pass it would move the motion away from
 /// the sentence.
 const RIG_EMPHASIS: f32 = 3.5;
+/// The factor on the loss of places, relative to the network's pass. In that pass a position that a hand is far from
+/// would count more than everything else, and the network leaves the sentence for it; the body has to be there.
+const PLACE_EMPHASIS: f32 = 350.0;
+
+/// The distance in metres that a foot may slide on a path before it takes a step.
+const STRIDE: f64 = 0.4;
 
 /// Fits motions of pose features to the rigid body of HumanML3D, which all motions of the data set have.
 ///
@@ -45,7 +51,7 @@ pub struct RigMotions {
     /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the
     /// body beside it.
     pub parts: Vec<LabanComparison>,
-    /// The values of the terms of [`Guidance::loss_terms`].
+    /// The values of the terms of [`Guidance::loss_terms`], and then of [`Guidance::places`].
     pub terms: Vec<TermComparison>,
 }
 
@@ -115,16 +121,22 @@ impl<'a> Rig<'a> {
             &lengths,
             goals,
             &guidance,
-            RIG_EMPHASIS,
+            [RIG_EMPHASIS, PLACE_EMPHASIS],
         )?;
         let mut objective = LossObjective {
             rig: self,
+            lengths: &lengths,
             targets: &targets,
             is_first: true,
             non_finite: None,
         };
         let inputs = self.fit_inputs(motions);
-        let fit = { self.guidance.fit }.run(&inputs, Some(&mut objective), on_progress);
+        let mut fit = self.guidance.fit;
+        // A path leads bodies on whose feet the sentence would have standing.
+        if self.guidance.places.path.is_some() && fit.stride.is_none() {
+            fit.stride = Some(STRIDE);
+        }
+        let fit = fit.run(&inputs, Some(&mut objective), on_progress);
         if let Some((motion, value)) = objective.non_finite {
             return Err(GuideError::Rig {
                 value: targets.value_name(value),
@@ -177,6 +189,8 @@ impl<'a> Rig<'a> {
 /// The loss of all terms as the objective of a fit.
 struct LossObjective<'g> {
     rig: &'g Rig<'g>,
+    /// The number of frames of each motion.
+    lengths: &'g [usize],
     targets: &'g Targets,
     /// Whether the next evaluation is the first. At later evaluations the loss may be non-finite because a step was too
     /// large; the fit then makes a smaller step.
@@ -186,6 +200,10 @@ struct LossObjective<'g> {
 }
 
 impl FitObjective for LossObjective<'_> {
+    fn stiff_frames(&self, motion: usize) -> Vec<usize> {
+        self.rig.guidance.places.frames(self.lengths[motion])
+    }
+
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],

@@ -10,6 +10,7 @@ use crate::known::KnownFrames;
 use crate::looped::HeadingClosure;
 use crate::noise::StepNoise;
 use crate::observer::{Observer, Pass, Step};
+use crate::places::RootPlan;
 use crate::schedule::{DdimStep, Schedule};
 use crate::temporal_smoothing::TemporalSmoothing;
 use crate::windows::{Continuation, WindowChain, window_count};
@@ -32,6 +33,8 @@ pub struct Sampler<'a, D> {
     temporal_smoothing: Option<TemporalSmoothing>,
     /// Whether the motions are loops.
     samples_loops: bool,
+    /// The change of predictions that leads bodies through their places, if there are any.
+    root_plan: Option<RootPlan>,
 }
 
 /// The input of both passes: the prompts, the start noise and the lengths of the motions of a batch.
@@ -93,6 +96,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             steps,
             temporal_smoothing: None,
             samples_loops: false,
+            root_plan: None,
         })
     }
 
@@ -121,6 +125,16 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         Sampler {
             samples_loops,
             ..self
+        }
+    }
+
+    /// Returns the sampler with a change of its predictions that leads bodies through their places.
+    pub(crate) fn with_root_plan(&self, root_plan: Option<RootPlan>) -> Self {
+        Sampler {
+            steps: self.steps.clone(),
+            time: self.time.clone(),
+            root_plan,
+            ..*self
         }
     }
 
@@ -352,6 +366,10 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Some(closure) => closure.close(clean),
             None => clean,
         };
+        let clean = match &self.root_plan {
+            Some(plan) => plan.apply(clean),
+            None => clean,
+        };
         match state.known {
             Some(known) => known.replace(clean),
             None => clean,
@@ -373,6 +391,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             // The clean motion has been changed, so the noise is the rest of x.
             _ if state.heading_closure.is_some()
                 || state.known.is_some()
+                || self.root_plan.is_some()
                 || self.smoothing_window(state, step).is_some() =>
             {
                 (x - clean.clone() * signal_scale) / noise_scale

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use lamogen_guide::{GuideError, Pass};
+use lamogen_guide::{GuideError, Pass, PlaceError};
 use lamogen_laban::{GoalError, ScaleError};
 use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
@@ -196,6 +196,17 @@ pub enum RequestError {
         "expected a model that makes whole motions for a loop, found one that makes a motion a window at a time"
     )]
     LoopOfWindows,
+    /// A loop is requested to take a path.
+    #[error(
+        "expected a path or a loop, found both: a loop has a way of its own, which leads back to its beginning"
+    )]
+    PathOfLoop,
+    /// A place is beyond the motion, or there are two at one moment.
+    #[error(transparent)]
+    Places(#[from] PlaceError),
+    /// Places are requested beside a motion to continue or to lead to.
+    #[error("expected places, or a motion to go on from or to lead to; found both")]
+    PlacesBesideMotion,
     /// A loop is requested of several sentences.
     #[error("expected one sentence for a loop, found several")]
     LoopOfSentences,

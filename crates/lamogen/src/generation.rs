@@ -3,7 +3,7 @@
 use std::ops::{ControlFlow, Range, RangeInclusive};
 
 use burn::tensor::Device;
-use lamogen_guide::{ClassifierFree, GuideError, Preset, Step, TemporalSmoothing};
+use lamogen_guide::{ClassifierFree, GuideError, PlaceOutcome, Preset, Step, TemporalSmoothing};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{AnyNetwork, Denoiser, SamplingMethod, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
@@ -68,6 +68,8 @@ pub struct Generation {
     pub parts: Vec<PartLaban>,
     /// The values of the loss terms that the request or its guidance added ([`Request::loss_term`]).
     pub terms: Vec<TermValues>,
+    /// How near the guided motion comes to each place that the request asked for.
+    pub places: Vec<PlaceOutcome>,
     /// The loss at every step of the guided pass, over all terms.
     pub loss: Vec<f32>,
 }

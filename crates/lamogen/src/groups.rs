@@ -279,6 +279,9 @@ pub(crate) fn assign_to_group(
     let mut guidance = request.guidance.clone().unwrap_or(preset.guidance());
     let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
     guidance.loss_terms = terms.cloned().collect();
+    if !request.places.is_empty() {
+        guidance.places = request.places.clone();
+    }
     guidance.check()?;
     let (start, end) = known_frames(request, model.window())?;
     let is_looped = request.is_looped;
@@ -340,7 +343,15 @@ pub(crate) fn assign_to_group(
         Tiling::new(&lengths_of_tiles, *lengths.end())
     });
     let tiling = tiling.filter(|tiling| !tiling.is_whole());
-    let is_guided = goals.is_some() || !guidance.loss_terms.is_empty();
+    guidance.places.check(frames)?;
+    if !guidance.places.is_empty() && kept != (0..frames) {
+        return Err(RequestError::PlacesBesideMotion);
+    }
+    if is_looped && guidance.places.path.is_some() {
+        return Err(RequestError::PathOfLoop);
+    }
+    let is_guided =
+        goals.is_some() || !guidance.loss_terms.is_empty() || !guidance.places.is_empty();
     let job = GenerationJob {
         request: index,
         segments,
@@ -359,6 +370,8 @@ pub(crate) fn assign_to_group(
             && group.is_guided == is_guided
             && group.is_looped == is_looped
             && group.guidance == guidance
+            // A place at the end of a motion is at another frame of a longer one.
+            && (guidance.places.is_empty() || group.jobs[0].frames == frames)
     };
     match groups.iter_mut().find(has_same_options) {
         Some(group) => group.jobs.push(job),

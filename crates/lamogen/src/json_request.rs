@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen_files::ReadError;
-use lamogen_guide::{Body, Preset};
+use lamogen_guide::{Body, Facing, GroundPath, Places, Preset, Reach};
 use lamogen_laban::{COMPONENTS, Component, Factor, Goal, GoalError, Goals, PartScale, Scale};
 use lamogen_motion::RootMotion;
 use serde::{Deserialize, Serialize};
@@ -46,6 +46,15 @@ pub struct JsonRequest {
     pub like: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     part: Vec<String>,
+    /// The path of the pelvis along the ground; it is free without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<GroundPath>,
+    /// Where the body faces on its path; along the path without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face: Option<Facing>,
+    /// Positions that parts of the body reach.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reach: Vec<Reach>,
     /// The length of the motion in seconds; 3 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f32>,
@@ -147,6 +156,9 @@ impl JsonRequest {
                 "expected in_place or a root_motion other than none, found both",
             ));
         }
+        if request.face.is_some() && request.path.is_none() {
+            return Err(invalid("expected a path beside face, found none"));
+        }
         request.requested_goals()?;
         for (place, sentence) in request.then.iter().enumerate() {
             let in_place =
@@ -166,6 +178,9 @@ impl JsonRequest {
     fn is_segment(&self) -> bool {
         let plain = JsonRequest {
             id: None,
+            path: None,
+            face: None,
+            reach: Vec::new(),
             then: Vec::new(),
             after: None,
             before: None,
@@ -315,7 +330,16 @@ impl JsonRequest {
         if let Some(root_motion) = self.root_motion() {
             request = request.root_motion(root_motion);
         }
-        request.guidance(guidance)
+        request.guidance(guidance).places(self.places())
+    }
+
+    /// Returns the places that the object states.
+    pub fn places(&self) -> Places {
+        Places {
+            path: self.path.clone(),
+            facing: self.face.unwrap_or_default(),
+            reaches: self.reach.clone(),
+        }
     }
 
     /// Returns where files of the motion keep its travel, if the object says so.

@@ -84,8 +84,9 @@ pub use requested_goals::RequestedGoals;
 
 pub use burn::tensor::{Device, Tensor};
 pub use lamogen_guide::{
-    Body, ClassifierFree, Finish, FitOptions, Guidance, GuidanceVariable, LossTarget, LossTerm,
-    LossTerms, Pass, Preset, Step, TemporalSmoothing, UpdateTiming,
+    Body, ClassifierFree, Facing, Finish, FitOptions, GroundPath, Guidance, GuidanceVariable,
+    LossTarget, LossTerm, LossTerms, Pass, PlaceError, PlaceOutcome, Places, Preset, Reach,
+    ReachPart, Step, TemporalSmoothing, UpdateTiming, Waypoint,
 };
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKeyframe,
@@ -111,6 +112,11 @@ struct Readme;
 #[cfg(all(doctest, feature = "compact"))]
 #[doc = include_str!("../../../docs/characters.md")]
 struct CharactersPage;
+
+/// The program of `docs/places.md`, compiled with the doc tests.
+#[cfg(all(doctest, feature = "compact"))]
+#[doc = include_str!("../../../docs/places.md")]
+struct PlacesPage;
 
 /// The programs of `docs/own-goal.md`, compiled with the doc tests.
 #[cfg(all(doctest, feature = "compact"))]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lamogen_guide::{Guidance, LossTerm, LossTerms, Preset};
+use lamogen_guide::{Facing, GroundPath, Guidance, LossTerm, LossTerms, Places, Preset, Reach};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, RootMotion};
 
@@ -40,6 +40,7 @@ pub struct Request {
     pub(crate) steps: Option<usize>,
     pub(crate) guidance: Option<Guidance>,
     pub(crate) loss_terms: LossTerms,
+    pub(crate) places: Places,
     pub(crate) is_looped: bool,
     pub(crate) root_motion: RootMotion,
     /// The requests that follow this one in the same motion, which have none of their own.
@@ -71,6 +72,7 @@ impl Request {
             steps: None,
             guidance: None,
             loss_terms: LossTerms::default(),
+            places: Places::default(),
             is_looped: false,
             root_motion: RootMotion::default(),
             following: Vec::new(),
@@ -179,6 +181,46 @@ impl Request {
             loss_terms: self.loss_terms.with(term),
             ..self
         }
+    }
+
+    /// Sets the path that the pelvis takes along the ground, in metres from where the motion starts. The body faces along the
+    /// path, unless [`facing`](Self::facing) says otherwise.
+    ///
+    /// ```
+    /// use lamogen::Request;
+    ///
+    /// // A metre to the left within two seconds, then two metres forward.
+    /// let request = Request::new("a person walks").seconds(4.0).path("0:0,0 2:1,0 4:1,2".parse()?);
+    /// # Ok::<(), lamogen::PlaceError>(())
+    /// ```
+    pub fn path(mut self, path: GroundPath) -> Self {
+        self.places.path = Some(path);
+        self
+    }
+
+    /// Sets where the body faces on its path.
+    pub fn facing(mut self, facing: Facing) -> Self {
+        self.places.facing = facing;
+        self
+    }
+
+    /// Adds a position that a part of the body reaches, in metres from where the motion starts.
+    ///
+    /// ```
+    /// use lamogen::Request;
+    ///
+    /// let request = Request::new("a person raises the right arm")
+    ///     .reach("right-hand@1.5=-0.3,1.6,0.5".parse()?);
+    /// # Ok::<(), lamogen::PlaceError>(())
+    /// ```
+    pub fn reach(mut self, reach: Reach) -> Self {
+        self.places.reaches.push(reach);
+        self
+    }
+
+    /// Sets all places at once: the path, where the body faces on it, and the positions that parts of the body reach.
+    pub fn places(self, places: Places) -> Self {
+        Request { places, ..self }
     }
 
     /// Sets whether the motion is a loop: its last frame leads into the first, in pose and velocity, and the body faces

@@ -123,6 +123,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
+                places: self.group.guidance.places.outcomes(&motion),
                 guided: motion,
                 baseline,
                 network: NetworkMotions {
@@ -229,6 +230,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 baseline_laban: laban,
                 parts: Vec::new(),
                 terms: Vec::new(),
+                places: Vec::new(),
                 loss: Vec::new(),
             };
             (job.request, generation)

@@ -16,6 +16,7 @@ use crate::error::GuideError;
 use crate::guidance::{Guidance, GuidanceVariable};
 use crate::loss_term::TermComparison;
 use crate::observer::{Observer, Pass, Step};
+use crate::places::RootPlan;
 use crate::sampler::{Batch, Sampler};
 pub use objective::LabanComparison;
 pub(crate) use objective::{Comparisons, Targets};
@@ -32,7 +33,7 @@ pub struct GuidedMotions {
     /// The Laban features of each part of the body that any motion of the batch has goals for, and of the rest of the
     /// body beside it.
     pub parts: Vec<LabanComparison>,
-    /// The values of the terms of [`Guidance::loss_terms`].
+    /// The values of the terms of [`Guidance::loss_terms`], and then of [`Guidance::places`].
     pub terms: Vec<TermComparison>,
     /// The loss of each motion at every step, over all terms: `[step][motion]`.
     pub loss: Vec<Vec<f32>>,
@@ -78,14 +79,20 @@ impl<D: Denoiser> Sampler<'_, D> {
             false => None,
         };
         let batch = conditioned.as_ref().unwrap_or(batch);
+        // Windows begin at the origin of their own, so the way of the root is planned for whole motions only.
+        let root_plan = match self.model.window() {
+            None => RootPlan::new(&guidance.places, lengths, self.normalization),
+            Some(_) => None,
+        };
+        let planned = self.with_root_plan(root_plan);
         let steps = guidance.steps(self.steps().len() * self.windows(batch));
         let mut pass = GuidedPass::new(steps, observer);
         let embedding = &batch.prompt.embedding;
-        let variable = self.variable(&objective, batch, (baseline, embedding), guidance)?;
+        let variable = planned.variable(&objective, batch, (baseline, embedding), guidance)?;
         let (mut motion, embedding) = pass.run(variable)?;
         if let Some(finish) = guidance.network_finish() {
             let guidance = finish.alone(guidance);
-            let variable = self.variable(&objective, batch, (motion, &embedding), &guidance)?;
+            let variable = planned.variable(&objective, batch, (motion, &embedding), &guidance)?;
             (motion, _) = pass.run(variable)?;
         }
         let loss = pass.loss;

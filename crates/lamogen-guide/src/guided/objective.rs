@@ -10,7 +10,7 @@ use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
 use crate::host::{first_non_finite, to_host};
 use crate::laban_term::LabanTerm;
-use crate::loss_term::{PreparedTerm, TermComparison};
+use crate::loss_term::{LossTerm, PreparedTerm, TermComparison};
 
 /// The loss of predicted motions, which are given as normalised pose features.
 pub(super) struct Objective<'a> {
@@ -25,6 +25,8 @@ pub(crate) struct Targets {
     laban: Vec<(EndEffectors, PreparedTerm)>,
     /// The terms of [`Guidance::loss_terms`].
     others: Vec<PreparedTerm>,
+    /// The terms of [`Guidance::places`].
+    places: Vec<PreparedTerm>,
 }
 
 /// The comparison of finished motions with all targets.
@@ -33,7 +35,7 @@ pub(crate) struct Comparisons {
     pub(crate) whole: LabanComparison,
     /// The Laban features of the parts.
     pub(crate) parts: Vec<LabanComparison>,
-    /// The values of the terms of [`Guidance::loss_terms`].
+    /// The values of the terms of [`Guidance::loss_terms`], and then of [`Guidance::places`].
     pub(crate) terms: Vec<TermComparison>,
 }
 
@@ -82,7 +84,8 @@ pub(super) struct NonFinite {
 }
 
 impl Targets {
-    /// Measures the baseline and sets the targets. `importance` multiplies the loss of [`Guidance::loss_terms`].
+    /// Measures the baseline and sets the targets. The importances multiply the loss of [`Guidance::loss_terms`] and that
+    /// of [`Guidance::places`].
     ///
     /// # Shapes
     ///
@@ -93,7 +96,7 @@ impl Targets {
         lengths: &[usize],
         goals: &[Goals],
         guidance: &Guidance,
-        importance: f32,
+        [importance, place_importance]: [f32; 2],
     ) -> Result<Self, GuideError> {
         let [_, frames, ..] = joints.dims();
         let laban = goals_by_end_effectors(goals, &guidance.laban.end_effectors);
@@ -109,18 +112,26 @@ impl Targets {
             let term = PreparedTerm::new(Arc::new(term), joints.clone(), lengths, 1.0)?;
             Ok((end_effectors, term))
         });
+        // Places are checked against every length, so those of the longest motion hold for all.
+        let longest = lengths.iter().copied().max().unwrap_or(0);
+        let prepare = |term: &Arc<dyn LossTerm>, importance| {
+            PreparedTerm::new(term.clone(), joints.clone(), lengths, importance)
+        };
         let others = guidance.loss_terms.iter();
-        let others =
-            others.map(|term| PreparedTerm::new(term.clone(), joints.clone(), lengths, importance));
+        let others = others.map(|term| prepare(term, importance));
+        let places = guidance.places.terms(longest);
+        let places = places.iter().map(|term| prepare(term, place_importance));
         Ok(Targets {
             laban: laban.collect::<Result<_, GuideError>>()?,
             others: others.collect::<Result<_, _>>()?,
+            places: places.collect::<Result<_, _>>()?,
         })
     }
 
     /// Iterates over all terms, the whole body's Laban features first.
     fn terms(&self) -> impl Iterator<Item = &PreparedTerm> {
-        self.laban.iter().map(|(_, term)| term).chain(&self.others)
+        let laban = self.laban.iter().map(|(_, term)| term);
+        laban.chain(&self.others).chain(&self.places)
     }
 
     /// Returns how many values all terms have together.
@@ -175,7 +186,7 @@ impl Targets {
                 guided: compared.guided,
             }
         });
-        let others = self.others.into_iter();
+        let others = self.others.into_iter().chain(self.places);
         Comparisons {
             whole: laban.next().expect("the whole body is a term"),
             parts: laban.collect(),
@@ -195,7 +206,7 @@ impl<'a> Objective<'a> {
         let baseline = joints(normalization.denormalize(baseline));
         Ok(Objective {
             normalization,
-            targets: Targets::new(&baseline, lengths, goals, guidance, 1.0)?,
+            targets: Targets::new(&baseline, lengths, goals, guidance, [1.0; 2])?,
         })
     }
 

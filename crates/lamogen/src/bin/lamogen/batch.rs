@@ -172,6 +172,15 @@ fn read_items(options: &BatchArguments, console: &Console) -> Result<Vec<BatchIt
             path.display()
         ));
     }
+    for item in &items {
+        for notice in item.line.places().notices() {
+            console.notice(format!(
+                "{}, line {}: {notice}",
+                path.display(),
+                item.number
+            ));
+        }
+    }
     let (shard, shards) = options.shard.unwrap_or((1, 1));
     let items_of_shard = items
         .into_iter()

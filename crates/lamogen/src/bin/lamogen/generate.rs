@@ -36,13 +36,18 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
     let neighbours = Neighbours::read(options.after.as_deref(), options.before.as_deref())?;
+    let places = options.places.places();
+    for notice in places.notices() {
+        console.notice(notice);
+    }
     let requests: Vec<Request> = seeds
         .iter()
         .map(|&seed| {
             let request = Request::new(&options.prompt)
                 .seconds(options.seconds)
                 .seed(seed)
-                .root_motion(options.writing.root_motion());
+                .root_motion(options.writing.root_motion())
+                .places(places.clone());
             let request = following.iter().cloned().fold(request, Request::then);
             let request = neighbours.apply(request);
             let request = options.pass.apply(request, source.model.preset());

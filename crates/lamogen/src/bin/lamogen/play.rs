@@ -31,6 +31,7 @@ pub fn run(options: &PlayArguments, console: &Console) -> Result<(), Failure> {
         target: None,
         free: [false; COMPONENTS],
         parts: Vec::new(),
+        places: Vec::new(),
         facts: Map::new(),
     };
     let path = match &options.out {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use lamogen::motion::{BoneDrift, FootSliding, JointTurn};
 use lamogen::{
     COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, PartLaban,
-    TimeSummary,
+    PlaceOutcome, TimeSummary,
 };
 use serde_json::{Map, Value, json};
 
@@ -67,6 +67,21 @@ fn part_features(scene: &Scene) -> Option<Value> {
     (!parts.is_empty()).then(|| parts.into())
 }
 
+/// Returns how near the main motion comes to the places that were asked for, in metres. Returns `None` if there are none.
+fn place_outcomes(scene: &Scene) -> Option<Value> {
+    let places = scene.places.iter().map(|place| {
+        json!({
+            "place": place.name,
+            "seconds": place.seconds,
+            "asked_m": place.asked,
+            "reached_m": place.reached,
+            "off_m": place.distance(),
+        })
+    });
+    let places: Vec<Value> = places.collect();
+    (!places.is_empty()).then(|| places.into())
+}
+
 /// Returns the JSON of a scene without the numbers of every frame.
 pub fn summary_json(scene: &Scene) -> Map<String, Value> {
     let mut whole = scene_facts(scene);
@@ -89,6 +104,7 @@ fn scene_facts(scene: &Scene) -> Map<String, Value> {
     whole.insert("title".into(), scene.title.as_str().into());
     whole.extend(scene.facts.clone());
     whole.extend(part_features(scene).map(|parts| ("parts".to_owned(), parts)));
+    whole.extend(place_outcomes(scene).map(|places| ("places".to_owned(), places)));
     whole.insert("frames_per_second".into(), FRAMES_PER_SECOND.into());
     whole
 }
@@ -300,7 +316,38 @@ pub fn guidance_table(
     let all = Component::ALL.into_iter().zip(scene.free);
     let (before, after) = (&baseline.laban, &guided.laban);
     let table = format_comparison(["baseline", "guided"], before, after, Some(target), all);
-    table + &part_tables(scene)
+    table + &part_tables(scene) + &place_table(&scene.places)
+}
+
+/// Formats a table of the places that were asked for, with what was reached.
+fn place_table(places: &[PlaceOutcome]) -> String {
+    if places.is_empty() {
+        return String::new();
+    }
+    let numbers = |values: [Option<f32>; 3]| {
+        let values = values.into_iter().flatten();
+        let values: Vec<String> = values.map(|x| format!("{x:.2}")).collect();
+        values.join(", ")
+    };
+    let mut text = format!(
+        "\n{:24} {:>18} {:>18} {:>9}\n",
+        "place, metres", "asked", "reached", "off"
+    );
+    for place in places {
+        let (asked, reached) = (place.asked, place.reached);
+        // A place of a path has no height.
+        let reached = std::array::from_fn(|axis| asked[axis].map(|_| reached[axis]));
+        writeln!(
+            text,
+            "{:24} {:>18} {:>18} {:>6.1} cm",
+            format!("{} at {} s", place.name, place.seconds),
+            numbers(asked),
+            numbers(reached),
+            100.0 * place.distance()
+        )
+        .expect("a string takes all");
+    }
+    text
 }
 
 /// Formats a table for each part of the body that has goals of its own.

@@ -8,7 +8,7 @@ use lamogen::files::ImportedMotion;
 use lamogen::motion::{JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
-    Motion, PartLaban, RootMotion,
+    Motion, PartLaban, PlaceOutcome, RootMotion,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -73,8 +73,29 @@ pub struct Scene {
     pub free: [bool; COMPONENTS],
     /// Laban features of the parts of the body that have goals of their own, and of the rest.
     pub parts: Vec<PartLaban>,
+    /// How near the main motion comes to the places that were asked for.
+    pub places: Vec<PlaceOutcome>,
     /// Facts that the JSON contains beside the motions.
     pub facts: Map<String, Value>,
+}
+
+/// Returns the label of a guided motion: its goals, and whether it has places. Goals that leave everything free are left out
+/// beside places.
+fn goals_label(generation: &Generation) -> String {
+    let is_free = Component::ALL.map(|component| generation.goals.is_free(component));
+    let goals = generation.goals.to_string();
+    match (&generation.places[..], is_free == [true; COMPONENTS]) {
+        ([], _) => goals,
+        (_, true) => "with places".to_owned(),
+        (_, false) => format!("{goals}, with places"),
+    }
+}
+
+/// Returns a note of how near a motion comes to its places.
+fn places_note(places: &[PlaceOutcome]) -> Option<String> {
+    let distances = places.iter().map(PlaceOutcome::distance);
+    let largest = distances.fold(0.0, f32::max);
+    (!places.is_empty()).then(|| format!("at most {:.1} cm off", 100.0 * largest))
 }
 
 /// Colours of motions that are neither baseline nor guided, as red, green and blue.
@@ -86,7 +107,7 @@ impl Scene {
         let sentences = generation.sentences.iter();
         let sentences: Vec<&str> = sentences.map(|sentence| &sentence.prompt[..]).collect();
         let title = sentences.join(", then ");
-        let scale = generation.goals.to_string();
+        let scale = goals_label(&generation);
         let is_guided = !generation.loss.is_empty();
         let text_alone = "text alone".to_owned();
         let guided = SceneMotion::new(
@@ -99,7 +120,11 @@ impl Scene {
         );
         let baseline = SceneMotion::new(text_alone, generation.baseline, generation.baseline_laban);
         let seed = facts.get("seed").map(|seed| format!("seed {seed}"));
-        let notes = [is_guided.then_some(scale), seed];
+        let notes = [
+            is_guided.then_some(scale),
+            places_note(&generation.places),
+            seed,
+        ];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
         Scene {
             title,
@@ -112,6 +137,7 @@ impl Scene {
             target: is_guided.then_some(generation.target),
             free: Component::ALL.map(|component| generation.goals.is_free(component)),
             parts: generation.parts,
+            places: generation.places,
             facts,
         }
     }
@@ -140,6 +166,7 @@ impl Scene {
             target: None,
             free: [false; COMPONENTS],
             parts: Vec::new(),
+            places: Vec::new(),
             facts: facts.as_object().cloned().unwrap_or_default(),
         }
     }

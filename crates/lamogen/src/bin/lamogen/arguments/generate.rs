@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lamogen::laban::GoalError;
-use lamogen::{Component, Goal, PartScale, RequestedGoals, Scale};
+use lamogen::{
+    Component, Facing, Goal, GroundPath, PartScale, Places, Reach, RequestedGoals, Scale,
+};
 
 use super::sentences::SentenceArguments;
 use super::shared::{ModelArguments, PassArguments, WritingArguments};
@@ -25,6 +27,7 @@ Examples:
   lamogen generate \"a person walks\" --part arms:strong --part legs:light --out arms.html
   lamogen generate \"a person walks forward\" --seconds 3 --then \"a person jumps\" --seconds 2 --weight strong --out scene.glb
   lamogen generate \"a person dances\" --like dance.bvh --shape any --out alike.html
+  lamogen generate \"a person walks\" --path \"0:0,0 2:1,0 4:1,2\" --seconds 4 --out way.html
   lamogen generate \"a person waves\" --shape far --samples 4 --out wave.gif";
 
 /// The arguments of `lamogen generate`.
@@ -35,6 +38,8 @@ pub struct GenerateArguments {
     pub prompt: String,
     #[command(flatten)]
     pub goals: GoalArguments,
+    #[command(flatten)]
+    pub places: PlaceArguments,
     /// What the person does next, in the same motion. --seconds, --weight, --time, --flow, --shape, --scale, --like and --part after
     /// it are those of this sentence. May be given several times.
     #[arg(long, value_name = "SENTENCE")]
@@ -62,7 +67,7 @@ pub struct GenerateArguments {
     #[arg(long, short, value_name = "FILE", default_value = "motion.html")]
     pub out: Vec<OutputFile>,
     /// Only the motion of the text alone.
-    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "like", "part", "emphasis"])]
+    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "like", "part", "emphasis", "path", "reach"])]
     pub baseline_only: bool,
     #[command(flatten)]
     pub pass: PassArguments,
@@ -109,6 +114,33 @@ impl GoalArguments {
             scale: self.scale,
             like: self.like.clone(),
             parts: self.part.clone(),
+        }
+    }
+}
+
+/// The places at which the body shall be.
+#[derive(Args, Clone)]
+pub struct PlaceArguments {
+    /// Places that the pelvis passes, such as "0:0,0 2:1,0 4:1,2": seconds:x,z in metres from the start of the motion, x to the left of
+    /// how the body stands there and z forward.
+    #[arg(long, value_name = "PLACES")]
+    pub path: Option<GroundPath>,
+    /// Where the body faces on its path: path (along it), free, or degrees to the left of how it stands at the start.
+    #[arg(long, value_name = "DIRECTION", requires = "path", default_value_t = Facing::Path)]
+    pub face: Facing,
+    /// A position that left-hand, right-hand, left-foot, right-foot or head reaches at a moment, such as right-hand@1.5=-0.3,1.6,0.5:
+    /// metres to the left of the start, up and forward. May be given several times.
+    #[arg(long, value_name = "PART@SECONDS=X,Y,Z")]
+    pub reach: Vec<Reach>,
+}
+
+impl PlaceArguments {
+    /// Returns the places that the arguments state.
+    pub fn places(&self) -> Places {
+        Places {
+            path: self.path.clone(),
+            facing: self.face,
+            reaches: self.reach.clone(),
         }
     }
 }

@@ -129,9 +129,9 @@ impl BatchItem {
         }
     }
 
-    /// Whether the request has goals; known after [`BatchItem::read_files`].
+    /// Whether the request has goals or places; known after [`BatchItem::read_files`].
     pub fn is_guided(&self) -> bool {
-        self.goals.iter().any(Option::is_some)
+        self.goals.iter().any(Option::is_some) || !self.line.places().is_empty()
     }
 
     /// Returns the length of the motion in seconds.

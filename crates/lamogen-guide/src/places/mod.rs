@@ -1,0 +1,179 @@
+//! Places: where the body shall be at given moments.
+//!
+//! ```text
+//! GroundPath, Facing, Reach ──Places::terms──▶ loss terms       of the network's pass and of the rigid body
+//!            │
+//!            └──────────────RootPlan──▶ path of the root, which every prediction of the guided pass follows
+//! ```
+//!
+//! Positions are in metres, relative to the start of the motion: x to the left of how the body stands at the start, y up
+//! from the floor, z forward. The pelvis starts at x = z = 0.
+
+mod error;
+mod facing;
+mod ground_path;
+mod outcome;
+mod reach;
+mod root_plan;
+mod spline;
+mod terms;
+
+use std::sync::Arc;
+
+use lamogen_motion::{FRAMES_PER_SECOND, Motion};
+
+use crate::loss_term::LossTerm;
+pub use error::PlaceError;
+pub use facing::Facing;
+pub use ground_path::{GroundPath, Waypoint};
+pub use outcome::PlaceOutcome;
+pub use reach::{Reach, ReachPart};
+pub(crate) use root_plan::RootPlan;
+
+/// The places at which a body shall be: a path of the pelvis, and positions that hands, feet or head reach.
+///
+/// Each place is a term of the loss that guidance lowers ([`Places::terms`]). In the guided pass of a network that makes
+/// whole motions, every prediction is moved so that its root follows the path, and the network finds the steps that go
+/// with it. The fit to the rigid body removes what is left.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// The path of the pelvis along the ground, if there is one.
+    pub path: Option<GroundPath>,
+    /// Where the body faces on its path; without a path it has no effect. Default: along the path.
+    pub facing: Facing,
+    /// The positions that parts of the body reach.
+    pub reaches: Vec<Reach>,
+}
+
+impl Places {
+    /// Returns whether nothing is asked.
+    pub fn is_empty(&self) -> bool {
+        self.path.is_none() && self.reaches.is_empty()
+    }
+
+    /// Checks that a motion of `frames` frames can have the places.
+    ///
+    /// # Errors
+    ///
+    /// If a moment is beyond the motion, two moments of a path or of one part of the body are the same frame, or the path
+    /// does not start where the motion does.
+    pub fn check(&self, frames: usize) -> Result<(), PlaceError> {
+        let is_within = |seconds: f32| seconds * FRAMES_PER_SECOND <= frames as f32 + 0.5;
+        let moments = { self.path.iter() }
+            .flat_map(|path| path.waypoints().iter().map(|point| point.seconds))
+            .chain(self.reaches.iter().map(|reach| reach.seconds()));
+        for seconds in moments {
+            if !is_within(seconds) {
+                let length = frames as f32 / FRAMES_PER_SECOND;
+                return Err(PlaceError::Beyond { seconds, length });
+            }
+        }
+        if let Some(path) = &self.path {
+            for pair in path.waypoints().windows(2) {
+                let [earlier, later] = [pair[0], pair[1]].map(|point| point.seconds);
+                if frame_at(earlier, frames) == frame_at(later, frames) {
+                    return Err(PlaceError::SameFrame { earlier, later });
+                }
+            }
+        }
+        for (index, reach) in self.reaches.iter().enumerate() {
+            let same = self.reaches[..index].iter().find(|other| {
+                other.part() == reach.part()
+                    && frame_at(other.seconds(), frames) == frame_at(reach.seconds(), frames)
+            });
+            if let Some(other) = same {
+                return Err(PlaceError::Twice {
+                    first: *other,
+                    second: *reach,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the terms of the loss for a motion of `frames` frames.
+    pub fn terms(&self, frames: usize) -> Vec<Arc<dyn LossTerm>> {
+        let mut all: Vec<Arc<dyn LossTerm>> = Vec::new();
+        if let Some(path) = &self.path {
+            all.push(Arc::new(terms::PathTerm::new(path, frames)));
+            if let Some(directions) = root_plan::directions(path, self.facing, frames) {
+                all.push(Arc::new(terms::FacingTerm::new(directions)));
+            }
+        }
+        for reach in &self.reaches {
+            all.push(Arc::new(terms::ReachTerm::new(*reach, frames)));
+        }
+        all
+    }
+
+    /// Returns the frames of a motion of `frames` frames that have a place.
+    pub(crate) fn frames(&self, frames: usize) -> Vec<usize> {
+        let waypoints = self.path.iter().flat_map(|path| path.waypoints());
+        let moments = waypoints.map(|waypoint| waypoint.seconds);
+        let moments = moments.chain(self.reaches.iter().map(|reach| reach.seconds()));
+        moments.map(|seconds| frame_at(seconds, frames)).collect()
+    }
+
+    /// Measures how near a motion comes to each place, in the order of the path and then of the reaches.
+    pub fn outcomes(&self, motion: &Motion) -> Vec<PlaceOutcome> {
+        outcome::outcomes(self, motion)
+    }
+
+    /// Returns what is unusual about the places, in sentences: parts of the path that are faster than people walk and run.
+    pub fn notices(&self) -> Vec<String> {
+        self.path.as_ref().map_or(Vec::new(), GroundPath::notices)
+    }
+}
+
+/// Returns the frame of a moment in a motion of `frames` frames. The end of a motion is its last frame.
+pub(crate) fn frame_at(seconds: f32, frames: usize) -> usize {
+    let frame = (seconds * FRAMES_PER_SECOND).round() as usize;
+    frame.min(frames.saturating_sub(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(path: &str, reaches: &[&str]) -> Places {
+        Places {
+            path: (!path.is_empty()).then(|| path.parse().unwrap()),
+            reaches: reaches.iter().map(|text| text.parse().unwrap()).collect(),
+            ..Places::default()
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_motion_is_its_last_frame() {
+        assert_eq!(places("0:0,0 3:0,2", &["head@3=0,1.2,2"]).check(60), Ok(()));
+        assert_eq!(
+            [0.0, 1.5, 2.95, 3.0].map(|t| frame_at(t, 60)),
+            [0, 30, 59, 59]
+        );
+    }
+
+    #[test]
+    fn places_that_a_motion_cannot_have_are_named() {
+        for (places, parts) in [
+            (places("0:0,0 3.2:0,2", &[]), &["3.2 s", "0 to 3 s"][..]),
+            (places("", &["head@4=0,1,0"]), &["4 s", "0 to 3 s"]),
+            (
+                places("1:0,1 1.01:0,2", &[]),
+                &["1 s", "1.01 s", "same frame"],
+            ),
+            (places("2.95:0,1 3:0,2", &[]), &["2.95 s", "3 s"]),
+            (
+                places(
+                    "",
+                    &["head@1=0,1,0", "left-hand@1=0,1,0", "head@1.01=0,2,0"],
+                ),
+                &["head@1=0,1,0", "head@1.01=0,2,0"],
+            ),
+        ] {
+            let message = places.check(60).unwrap_err().to_string();
+            for part in parts {
+                assert!(message.contains(part), "{message}");
+            }
+        }
+    }
+}

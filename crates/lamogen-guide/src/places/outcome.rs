@@ -1,0 +1,104 @@
+//! How near a motion comes to its places.
+
+use std::fmt;
+
+use lamogen_motion::{Joint, Motion};
+
+use super::{Places, frame_at};
+
+/// A place that was asked for, and the position that a motion has there.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct PlaceOutcome {
+    /// The name of what shall be there: `pelvis` for a place of a path, or the name of a [`ReachPart`](super::ReachPart).
+    pub name: &'static str,
+    /// The moment in seconds.
+    pub seconds: f32,
+    /// The position that was asked for in metres; y is `None` for a place of a path, which is on the ground.
+    pub asked: [Option<f32>; 3],
+    /// The position of the joint at that moment in metres.
+    pub reached: [f32; 3],
+}
+
+impl PlaceOutcome {
+    /// Returns the distance between the two positions in metres, along the ground if no height was asked for.
+    pub fn distance(&self) -> f32 {
+        let pairs = self.asked.iter().zip(self.reached);
+        let squares =
+            pairs.filter_map(|(asked, reached)| asked.map(|asked| (reached - asked).powi(2)));
+        squares.sum::<f32>().sqrt()
+    }
+}
+
+impl fmt::Display for PlaceOutcome {
+    /// Writes a sentence such as `pelvis at 2 s: asked 1, 0; reached 0.98, 0.01; 2.2 cm off`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let asked: Vec<String> = { self.asked.iter().flatten() }
+            .map(|x| format!("{x}"))
+            .collect();
+        let reached: Vec<String> = { self.asked.iter().zip(self.reached) }
+            .filter(|(asked, _)| asked.is_some())
+            .map(|(_, x)| format!("{x:.2}"))
+            .collect();
+        write!(
+            f,
+            "{} at {} s: asked {}; reached {}; {:.1} cm off",
+            self.name,
+            self.seconds,
+            asked.join(", "),
+            reached.join(", "),
+            100.0 * self.distance()
+        )
+    }
+}
+
+/// Measures the places of a motion.
+pub(super) fn outcomes(places: &Places, motion: &Motion) -> Vec<PlaceOutcome> {
+    let at =
+        |seconds: f32, joint: Joint| motion.position(frame_at(seconds, motion.frames()), joint);
+    let waypoints = places.path.iter().flat_map(|path| path.waypoints());
+    let path = waypoints.map(|point| PlaceOutcome {
+        name: "pelvis",
+        seconds: point.seconds,
+        asked: [Some(point.place[0]), None, Some(point.place[1])],
+        reached: at(point.seconds, Joint::Pelvis),
+    });
+    let reaches = places.reaches.iter().map(|reach| PlaceOutcome {
+        name: reach.part().name(),
+        seconds: reach.seconds(),
+        asked: reach.position().map(Some),
+        reached: at(reach.seconds(), reach.part().joint()),
+    });
+    path.chain(reaches).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use lamogen_motion::JOINTS;
+
+    use super::*;
+
+    #[test]
+    fn distances_are_from_the_joint_at_the_moment() {
+        let pose = |t: usize| {
+            let mut pose = [[0.0; 3]; JOINTS];
+            pose[Joint::Pelvis.index()] = [0.0, 0.9, 0.1 * t as f32];
+            pose[Joint::RightWrist.index()] = [0.3, 1.0, 0.1 * t as f32];
+            pose
+        };
+        let motion = Motion::from_joints((0..40).map(pose).collect()).unwrap();
+        let places = Places {
+            path: Some("1:0.03,1.96".parse().unwrap()),
+            reaches: vec!["right-hand@0.5=0.3,1.1,1".parse().unwrap()],
+            ..Places::default()
+        };
+        let outcomes = places.outcomes(&motion);
+        let distances: Vec<f32> = outcomes.iter().map(PlaceOutcome::distance).collect();
+        assert!((distances[0] - 0.05).abs() < 1e-5, "{distances:?}");
+        assert!((distances[1] - 0.1).abs() < 1e-5, "{distances:?}");
+        assert_eq!(
+            outcomes[0].to_string(),
+            "pelvis at 1 s: asked 0.03, 1.96; reached 0.00, 2.00; 5.0 cm off"
+        );
+    }
+}
