@@ -318,7 +318,7 @@ fn wrong_requests_say_what_was_expected_and_where() {
         ("[1]", "body", "expected a JSON object"),
         ("not json", "body", "expected a JSON object"),
         ("{\"prompt\": \"a", "body", "at column"),
-        (&deep, "prompt", "recursion limit"),
+        (&deep, "body", "invalid type: sequence"),
     ] {
         server.refuses(request, 400, place, part);
     }
