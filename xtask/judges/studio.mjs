@@ -92,8 +92,8 @@ async function picture(page, name) {
   if (folder) await page.screenshot({ path: join(folder, `${name}.png`) });
 }
 
-/** Drags a slider from where it is to a factor, in so many moves. Returns the moment of the release. */
-async function dragSlider(page, id, to, moves = 12, pause = 60) {
+/** Drags a slider from where it is to a factor, in so many moves, and holds it until `seen` says so. */
+async function dragSlider(page, id, to, moves = 12, pause = 60, seen = () => true) {
   const slider = page.locator(`#${id}`);
   await slider.scrollIntoViewIfNeeded();
   const box = await slider.boundingBox();
@@ -107,6 +107,11 @@ async function dragSlider(page, id, to, moves = 12, pause = 60) {
     await page.mouse.move(at(from + ((to - from) * i) / moves), y);
     await page.waitForTimeout(pause);
   }
+  for (let i = 0; i < 400 && !(await seen()); i++) {
+    await page.mouse.move(at(to - (i % 2 ? 0 : 0.1)), y);
+    await page.waitForTimeout(pause);
+  }
+  await page.mouse.move(at(to), y);
   await page.mouse.up();
 }
 
@@ -132,7 +137,7 @@ try {
     await picture(page, "desktop-first");
 
     // A slider: the motion follows while one drags, and is in place after the release.
-    await dragSlider(page, "factor-weight", 1.5);
+    await dragSlider(page, "factor-weight", 1.5, 12, 60, async () => (await state(page)).log.some(({ coarse }) => coarse));
     await settled(page);
     now = await state(page);
     check(now.wish.factors[0] === 1.5 && now.request.weight === 1.5, "the slider sets the factor", now.wish.factors);

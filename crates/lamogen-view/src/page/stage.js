@@ -1,6 +1,6 @@
-// The stage: motions side by side or in one view, and a camera from which all of them are seen.
+// Motions side by side or in one view, and the camera.
 
-/** Returns the number of columns with the largest views, for so many views in a rectangle. */
+/** Returns the number of columns with the largest views. */
 function bestColumns(count, width, height) {
   let columns = 1;
   const size = (n) => Math.min(width / n / 0.8, height / Math.ceil(count / n));
@@ -9,7 +9,7 @@ function bestColumns(count, width, height) {
 }
 
 class Stage {
-  /** Draws on a canvas, with the time and the options of a player. `index` gives the index of each joint by its name; `labels` is the list of the motions' labels. */
+  /** `labels` is the list of the motions' labels; `index` gives the index of each joint by its name. */
   constructor(canvas, labels, index, player) {
     Object.assign(this, { canvas, labels, player });
     this.context = canvas.getContext("2d");
@@ -17,13 +17,11 @@ class Stage {
     this.camera = new Camera();
     this.motions = [];
     this.lens = null;
-    /** Values that depend on sizes, colours and the selected views. They are computed again when one of these changes. */
+    /** Values that depend on sizes, colours and the selected views. */
     this.layout = null;
   }
 
-  /** Sets the motions. With `keepsDistance` the camera stays where it is, if it can. */
-  show(motions, keepsDistance = false) {
-    const fit = keepsDistance && this.layout && motions.length === this.motions.length ? this.layout.fit : null;
+  show(motions) {
     this.motions = motions;
     const bounds = { low: [Infinity, 0, Infinity], high: [-Infinity, 1.7, -Infinity] };
     for (const { values } of motions) {
@@ -36,7 +34,6 @@ class Stage {
     this.bounds = bounds;
     this.middle = motions.length === 0 ? [0, 0.9, 0] : mix(bounds.low, bounds.high, 0.5);
     this.layout = null;
-    this.keptFit = fit;
   }
 
   /** Whether a motion goes so far that it would be small in a view that stands still. */
@@ -103,14 +100,11 @@ class Stage {
     const style = getComputedStyle(document.documentElement);
     const variable = (name) => style.getPropertyValue(name).trim();
     const all = this.views();
-    const fit = this.fit(all);
-    // Views that change a little from one motion to the next would be restless.
-    const isNear = this.keptFit && fit < this.keptFit * 1.02 && fit > this.keptFit * 0.7;
     this.layout = {
       all,
       ratio,
       choice,
-      fit: isNear ? this.keptFit : fit,
+      fit: this.fit(all),
       colours: motions.map((motion) => readable(motion.colour, dark)),
       appearance: { grid: variable("--grid"), line: variable("--line"), shadow: Number(variable("--shadow")) },
     };

@@ -75,15 +75,18 @@ class Requests {
     this.next = null;
   }
 
-  /** Asks for a motion. `source` is kept with the request. Coarse ones let the coarse one before them finish, so that something moves while one drags; others stop whatever goes on. */
-  ask(wish, isCoarse, source) {
+  /**
+   * Asks for a motion. `source` is kept with the request. Coarse ones, and with `isPatient` others, let the coarse one before them finish, so
+   * that something moves while one drags; others stop whatever goes on.
+   */
+  ask(wish, { isCoarse, isPatient, source }) {
     const request = { number: (this.last += 1), isCoarse, wish, source, asked: performance.now() };
     // A motion that is being made already is waited for.
     if (this.current && !this.next && this.current.isCoarse === isCoarse && isSame(this.current.wish, wish)) {
       this.current.asked = request.asked;
       return this.current.number;
     }
-    if (this.current && isCoarse && this.current.isCoarse) {
+    if (this.current && this.current.isCoarse && (isCoarse || isPatient)) {
       this.next = request;
       return request.number;
     }

@@ -77,7 +77,7 @@ async function start() {
 
   const player = new Player(Math.round(wish.seconds * rate), rate, () => redraw());
   const canvas = byId("view");
-  const stage = new Stage(canvas, byId("figures"), index, player);
+  const stage = new SteadyStage(canvas, byId("figures"), index, player);
   const { camera } = stage;
   stage.show([]);
 
@@ -138,7 +138,7 @@ async function start() {
     for (const motion of motions) append(append(byId("figures"), "li"), "bdi", "", motion.label);
     player.frames = Math.max(1, ...motions.map((motion) => motion.frames));
     player.time = Math.min(player.time, player.duration);
-    stage.show(motions, true);
+    stage.show(motions);
     byId("charts").replaceChildren();
     charts = components.map((component) => {
       const [less, more] = component.words.map(({ word }) => word);
@@ -222,10 +222,10 @@ async function start() {
 
   let resting = 0;
   /** Asks for the motion of the wish. */
-  function ask(isCoarse = false) {
+  function ask(isCoarse = false, isPatient = false) {
     const request = toRequest(wish, components);
     clearTimeout(resting);
-    if (isCoarse) resting = setTimeout(ask, RESTING_PAUSE);
+    if (isCoarse) resting = setTimeout(() => ask(false, true), RESTING_PAUSE);
     if (wish.prompt.trim() === "") {
       requests.stop();
       showProblem("prompt", "Write what the person does, such as “a person jumps”.");
@@ -239,7 +239,7 @@ async function start() {
     }
     // While one drags, only what the slider changes has to be seen: fewer steps, and the network's own body.
     const asked = isCoarse ? { ...request, steps: COARSE_STEPS, body: "network" } : request;
-    requests.ask(asked, isCoarse, copyWish(wish));
+    requests.ask(asked, { isCoarse, isPatient, source: copyWish(wish) });
   }
 
   const sliders = new FactorSliders(byId("factors"), components, (c, factor, isReleased) => {
