@@ -1,7 +1,10 @@
 // Sliders: the factor of each component, and of parts of the body.
 
 const asFactor = (factor) => `× ${Number(factor.toFixed(2))}`;
-const asChange = (ratio) => `${ratio >= 1 ? "+" : "−"}${Math.abs(Math.round(100 * (ratio - 1)))} %`;
+const asChange = (ratio) => {
+  const percent = Math.round(100 * (ratio - 1));
+  return `${percent < 0 ? "−" : "+"}${Math.abs(percent)} %`;
+};
 
 /** A slider with its name, its value and marks. */
 class Slider {
