@@ -179,6 +179,27 @@ pub fn write(
     options: &WriteOptions,
 ) -> Result<(), WriteError> {
     let path = path.as_ref();
+    let bytes = write_bytes(path, motion, options)?;
+    lamogen_motion::write_atomically(path, |file| file.write_all(&bytes)).map_err(|reason| {
+        WriteError::Io {
+            path: path.to_owned(),
+            reason,
+        }
+    })
+}
+
+/// Returns the bytes of the file that [`write`](write()) would write. `name` selects the format by its extension and is used
+/// in error messages; no file is opened.
+///
+/// # Errors
+///
+/// In the same cases as [`write`](write()), but for those of the file.
+pub fn write_bytes(
+    name: impl AsRef<Path>,
+    motion: &Motion,
+    options: &WriteOptions,
+) -> Result<Vec<u8>, WriteError> {
+    let path = name.as_ref();
     let extension = extension(path);
     let default_rate = match extension.as_deref() {
         Some("vrma") => vrma::FRAMES_PER_SECOND,
@@ -211,13 +232,8 @@ pub fn write(
                     found: metres,
                 });
             }
-            let text = bvh::text(&motion.keyframes(rate, LoopEnd::Open), &options.bvh);
-            lamogen_motion::write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(
-                |reason| WriteError::Io {
-                    path: path.to_owned(),
-                    reason,
-                },
-            )
+            let keyframes = motion.keyframes(rate, LoopEnd::Open);
+            Ok(bvh::text(&keyframes, &options.bvh).into_bytes())
         }
         Some("glb") => {
             let keyframes = motion.keyframes(rate, LoopEnd::Closed);
@@ -229,7 +245,7 @@ pub fn write(
             if let Some(note) = motion.root_motion().note() {
                 options.notes.insert("root_motion".into(), note.into());
             }
-            Ok(glb::write(path, &keyframes, &options)?)
+            Ok(glb::bytes(&keyframes, &options)?)
         }
         Some("vrma") => {
             let travel = match motion.root_motion() {
@@ -247,11 +263,11 @@ pub fn write(
             if let Some(note) = travel.note() {
                 options.notes.insert("root_motion".into(), note.into());
             }
-            Ok(vrma::write(path, &rotations, &options)?)
+            Ok(vrma::bytes(&rotations, &options)?)
         }
-        Some("npy") if is_features_file(path) => Ok(motion.save_features(path)?),
-        Some("npy") if rate != FRAMES_PER_SECOND => Ok(npy::write_joints(path, motion, rate)?),
-        Some("npy") => Ok(motion.save_joints(path)?),
+        Some("npy") if is_features_file(path) => Ok(motion.features_npy(path)?),
+        Some("npy") if rate != FRAMES_PER_SECOND => Ok(npy::joints_bytes(motion, rate)),
+        Some("npy") => Ok(motion.joints_npy()),
         found => Err(WriteError::Ending {
             path: path.to_owned(),
             found: describe(found),
@@ -345,6 +361,26 @@ mod tests {
             read(&path, &ReadOptions::default()).unwrap().motion,
             motion()
         );
+    }
+
+    #[test]
+    fn bytes_in_memory_are_those_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut faster = WriteOptions::default();
+        faster.frames_per_second = Some(30.0);
+        for (name, options) in [
+            ("a.bvh", WriteOptions::default()),
+            ("a.glb", WriteOptions::default()),
+            ("a.vrma", faster.clone()),
+            ("a.npy", WriteOptions::default()),
+            ("b.npy", faster),
+            ("a.features.npy", WriteOptions::default()),
+        ] {
+            let path = folder.path().join(name);
+            write(&path, &motion(), &options).unwrap();
+            let bytes = write_bytes(name, &motion(), &options).unwrap();
+            assert!(std::fs::read(&path).unwrap() == bytes, "{name}");
+        }
     }
 
     #[test]

@@ -32,7 +32,7 @@ mod units;
 pub mod vrma;
 
 pub use error::{ReadError, WriteError};
-pub use format::{WriteOptions, read, read_bytes, write};
+pub use format::{WriteOptions, read, read_bytes, write, write_bytes};
 pub use import::{ImportedMotion, ReadOptions};
 pub use mapping::{JointMapping, MappingError};
 pub use names::UnknownSkeleton;

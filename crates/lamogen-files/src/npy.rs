@@ -203,9 +203,9 @@ fn pose_at(poses: &[[[f32; 3]; JOINTS]], place: f64) -> [[f32; 3]; JOINTS] {
     })
 }
 
-/// Writes joint positions at a frame rate. Those of a rigid body follow from its rotations, which are interpolated along the
+/// Returns the bytes of an array of joint positions at a frame rate. Those of a rigid body follow from its rotations, which are interpolated along the
 /// shortest arc; others are interpolated linearly.
-pub(crate) fn write_joints(path: &Path, motion: &Motion, rate: f32) -> Result<(), npy::NpyError> {
+pub(crate) fn joints_bytes(motion: &Motion, rate: f32) -> Vec<u8> {
     let joints = match motion.is_rigid() {
         true => { motion.keyframes(rate, LoopEnd::Open) }.rotations.joints(),
         false => {
@@ -224,7 +224,7 @@ pub(crate) fn write_joints(path: &Path, motion: &Motion, rate: f32) -> Result<()
         }
     };
     let values = joints.as_flattened().as_flattened();
-    npy::write(path, values, &[joints.len(), JOINTS, 3])
+    npy::bytes(values, &[joints.len(), JOINTS, 3])
 }
 
 /// Creates a motion from the pose features of its frames.

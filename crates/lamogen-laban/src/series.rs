@@ -36,6 +36,11 @@ impl LabanSeries {
         LabanSeries::from_tensor(measured.reshape([frames, COMPONENTS]))
     }
 
+    /// Makes the series of features that are known: `[Weight, Time, Flow, Shape]` at every frame.
+    pub fn from_frames(frames: Vec<[f32; COMPONENTS]>) -> LabanSeries {
+        LabanSeries { frames }
+    }
+
     /// Reads the series of features `[frames, 4]` from a tensor.
     ///
     /// # Panics

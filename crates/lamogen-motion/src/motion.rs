@@ -259,9 +259,14 @@ impl Motion {
     ///
     /// If the file cannot be written; no half-written file is left behind.
     pub fn save_joints(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
+        npy::write_bytes(path.as_ref(), &self.joints_npy())
+    }
+
+    /// Returns the bytes of the file that [`save_joints`](Self::save_joints) writes.
+    pub fn joints_npy(&self) -> Vec<u8> {
         let joints = self.placed_joints();
         let values = joints.as_flattened().as_flattened();
-        npy::write(path, values, &[self.frames(), JOINTS, 3])
+        npy::bytes(values, &[self.frames(), JOINTS, 3])
     }
 
     /// Writes pose features as HumanML3D does: `.npy`, 32-bit floats, `(frames, 263)`.
@@ -275,6 +280,16 @@ impl Motion {
     /// If the motion has a single frame and no features, or the file cannot be written; no half-written file is left
     /// behind.
     pub fn save_features(&self, path: impl AsRef<Path>) -> Result<(), NpyError> {
+        let path = path.as_ref();
+        npy::write_bytes(path, &self.features_npy(path)?)
+    }
+
+    /// Returns the bytes of the file that [`save_features`](Self::save_features) writes. `name` stands in the error.
+    ///
+    /// # Errors
+    ///
+    /// If the motion has a single frame and no features.
+    pub fn features_npy(&self, name: impl AsRef<Path>) -> Result<Vec<u8>, NpyError> {
         let encoded;
         let rows = match &self.features {
             Some(rows) => rows,
@@ -286,11 +301,14 @@ impl Motion {
         if rows.is_empty() {
             let reason = "pose features describe steps: expected at least 2 frames, found 1";
             return Err(NpyError::Io {
-                path: path.as_ref().to_owned(),
+                path: name.as_ref().to_owned(),
                 reason: std::io::Error::new(std::io::ErrorKind::InvalidInput, reason),
             });
         }
-        npy::write(path, rows.as_flattened(), &[rows.len(), POSE_FEATURES])
+        Ok(npy::bytes(
+            rows.as_flattened(),
+            &[rows.len(), POSE_FEATURES],
+        ))
     }
 }
 

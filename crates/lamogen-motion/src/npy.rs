@@ -1,7 +1,7 @@
 //! Reads NumPy's `.npy` files as `f32` and writes them whole or not at all.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use half::f16;
@@ -257,8 +257,8 @@ fn to_c_order(values: &[f32], shape: &[usize]) -> Vec<f32> {
     ordered
 }
 
-/// Writes an array in C order. The file is written under a temporary name and then renamed, so that no reader sees
-/// half of it.
+/// Writes an array with the content of [`bytes()`]. The file is written under a temporary name and then renamed, so that no
+/// reader sees half of it.
 ///
 /// # Errors
 ///
@@ -268,23 +268,38 @@ fn to_c_order(values: &[f32], shape: &[usize]) -> Vec<f32> {
 ///
 /// If `values` does not fill `shape`.
 pub fn write(path: impl AsRef<Path>, values: &[f32], shape: &[usize]) -> Result<(), NpyError> {
+    write_bytes(path.as_ref(), &bytes(values, shape))
+}
+
+/// Returns the bytes of a `.npy` file with an array in C order.
+///
+/// # Panics
+///
+/// If `values` does not fill `shape`.
+pub fn bytes(values: &[f32], shape: &[usize]) -> Vec<u8> {
     assert_eq!(
         values.len(),
         shape.iter().product::<usize>(),
         "the values must fill the shape {shape:?}"
     );
-    let path = path.as_ref();
     let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
-    write_atomically(path, |file| {
-        let mut writer = npyz::WriteOptions::new()
-            .default_dtype()
-            .shape(&shape)
-            .writer(file)
-            .begin_nd()?;
-        writer.extend(values)?;
-        writer.finish()
-    })
-    .map_err(|reason| io_error(path, reason))
+    let mut bytes = Vec::new();
+    let written = npyz::WriteOptions::new()
+        .default_dtype()
+        .shape(&shape)
+        .writer(&mut bytes)
+        .begin_nd()
+        .and_then(|mut writer| {
+            writer.extend(values)?;
+            writer.finish()
+        });
+    written.expect("a vector takes all bytes");
+    bytes
+}
+
+/// Writes the bytes of a `.npy` file.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), NpyError> {
+    write_atomically(path, |file| file.write_all(bytes)).map_err(|reason| io_error(path, reason))
 }
 
 fn io_error(path: &Path, reason: io::Error) -> NpyError {

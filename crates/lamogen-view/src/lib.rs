@@ -16,6 +16,7 @@ mod plot;
 mod raster;
 mod sheet;
 mod strip;
+mod studio;
 mod text;
 
 pub use animation::{GifError, GifOptions, gif};
@@ -26,6 +27,7 @@ pub use plot::{PlotAxis, PlotLine, plot};
 pub use raster::{RasterError, png};
 pub use sheet::sheet;
 pub use strip::{LabelledMotion, strip};
+pub use studio::{Studio, studio};
 
 use std::io::Write;
 use std::path::Path;

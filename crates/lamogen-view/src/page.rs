@@ -5,7 +5,8 @@
 //! page/page.css   the style sheet                   page/camera.js   vectors, camera and projection
 //! data.rs         motions and curves as JSON        page/body.js     the shapes of the body around its joints
 //! markup.rs       HTML escaping, template filling   page/colour.js, page/scene.js  drawing on a 2D canvas
-//! numbers.rs      the table of largest values       page/chart.js    the curves
+//! numbers.rs      the table of largest values       page/stage.js    the figures side by side or in one view
+//!                                                   page/chart.js    the curves
 //!                                                   page/player.js, page/controls.js, page/main.js
 //! ```
 
@@ -65,13 +66,14 @@ pub struct Page<'a> {
     pub curves: &'a [LabanCurve<'a>],
 }
 
-/// The scripts that come before `main.js`, in this order.
-const SCRIPTS: [&str; 8] = [
+/// The scripts of the player without its program, in this order.
+pub(crate) const PLAYER_SCRIPTS: [&str; 9] = [
     include_str!("page/motion.js"),
     include_str!("page/camera.js"),
     include_str!("page/body.js"),
     include_str!("page/colour.js"),
     include_str!("page/scene.js"),
+    include_str!("page/stage.js"),
     include_str!("page/chart.js"),
     include_str!("page/player.js"),
     include_str!("page/controls.js"),
@@ -104,7 +106,7 @@ pub fn page(page: &Page<'_>) -> String {
     });
     let script = format!(
         "(() => {{\n\"use strict\";\n{}{}}})();\n",
-        SCRIPTS.concat(),
+        PLAYER_SCRIPTS.concat(),
         include_str!("page/main.js")
     );
     fill_template(

@@ -8,6 +8,7 @@ use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{AnyNetwork, Denoiser, SamplingMethod, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
 
+use crate::baseline_cache::BaselineCache;
 use crate::error::{Error, PassError, RequestError, RequestIndex};
 use crate::groups::{JobGroup, assign_to_group, default_steps, split_into_batches};
 use crate::licence::Licence;
@@ -28,6 +29,7 @@ pub struct LaMoGen<D = AnyNetwork> {
     pub(crate) known_words: Option<WordList>,
     stand_in: Option<String>,
     min_frames: usize,
+    pub(crate) baseline_cache: BaselineCache,
 }
 
 /// The result of a request.
@@ -164,6 +166,7 @@ impl<D: Denoiser> LaMoGen<D> {
             text_scale: 1.0,
             known_words: None,
             stand_in: None,
+            baseline_cache: BaselineCache::default(),
         }
     }
 
@@ -222,6 +225,18 @@ impl<D: Denoiser> LaMoGen<D> {
     pub fn with_batch_size(self, batch_size: usize) -> Self {
         assert!(batch_size > 0, "a batch has at least one motion");
         LaMoGen { batch_size, ..self }
+    }
+
+    /// Sets how many motions of texts alone are kept: those that were used last. A request that differs from an earlier one in its goals alone, as
+    /// when a slider is moved, then needs no first pass, and its motion is the same to the last bit. The default is 0.
+    ///
+    /// A kept motion of ten seconds takes about half a megabyte. Motions that run together with others in a
+    /// [batch](Self::with_batch_size) are not kept.
+    pub fn with_kept_baselines(self, count: usize) -> Self {
+        LaMoGen {
+            baseline_cache: BaselineCache::new(count),
+            ..self
+        }
     }
 
     /// Sets whether predictions are smoothed along time (see [`TemporalSmoothing`]). Networks as small as the embedded

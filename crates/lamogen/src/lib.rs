@@ -47,6 +47,7 @@
 //! - `evaluation`: the paper's tables for any network.
 //! - `command`: the dependencies of the program `lamogen`; programs that use the library leave it out.
 
+mod baseline_cache;
 mod device;
 mod error;
 #[cfg(feature = "evaluation")]

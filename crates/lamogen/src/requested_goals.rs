@@ -32,20 +32,28 @@ impl RequestedGoals {
         if *self == RequestedGoals::default() {
             return Ok(None);
         }
-        let mut goals = match &self.like {
+        let goals = match &self.like {
             Some(path) => {
                 let motion = read(path, &ReadOptions::default())?.motion;
                 Goals::like(&LabanSeries::of(&motion, &LabanOptions::default(), device))
             }
             None => self.scale.map(Goals::from).unwrap_or_default(),
         };
+        Ok(Some(self.combine(goals)))
+    }
+
+    /// Combines the goals with the Laban features of a motion that is measured already, in place of those of a file.
+    pub fn resolve_like(&self, series: &LabanSeries) -> Goals {
+        self.combine(Goals::like(series))
+    }
+
+    /// Replaces goals by those of single components, and adds those of parts of the body.
+    fn combine(&self, mut goals: Goals) -> Goals {
         for (component, goal) in Component::ALL.into_iter().zip(&self.goals) {
             if let Some(goal) = goal {
                 goals = goals.with(component, goal.clone());
             }
         }
-        Ok(Some(
-            self.parts.iter().cloned().fold(goals, Goals::with_part),
-        ))
+        self.parts.iter().cloned().fold(goals, Goals::with_part)
     }
 }

@@ -11,6 +11,7 @@ use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch, Tokens};
 use lamogen_motion::{Motion, MotionError, Rotations, close_path};
 
+use crate::baseline_cache::{Baseline, BaselineKey};
 use crate::error::{
     Error, FailedRun, PartialResults, PassError, RequestIndex, StoppedRun, UnfinishedRequest,
 };
@@ -74,12 +75,20 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             },
             None => batch,
         };
-        let baseline = sampler
-            .baseline(&batch, &mut observer)
-            .map_err(|error| self.interrupted(error, &[]))?;
+        let key = self.baseline_key();
+        let kept = { key.as_ref() }.and_then(|key| self.model.baseline_cache.get(key));
+        let baseline = match &kept {
+            Some(kept) => kept.normalized.clone(),
+            None => sampler
+                .baseline(&batch, &mut observer)
+                .map_err(|error| self.interrupted(error, &[]))?,
+        };
         // The baseline is checked before the guided pass, so that an unusable baseline is not reported as an error of
         // guidance.
-        let network_baselines = self.motions(&baseline, Pass::Baseline, &[])?;
+        let network_baselines = match &kept {
+            Some(kept) => vec![self.labelled(kept.network.clone(), 0)],
+            None => self.motions(&baseline, Pass::Baseline, &[])?,
+        };
         let embedding = batch.prompt.embedding.clone();
         let mut fitter = BodyFitter {
             run: self,
@@ -87,7 +96,18 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             embedding: &embedding,
             observer,
         };
-        let baselines = fitter.baselines(&network_baselines, &baseline)?;
+        let baselines = match kept {
+            Some(kept) => vec![self.labelled(kept.motion, 0)],
+            None => fitter.baselines(&network_baselines, &baseline)?,
+        };
+        if let (Some(key), [network], [motion]) = (key, &network_baselines[..], &baselines[..]) {
+            let kept = Baseline {
+                normalized: baseline.clone(),
+                network: network.clone(),
+                motion: motion.clone(),
+            };
+            self.model.baseline_cache.insert(key, kept);
+        }
         if !self.group.is_guided {
             let generations = self.text_alone(baselines, network_baselines);
             return Ok(self.kept(generations));
@@ -140,6 +160,31 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             (job.request, generation)
         });
         Ok(self.kept(generations.collect()))
+    }
+
+    /// Returns all that the baseline of the batch depends on, if it is to be kept: a batch of one motion of a model that keeps
+    /// baselines.
+    fn baseline_key(&self) -> Option<BaselineKey> {
+        let ([job], true) = (&self.group.jobs[..], self.model.baseline_cache.is_on()) else {
+            return None;
+        };
+        Some(BaselineKey {
+            sentences: { job.segments.iter() }
+                .map(|segment| (segment.tokens.clone(), segment.frames))
+                .collect(),
+            start: { job.start.as_ref() }
+                .map(|start| (start.features.clone(), start.rotations.clone())),
+            end: job.end.clone(),
+            frames: job.frames,
+            seed: job.seed,
+            steps: self.group.steps,
+            is_looped: self.group.is_looped,
+            body: self.group.guidance.body,
+            fit: self.group.guidance.fit,
+            text_scale: self.model.text_scale,
+            temporal_smoothing: self.model.temporal_smoothing,
+            sampling_method: self.model.sampling_method,
+        })
     }
 
     /// Removes the known frames before and after the motions.

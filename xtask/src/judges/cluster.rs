@@ -5,7 +5,6 @@
 //! ```
 
 use std::collections::BTreeSet;
-use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -16,7 +15,7 @@ use lamogen_motion::write_atomically;
 use serde_json::json;
 
 use super::files::JudgedFiles;
-use super::{FOLDER, Result, run_command};
+use super::{FOLDER, Result, build_command, run_command};
 
 /// The number of requests of a batch.
 const REQUESTS: usize = 200;
@@ -54,18 +53,7 @@ impl Drop for Killed {
 impl Batch {
     /// Builds the command and writes the requests, in a folder that is emptied before.
     fn new(name: &str) -> Result<Self> {
-        let mut cargo = Command::new("cargo");
-        cargo.args([
-            "build",
-            "--release",
-            "--quiet",
-            "--workspace",
-            "--bin",
-            "lamogen",
-        ]);
-        run_command(&mut cargo)?;
-        let target = env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into());
-        let lamogen = std::path::absolute(Path::new(&target).join("release/lamogen"))?;
+        let lamogen = build_command()?;
         let folder = std::path::absolute(Path::new(FOLDER).join(name))?;
         if folder.exists() {
             fs::remove_dir_all(&folder)?;

@@ -17,10 +17,11 @@ use files::JudgedFiles;
 /// The folder of the files and pictures.
 const FOLDER: &str = "target/judges";
 /// The scripts of the judges and their npm package file, in the folder `judges` of this crate.
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
     "package.json",
     "validate.mjs",
     "page.mjs",
+    "studio.mjs",
     "vrma.mjs",
     "player.mjs",
     "blender.py",
@@ -55,10 +56,11 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A check of the files by another program. The path is the folder of the scripts.
 type Judge = fn(&Path, &JudgedFiles) -> Result<()>;
-const JUDGES: [(&str, Judge); 6] = [
+const JUDGES: [(&str, Judge); 7] = [
     ("glTF validator", check_with_validator),
     ("Blender", check_with_blender),
     ("the page in a browser", check_in_browser),
+    ("the studio in a browser", check_studio),
     ("three-vrm in a browser", check_with_three_vrm),
     ("HyperQueue", cluster::check_under_hyperqueue),
     ("Slurm", cluster::check_under_slurm),
@@ -193,6 +195,18 @@ fn check_in_browser(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     )
 }
 
+/// Checks the studio by using it in Chromium as people use it.
+fn check_studio(scripts: &Path, files: &JudgedFiles) -> Result<()> {
+    let bvh = &files.motions.last().ok_or("expected a motion")?.bvh;
+    run_command(
+        Command::new("node")
+            .arg(scripts.join("studio.mjs"))
+            .arg(build_command()?)
+            .arg(bvh)
+            .arg(Path::new(FOLDER).join("studio")),
+    )
+}
+
 /// Checks that VRM animations move VRM characters as the motions say, and lets three.js draw pictures.
 fn check_with_three_vrm(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     run_command(
@@ -201,6 +215,24 @@ fn check_with_three_vrm(scripts: &Path, files: &JudgedFiles) -> Result<()> {
             .arg(&files.vrm.list)
             .arg(Path::new(FOLDER).join("vrm")),
     )
+}
+
+/// Builds the command `lamogen`. Returns its path.
+fn build_command() -> Result<PathBuf> {
+    let mut cargo = Command::new("cargo");
+    cargo.args([
+        "build",
+        "--release",
+        "--quiet",
+        "--workspace",
+        "--bin",
+        "lamogen",
+    ]);
+    run_command(&mut cargo)?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or("target".into());
+    Ok(std::path::absolute(
+        Path::new(&target).join("release/lamogen"),
+    )?)
 }
 
 /// Runs a command; its failure is an error.

@@ -52,8 +52,8 @@ function listenToPointers(canvas, camera, metres, changed) {
   );
 }
 
-/** Keys work everywhere on the page, unless the focused element uses them itself. */
-function listenToKeys(player, camera, changed) {
+/** Keys work everywhere on the page, unless the focused element uses them itself. `more` are further keys with their actions. */
+function listenToKeys(player, camera, changed, more = {}) {
   const TURN = 0.12;
   const view = (action) => {
     action();
@@ -89,12 +89,16 @@ function listenToKeys(player, camera, changed) {
     f: () => player.set("follow", !player.follow),
     t: () => player.set("trails", !player.trails),
     "?": () => byId("help").showModal(),
+    ...more,
   };
+  const MOVES = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"];
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || byId("help").open) return;
     const focused = document.activeElement;
     if (focused.matches("select") && event.key !== "?") return;
-    if (event.key === " " && focused.matches("button, summary")) return;
+    if (event.key === " " && focused.matches("button, summary, input[type=checkbox]")) return;
+    if (focused.matches("textarea, input[type=number]")) return;
+    if (MOVES.includes(event.key) && focused.matches("input[type=range]:not(#scrub), [role=slider]")) return;
     const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const action = (event.shiftKey && turns[name]) || keys[name];
     if (!action) return;

@@ -12,26 +12,29 @@ function decodeFloats(text) {
   return Float32Array.from({ length: bytes.byteLength / 4 }, (_, i) => bytes.getFloat32(4 * i, true));
 }
 
-/** A motion: the position of every joint at every frame, in metres. */
-class Motion {
-  constructor(encoded, joints, rate) {
-    this.label = encoded.label;
-    this.colour = encoded.colour;
-    this.frames = encoded.frames;
-    this.rate = rate;
-    this.joints = joints;
-    const pelvis = decodeFloats(encoded.pelvis);
-    const others = decode(encoded.others);
-    this.values = new Float64Array(this.frames * joints * 3);
-    for (let frame = 0; frame < this.frames; frame++) {
-      for (let joint = 0; joint < joints; joint++) {
-        for (let axis = 0; axis < 3; axis++) {
-          const other = ((frame * (joints - 1) + joint - 1) * 3 + axis) * 2;
-          const offset = joint === 0 ? 0 : others.getInt16(other, true) * encoded.step;
-          this.values[(frame * joints + joint) * 3 + axis] = pelvis[frame * 3 + axis] + offset;
-        }
+/** Decodes a motion of the page's data. */
+function decodeMotion({ label, colour, frames, step, pelvis, others }, joints, rate) {
+  const path = decodeFloats(pelvis);
+  const offsets = decode(others);
+  const values = new Float64Array(frames * joints * 3);
+  for (let frame = 0; frame < frames; frame++) {
+    for (let joint = 0; joint < joints; joint++) {
+      for (let axis = 0; axis < 3; axis++) {
+        const other = ((frame * (joints - 1) + joint - 1) * 3 + axis) * 2;
+        const offset = joint === 0 ? 0 : offsets.getInt16(other, true) * step;
+        values[(frame * joints + joint) * 3 + axis] = path[frame * 3 + axis] + offset;
       }
     }
+  }
+  return new Motion({ label, colour, values }, joints, rate);
+}
+
+/** A motion: the position of every joint at every frame, in metres. */
+class Motion {
+  /** `values` are frames × joints × 3 numbers. */
+  constructor({ label, colour, values }, joints, rate) {
+    Object.assign(this, { label, colour, values, joints, rate });
+    this.frames = values.length / (joints * 3);
     this.path = this.smoothPath();
   }
 

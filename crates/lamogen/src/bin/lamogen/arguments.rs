@@ -11,6 +11,7 @@ mod model;
 mod pack;
 mod play;
 mod sentences;
+mod serve;
 mod shared;
 mod train;
 mod vary;
@@ -29,6 +30,7 @@ pub use model::ModelCommand;
 pub use pack::PackArguments;
 pub use play::PlayArguments;
 pub use sentences::parse;
+pub use serve::{ServeArguments, StudioArguments};
 pub use shared::{
     BodyName, BvhNaming, HandsName, ModelArguments, MotionReadingArguments, PassArguments,
     PresetName, StreamFormat, TemporalSmoothingChoice, WritingArguments,
@@ -70,6 +72,12 @@ pub enum Command {
     Convert(ConvertArguments),
     /// Show motion files in the browser, in 3D.
     Play(PlayArguments),
+    /// Play with motions in the browser: a sentence and sliders that the motion follows.
+    #[command(after_help = serve::STUDIO_AFTER_HELP)]
+    Studio(Box<StudioArguments>),
+    /// Answer requests for motions over HTTP, for engines and other programs.
+    #[command(after_help = serve::AFTER_HELP)]
+    Serve(Box<ServeArguments>),
     /// Generate many motions from a file of requests; goes on where it was stopped.
     #[command(after_help = batch::AFTER_HELP)]
     Batch(BatchArguments),

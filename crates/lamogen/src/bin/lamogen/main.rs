@@ -6,6 +6,7 @@
 //! motion_file.rs ▶ convert.rs ──┤
 //!                  play.rs ─────┘
 //!                  laban.rs ──▶ report.rs: text and JSON
+//!                  serve.rs ──▶ the studio and the HTTP interface
 //!                  eval.rs ──▶ the paper's tables for a model
 //!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
@@ -31,6 +32,7 @@ mod pack;
 mod play;
 mod report;
 mod scene;
+mod serve;
 mod shell;
 mod signals;
 mod source;
@@ -46,8 +48,11 @@ fn main() -> ExitCode {
     let arguments = arguments::parse(std::env::args_os().collect());
     let Arguments { command, console } = arguments.unwrap_or_else(|error| error.exit());
     let console = Console::new(&console);
-    // A training has a signal handler of its own: it stops after the current step.
-    if !matches!(command, Command::Train(_)) {
+    // A training and a server have signal handlers of their own: they finish what they are at.
+    if !matches!(
+        command,
+        Command::Train(_) | Command::Studio(_) | Command::Serve(_)
+    ) {
         signals::clean_up_on_signals();
     }
     let result = match &command {
@@ -60,6 +65,8 @@ fn main() -> ExitCode {
         Command::Vary(options) => vary::run(options, &console),
         Command::Train(options) => train::run(options, &console),
         Command::Eval(options) => eval::run(options, &console),
+        Command::Studio(options) => serve::run_studio(options, &console),
+        Command::Serve(options) => serve::run(options, &console),
         Command::Devices => devices::run(&console),
         Command::Model(options) => model::run(options, &console),
         Command::Help { words } => help::run(words, &console),

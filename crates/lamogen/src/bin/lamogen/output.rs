@@ -186,44 +186,51 @@ impl OutputFile {
             {
                 return self.write_onto(character, scene, writing);
             }
+            format
+                if format.has_rotations()
+                    && !scene.main().motion.is_rigid()
+                    && !console.is_quiet() =>
+            {
+                console.notice(format!("{self}: {}", rigid_body_notice(scene.main())));
+            }
+            OutputFormat::Gif if scene.main().motion.frames() > MANY_FRAMES => {
+                let frames = scene.main().motion.frames();
+                console.notice(format!(
+                    "{self}: a GIF of {frames} frames takes long to draw and has tens of megabytes; .html plays a motion of any length"
+                ));
+            }
+            _ => {}
+        }
+        let bytes = self.content(scene, writing, console)?;
+        save(path, &bytes).map_err(|error| Failure::new(FailureCode::Output, error))
+    }
+
+    /// Returns the content of the file, without a character. Nothing is written; the path stands in errors.
+    pub fn content(
+        &self,
+        scene: &Scene,
+        writing: &WritingArguments,
+        console: &Console,
+    ) -> Result<Vec<u8>, Failure> {
+        let path = &self.path;
+        let failure = |error: &dyn fmt::Display| Failure::output(path, error);
+        let sheet = || {
+            sheet(&scene.heading(), &scene.rows(), POSES, &scene.curves())
+                .map_err(|error| failure(&error))
+        };
+        Ok(match self.format {
             OutputFormat::Glb
             | OutputFormat::Bvh
             | OutputFormat::Vrma
             | OutputFormat::Npy
             | OutputFormat::Features => {
                 let options = write_options(scene, writing, self.format);
-                let scene_motion = scene.main();
-                lamogen::files::write(path, &scene_motion.motion, &options)?;
-                if self.format.has_rotations()
-                    && !scene.main().motion.is_rigid()
-                    && !console.is_quiet()
-                {
-                    console.notice(format!("{self}: {}", rigid_body_notice(scene_motion)));
-                }
-                return Ok(());
+                lamogen::files::write_bytes(path, &scene.main().motion, &options)?
             }
-            OutputFormat::Csv => {
-                csv::write_laban(path, &scene.series())
-                    .map_err(|error| Failure::new(FailureCode::Output, error))?;
-                return Ok(());
-            }
-            _ => {}
-        }
-        let failure = |error: &dyn fmt::Display| Failure::output(path, error);
-        let sheet = || {
-            sheet(&scene.heading(), &scene.rows(), POSES, &scene.curves())
-                .map_err(|error| failure(&error))
-        };
-        let content = match self.format {
+            OutputFormat::Csv => csv::laban(&scene.series()).into_bytes(),
             OutputFormat::Svg => sheet()?.into_bytes(),
             OutputFormat::Png => png(&sheet()?, PIXELS).map_err(|error| failure(&error))?,
             OutputFormat::Gif => {
-                let frames = scene.main().motion.frames();
-                if frames > MANY_FRAMES {
-                    console.notice(format!(
-                        "{self}: a GIF of {frames} frames takes long to draw and has tens of megabytes; .html plays a motion of any length"
-                    ));
-                }
                 let bar = console.progress_bar("frames");
                 let options = GifOptions {
                     width: writing.gif_width,
@@ -237,8 +244,7 @@ impl OutputFile {
             }
             OutputFormat::Html => scene.page().into_bytes(),
             _ => report::scene_json(scene).to_string().into_bytes(),
-        };
-        save(path, &content).map_err(|error| Failure::new(FailureCode::Output, error))
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The model that a command uses, and the device that it runs on.
 
-use std::cell::OnceCell;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use lamogen::model::Denoiser;
 use lamogen::{Device, DeviceName, LaMoGen};
@@ -19,7 +19,7 @@ pub struct ModelSource {
     /// The folder of the model; `None` for the embedded one.
     folder: Option<PathBuf>,
     /// The value of [`ModelSource::checksum`], once it is computed.
-    checksum: OnceCell<String>,
+    checksum: OnceLock<String>,
 }
 
 /// The name of the embedded model.
@@ -36,14 +36,14 @@ impl ModelSource {
                     model: LaMoGen::load(folder, &device)?,
                     name: folder.display().to_string(),
                     folder: Some(folder.clone()),
-                    checksum: OnceCell::new(),
+                    checksum: OnceLock::new(),
                 }
             }
             None => ModelSource {
                 model: load_embedded(&device)?,
                 name: EMBEDDED.into(),
                 folder: None,
-                checksum: OnceCell::new(),
+                checksum: OnceLock::new(),
             },
         };
         if let Some(TemporalSmoothingChoice(temporal_smoothing)) = arguments.temporal_smoothing {

@@ -61,7 +61,7 @@ impl FromStr for TemporalSmoothingChoice {
 }
 
 /// The options of the passes of the network.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub struct PassArguments {
     /// DDIM steps of each pass, 1 to 1000.
     #[arg(long)]
@@ -204,7 +204,7 @@ impl RootMotionName {
 }
 
 /// The options of writing motions onto a character.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub struct OntoArguments {
     /// Character to put the motion on: a .glb, .gltf or .vrm with a skin, or a .bvh with a skeleton. The file that is written is this
     /// file with one more animation; a .bvh has the motion in place of its own.
@@ -237,8 +237,9 @@ pub struct OntoArguments {
 }
 
 /// The value of `--hands`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum HandsName {
+    #[default]
     Relax,
     Keep,
 }
@@ -269,6 +270,20 @@ impl OntoArguments {
     fn notice(&self) -> Option<String> {
         let notice = self.opened.get()?.rest_pose_notice()?;
         Some(format!("{}: {notice}", self.onto.as_ref()?.display()))
+    }
+}
+
+impl Default for WritingArguments {
+    fn default() -> Self {
+        WritingArguments {
+            fps: None,
+            bvh_unit: Unit::Centimetre,
+            bvh_names: BvhNaming::HumanMl3d,
+            gif_width: None,
+            root_motion: None,
+            in_place: false,
+            onto: OntoArguments::default(),
+        }
     }
 }
 
@@ -411,7 +426,7 @@ impl BvhNaming {
 }
 
 /// The options of reading motion files.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub struct MotionReadingArguments {
     /// Unit of the file: m, dm, cm, mm, in, cmu, or a number of metres; usually told by the body's size.
     #[arg(long)]

@@ -1,0 +1,87 @@
+//! The work behind the HTTP interface.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use serde_json::Value;
+
+use crate::problem::Problem;
+
+/// The work that a [`Server`](crate::Server) is asked for: motions from requests, and measurements of motion files. Its
+/// functions run on threads of their own and may block.
+pub trait MotionService: Send + Sync + 'static {
+    /// A request for a motion that has been parsed and checked.
+    type Request: Send + 'static;
+
+    /// Returns the media types in which motions can be answered. The first is that of clients that accept any.
+    fn media_types(&self) -> &'static [&'static str];
+
+    /// Returns the description of the model, as JSON.
+    fn model(&self) -> Value;
+
+    /// Parses and checks a request before it waits for its turn. It is called by the thread that serves all connections, and
+    /// must return soon.
+    ///
+    /// # Errors
+    ///
+    /// If the text is not a valid request.
+    fn parse(&self, json: &str) -> Result<Self::Request, Problem>;
+
+    /// Generates the motion of a request and returns it in a media type. `observer` is called after every step; if it breaks, the
+    /// work stops with [`WorkError::Stopped`].
+    ///
+    /// # Errors
+    ///
+    /// If the motion cannot be generated or written.
+    fn generate(
+        &self,
+        request: &Self::Request,
+        media_type: &str,
+        observer: WorkObserver<'_>,
+    ) -> Result<Vec<u8>, WorkError>;
+
+    /// Measures an uploaded motion file and returns its report as JSON.
+    ///
+    /// # Errors
+    ///
+    /// If the file or an option cannot be read.
+    fn measure(&self, file: &UploadedFile) -> Result<Value, Problem>;
+}
+
+/// A function that is called with the progress of a work and may stop it.
+pub type WorkObserver<'o> = &'o mut dyn FnMut(WorkProgress) -> ControlFlow<()>;
+
+/// How far a work is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorkProgress {
+    /// The number of finished steps.
+    pub done: usize,
+    /// The largest number of steps that the work can take.
+    pub total: usize,
+    /// The name of the part of the work that is going on.
+    pub stage: &'static str,
+}
+
+/// Why a work has no result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum WorkError {
+    /// The observer stopped the work.
+    Stopped,
+    /// The work failed.
+    Failed(Problem),
+}
+
+impl From<Problem> for WorkError {
+    fn from(problem: Problem) -> Self {
+        WorkError::Failed(problem)
+    }
+}
+
+/// A file in the body of a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UploadedFile {
+    /// The options in the query of the address, such as `name=dance.bvh`.
+    pub options: BTreeMap<String, String>,
+    /// The content of the file.
+    pub bytes: Vec<u8>,
+}

@@ -1,0 +1,6 @@
+//! The server as clients see it, with a service whose works the tests hold and release.
+
+mod answers;
+mod client;
+mod limits;
+mod service;

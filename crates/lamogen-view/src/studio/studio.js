@@ -1,0 +1,463 @@
+// The program of the studio: it connects fields, sliders, requests, player and history.
+
+/** Steps of a coarse motion, which is shown while one drags. */
+const COARSE_STEPS = 6;
+/** The time that a slider has to rest until its motion is made with all steps, before it is released, in milliseconds. */
+const RESTING_PAUSE = 180;
+/** The time after the last letter of a sentence until its motion is asked for, in milliseconds. */
+const TYPING_PAUSE = 450;
+const GREY = [107, 114, 128];
+const RED = [194, 65, 12];
+const BLUE = [3, 105, 161];
+
+const darkness = matchMedia("(prefers-color-scheme: dark)");
+
+/** Returns the token in the address, and takes it out of there: it stays in this tab. */
+function takeToken() {
+  const fields = new URLSearchParams(location.hash.slice(1));
+  const given = fields.get("token");
+  if (given !== null) {
+    sessionStorage.setItem("lamogen-token", given);
+    fields.delete("token");
+    history.replaceState(null, "", fields.size ? `#${fields}` : location.pathname);
+  }
+  return sessionStorage.getItem("lamogen-token");
+}
+
+const server = new Server(takeToken());
+
+/** Asks for the model until the server answers. */
+async function describeModel() {
+  for (;;) {
+    try {
+      return await (await server.ask("api/v1/model")).json();
+    } catch (error) {
+      say(error instanceof Refusal ? error.message : "The server does not answer. Trying again …");
+      if (error instanceof Refusal && !error.retryAfter) throw error;
+      await new Promise((later) => setTimeout(later, 1000 * RETRY_SECONDS));
+    }
+  }
+}
+
+/** Says something in the line under the title. */
+function say(text) {
+  byId("status").textContent = text;
+}
+
+/** Says what is wrong in the place where it is: the field that the problem names, or above the fields. */
+function showProblem(place, text) {
+  const places = { prompt: "prompt-problem", seconds: "seconds-problem", seed: "seed-problem", part: "part-problem", file: "file-problem", keep: "keep-problem" };
+  for (const id of Object.values(places)) byId(id).hidden = true;
+  for (const id of ["prompt", "seconds", "seed"]) byId(id).removeAttribute("aria-invalid");
+  byId("problem").hidden = true;
+  if (!text) return;
+  const line = byId(places[place] ?? "problem");
+  line.textContent = text;
+  line.hidden = false;
+  if (["prompt", "seconds", "seed"].includes(place)) byId(place).setAttribute("aria-invalid", "true");
+}
+
+async function start() {
+  const model = await describeModel();
+  const { components, joints, frames_per_second: rate } = model;
+  const index = Object.fromEntries(joints.map((name, joint) => [name, joint]));
+  const [shortest, longest] = model.frames.map((frames) => frames / rate);
+
+  let wish = fromFragment(location.hash, components);
+  let scene = null;
+  let shownCoarsely = false;
+  /** The file that was dropped: { name, report, motion }. */
+  let dropped = null;
+  let compares = true;
+  let drawing = 0;
+  let lastMoment = 0;
+  let charts = [];
+  /** For tests: what happened to each request. */
+  const log = [];
+
+  const player = new Player(Math.round(wish.seconds * rate), rate, () => redraw());
+  const canvas = byId("view");
+  const stage = new SteadyStage(canvas, byId("figures"), index, player);
+  const { camera } = stage;
+  stage.show([]);
+
+  function redraw() {
+    if (drawing === 0) drawing = requestAnimationFrame(tick);
+  }
+
+  function tick(moment) {
+    drawing = 0;
+    player.advance(lastMoment === 0 ? 0 : (moment - lastMoment) / 1000);
+    lastMoment = player.playing ? moment : 0;
+    if (stage.arrange(darkness.matches)) {
+      for (const chart of charts) chart.layout(darkness.matches);
+    }
+    stage.draw();
+    for (const chart of charts) chart.show(player.time);
+    timeline.showTime(player.time);
+    showControls(player);
+    byId("compare").setAttribute("aria-pressed", String(compares));
+    if (player.playing) redraw();
+  }
+
+  function rearrange() {
+    stage.layout = null;
+    timeline.show(wish);
+    redraw();
+  }
+
+  const toMotion = ({ joints: poses }, label, colour) => new Motion({ label, colour, values: Float64Array.from(poses.flat(2)) }, joints.length, rate);
+
+  /** Returns the figures and curves of what is shown. */
+  function figures() {
+    const motions = [];
+    const curves = [];
+    const curve = (label, colour, series, dashed = false) => curves.push({ label, colour, dashed, series });
+    if (scene) {
+      const isGuided = scene.motions.length > 1;
+      const main = scene.motions[scene.motions.length - 1];
+      if (isGuided && compares) motions.push(toMotion(scene.motions[0], "text alone", GREY));
+      motions.push(toMotion(main, isGuided ? "guided" : "text alone", isGuided ? RED : GREY));
+      if (isGuided) {
+        curve("text alone", GREY, scene.motions[0].series);
+        curve("asked", RED, scene.target.series, true);
+      }
+      curve(isGuided ? "guided" : "text alone", isGuided ? RED : GREY, main.series);
+    }
+    if (dropped) {
+      motions.push(dropped.motion);
+      curve(dropped.name, BLUE, dropped.report.motions[0].series);
+    }
+    return { motions, curves };
+  }
+
+  /** Puts the motions and curves on the page. The time goes on where it was. */
+  function show() {
+    const { motions, curves } = figures();
+    byId("figures").replaceChildren();
+    for (const motion of motions) append(append(byId("figures"), "li"), "bdi", "", motion.label);
+    player.frames = Math.max(1, ...motions.map((motion) => motion.frames));
+    player.time = Math.min(player.time, player.duration);
+    stage.show(motions);
+    byId("charts").replaceChildren();
+    charts = components.map((component) => {
+      const [less, more] = component.words.map(({ word }) => word);
+      const lines = curves.map(({ series, ...rest }) => ({ ...rest, values: series[component.key] }));
+      return new Chart(byId("charts"), { ...component, less, more }, lines, rate, player.duration, (time) => player.goTo(time * rate));
+    });
+    byId("scrub").max = String(player.frames - 1);
+    for (const id of ["back", "play", "forward", "scrub"]) byId(id).disabled = player.frames === 1;
+    byId("compare").hidden = !scene || scene.motions.length < 2;
+    byId("overlay").hidden = motions.length < 2;
+    redraw();
+  }
+
+  /** Shows the words of the model about the sentence. */
+  function showNotes() {
+    const { unseen_words: unseen = [], stand_in: standIn, cut_tokens: cut } = scene;
+    const notes = [];
+    if (standIn) notes.push(`The model has met no word of this: the motion is that of “${standIn}”.`);
+    else if (unseen.length) notes.push(`The model has not met: ${unseen.join(", ")}. The motion goes by the other words.`);
+    if (cut) notes.push(`The sentence is too long: its last ${cut} tokens are left out.`);
+    byId("prompt-note").textContent = notes.join(" ");
+    byId("prompt-note").hidden = notes.length === 0;
+  }
+
+  const past = new History(byId("history"), byId("undo"), (old) => describeWish(old, components), (entry) => {
+    requests.stop();
+    wish = copyWish(entry.wish);
+    scene = entry.scene;
+    shownCoarsely = false;
+    showWish();
+    showScene();
+    showProblem(null, "");
+    say("");
+    remember();
+  });
+
+  const requests = new Requests(server, {
+    shown(result, request) {
+      const isFirst = scene === null;
+      scene = result;
+      shownCoarsely = request.isCoarse;
+      showProblem(null, "");
+      showScene();
+      if (isFirst && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
+      if (isFirst) player.follow = stage.travels;
+      log.push({ number: request.number, coarse: request.isCoarse, milliseconds: performance.now() - request.asked });
+      if (request.isCoarse) return;
+      const seconds = (performance.now() - request.asked) / 1000;
+      say(`In place after ${seconds.toFixed(1)} s.`);
+      remember();
+      if (isSame(past.shown?.wish, request.source)) return;
+      const main = scene.motions[scene.motions.length - 1];
+      const picture = thumbnail(toMotion(main, "", RED), index, darkness.matches);
+      past.add({ wish: copyWish(request.source), scene, picture });
+    },
+    failed(error, request, isGone) {
+      if (isGone) say("The server does not answer. Trying again …");
+      else if (error.retryAfter) say(`The server is busy. Trying again in ${error.retryAfter} s …`);
+      else {
+        showProblem(error.problem.where, error.message);
+        say("");
+      }
+    },
+    busy(share) {
+      byId("progress").hidden = share === null;
+      if (share !== null) byId("progress").value = share;
+      document.body.classList.toggle("busy", share !== null);
+    },
+  });
+
+  function showScene() {
+    show();
+    showNotes();
+    sliders.showResult(scene);
+  }
+
+  /** Keeps the wish in the address. */
+  function remember() {
+    history.replaceState(null, "", toFragment(wish, components));
+  }
+
+  let resting = 0;
+  /** Asks for the motion of the wish. */
+  function ask(isCoarse = false, isPatient = false) {
+    const request = toRequest(wish, components);
+    clearTimeout(resting);
+    if (isCoarse) resting = setTimeout(() => ask(false, true), RESTING_PAUSE);
+    if (wish.prompt.trim() === "") {
+      requests.stop();
+      showProblem("prompt", "Write what the person does, such as “a person jumps”.");
+      return;
+    }
+    // A motion that was asked for while the slider rested is there already when it is released.
+    if (!isCoarse && !shownCoarsely && isSame(past.shown?.wish, wish)) {
+      requests.stop();
+      requests.busy(null);
+      return;
+    }
+    // While one drags, only what the slider changes has to be seen: fewer steps, and the network's own body.
+    const asked = isCoarse ? { ...request, steps: COARSE_STEPS, body: "network" } : request;
+    requests.ask(asked, { isCoarse, isPatient, source: copyWish(wish) });
+  }
+
+  const sliders = new FactorSliders(byId("factors"), components, (c, factor, isReleased) => {
+    wish.factors[c] = factor;
+    timeline.show(wish);
+    ask(!isReleased);
+  });
+  const parts = new PartSliders({ pick: byId("part-add"), list: byId("part-list") }, components, {
+    moved(p, c, factor, isReleased) {
+      wish.parts[p].factors[c] = factor;
+      ask(!isReleased);
+    },
+    added(part) {
+      wish.parts.push({ part, factors: [1, 1, 1] });
+      parts.show(wish);
+    },
+    removed(p) {
+      const [{ factors }] = wish.parts.splice(p, 1);
+      parts.show(wish);
+      if (factors.some((factor) => factor !== 1)) ask();
+    },
+  });
+  const timeline = new Timeline(
+    {
+      lanes: byId("lanes"), lane: byId("lane"), slides: byId("slides"),
+      add: byId("key-add"), remove: byId("key-remove"), clear: byId("keys-clear"),
+      time: () => player.time,
+    },
+    components,
+    (isReleased) => {
+      sliders.show(wish);
+      ask(!isReleased);
+    },
+  );
+
+  /** Shows the wish in all fields. */
+  function showWish() {
+    byId("prompt").value = wish.prompt;
+    byId("seconds").value = String(number(wish.seconds));
+    byId("seed").value = String(wish.seed);
+    byId("cycle").checked = wish.loop;
+    sliders.show(wish);
+    parts.show(wish);
+    if (wish.parts.length) byId("parts").open = true;
+    timeline.show(wish);
+    showDropped();
+  }
+
+  let typing = 0;
+  byId("prompt").addEventListener("input", () => {
+    wish.prompt = byId("prompt").value;
+    clearTimeout(typing);
+    typing = setTimeout(() => {
+      typing = 0;
+      ask();
+    }, TYPING_PAUSE);
+  });
+  byId("prompt").addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" || event.shiftKey) return;
+    event.preventDefault();
+    clearTimeout(typing);
+    typing = 0;
+    ask();
+  });
+  byId("panel").addEventListener("submit", (event) => event.preventDefault());
+  Object.assign(byId("seconds"), { min: shortest, max: longest });
+  byId("seconds").addEventListener("change", () => {
+    const seconds = Number(byId("seconds").value);
+    if (!(seconds >= shortest && seconds <= longest)) {
+      showProblem("seconds", `Expected ${shortest} to ${longest} seconds, found ${byId("seconds").value || "nothing"}.`);
+      return;
+    }
+    wish.seconds = seconds;
+    wish.keys = wish.keys.map((keys) => keys.filter(({ time }) => time < seconds - KEY_STEP / 2));
+    showWish();
+    ask();
+  });
+  byId("seed").addEventListener("change", () => {
+    const text = byId("seed").value;
+    const seed = Number(text);
+    if (text === "" || !Number.isSafeInteger(seed) || seed < 0) {
+      showProblem("seed", `Expected a whole number from 0, found ${text || "nothing"}.`);
+      return;
+    }
+    wish.seed = seed;
+    ask();
+  });
+  function rollDice() {
+    wish.seed = crypto.getRandomValues(new Uint32Array(1))[0] % 1_000_000;
+    showWish();
+    ask();
+  }
+  byId("dice").addEventListener("click", rollDice);
+  byId("cycle").addEventListener("change", () => {
+    wish.loop = byId("cycle").checked;
+    ask();
+  });
+
+  function toggleCompare() {
+    compares = !compares;
+    if (scene) show();
+  }
+  byId("compare").addEventListener("click", toggleCompare);
+  byId("link").addEventListener("click", async () => {
+    remember();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      say("The link is copied.");
+    } catch {
+      say("The link is in the address bar of the browser.");
+    }
+  });
+
+  // Files.
+  function showDropped() {
+    if (!dropped) {
+      byId("report").hidden = true;
+      return;
+    }
+    const { name, report } = dropped;
+    const isLiked = wish.like !== null && wish.like.name === name;
+    showReport(byId("report"), { name, report, isLiked }, components, {
+      use() {
+        wish.like = isLiked ? null : { name, series: report.motions[0].series };
+        showWish();
+        ask();
+      },
+      remove() {
+        const wasLiked = wish.like !== null;
+        dropped = null;
+        wish.like = null;
+        showWish();
+        show();
+        if (wasLiked) ask();
+      },
+    });
+  }
+  listenToFiles(byId("file"), byId("drop-here"), async (file) => {
+    showProblem(null, "");
+    say(`Reading ${file.name} …`);
+    try {
+      const query = new URLSearchParams({ name: file.name, joints: "true" });
+      const answer = await server.ask(`api/v1/laban?${query}`, { body: file, type: "application/octet-stream" });
+      const report = await answer.json();
+      dropped = { name: file.name, report, motion: toMotion(report.motions[0], file.name, BLUE) };
+      say("");
+      showDropped();
+      show();
+    } catch (error) {
+      say("");
+      showProblem("file", error instanceof Refusal ? error.message : `${file.name}: the server does not answer`);
+    }
+  });
+  for (const [name, ending, mediaType, purpose] of EXPORTS) {
+    const button = append(byId("exports"), "button", "", name);
+    button.type = "button";
+    button.title = purpose;
+    button.setAttribute("aria-label", `${name}: ${purpose}`);
+    button.addEventListener("click", async () => {
+      showProblem(null, "");
+      button.disabled = true;
+      say(`Writing ${name} …`);
+      try {
+        const body = JSON.stringify(toRequest(wish, components));
+        const answer = await server.ask("api/v1/generate", { accept: mediaType, body, type: "application/json" });
+        save(await answer.blob(), `${fileStem(wish.prompt)}.${ending}`);
+        say("");
+      } catch (error) {
+        say("");
+        showProblem("keep", error instanceof Refusal ? error.message : "The server does not answer.");
+      } finally {
+        button.disabled = false;
+      }
+    });
+  }
+
+  listenToPointers(canvas, camera, () => stage.pixel, redraw);
+  listenToKeys(player, camera, redraw, { n: rollDice, c: toggleCompare });
+  listenToButtons(player, camera, redraw);
+  document.addEventListener("keydown", (event) => {
+    const isTyping = document.activeElement.matches("textarea, input[type=number]");
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !isTyping) {
+      event.preventDefault();
+      past.back();
+    }
+  });
+  const sizes = new ResizeObserver(rearrange);
+  for (const id of ["view", "charts", "lane"]) sizes.observe(byId(id));
+  darkness.addEventListener("change", rearrange);
+  window.addEventListener("hashchange", () => {
+    wish = fromFragment(location.hash, components);
+    showWish();
+    ask();
+  });
+
+  /** The state of the studio, for tests and for the console of the browser. */
+  window.studio = {
+    get wish() { return copyWish(wish); },
+    get scene() { return scene; },
+    /** Whether the shown motion is a coarse one. */
+    get coarse() { return shownCoarsely; },
+    /** Whether a motion is being made, or will be as soon as typing pauses. */
+    get busy() { return requests.current !== null || typing !== 0; },
+    /** Every answer that was shown: number, whether it was coarse, milliseconds from the request. */
+    get log() { return log; },
+    get history() { return past.entries.length; },
+    get dropped() { return dropped; },
+    player,
+    stage,
+    get request() { return toRequest(wish, components); },
+  };
+  say("");
+  showWish();
+  show();
+  ask();
+}
+
+start().catch((error) => {
+  showProblem(null, error.message);
+  say("The studio could not start.");
+});

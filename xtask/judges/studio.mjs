@@ -1,0 +1,385 @@
+// Uses the studio in a real browser as people do, says what does not work, and how long the motion takes to follow.
+//
+//   npm install && node studio.mjs LAMOGEN BVH [FOLDER-FOR-SCREENSHOTS]
+//
+// LAMOGEN is the command; BVH is a motion file to drop. The browser is /usr/bin/chromium, or the one that CHROMIUM names. Exit
+// code 1 if anything failed.
+
+import { spawn } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { cpus, loadavg, tmpdir } from "node:os";
+import { basename, join } from "node:path";
+import { chromium } from "playwright-core";
+
+const [command, bvh, folder] = process.argv.slice(2);
+if (!bvh) {
+  console.error("usage: node studio.mjs LAMOGEN BVH [FOLDER-FOR-SCREENSHOTS]");
+  process.exit(2);
+}
+if (folder) mkdirSync(folder, { recursive: true });
+
+const failures = [];
+let checks = 0;
+function check(holds, claim, found = "") {
+  checks += 1;
+  console.log(`${holds ? "ok  " : "FAIL"}  ${claim}${holds || found === "" ? "" : `: found ${JSON.stringify(found)}`}`);
+  if (!holds) failures.push(claim);
+}
+
+/** Starts the studio on a port; 0 is any free one. Returns its address and how to end it. */
+function startStudio(port = 0) {
+  const child = spawn(command, ["studio", "--no-open", "--port", String(port), "--json"], { stdio: ["ignore", "pipe", "inherit"] });
+  const ended = new Promise((end) => child.on("exit", (code) => end(code)));
+  return new Promise((started, failed) => {
+    child.on("error", failed);
+    child.stdout.once("data", (text) => {
+      const { address } = JSON.parse(text);
+      started({ address, child, end: () => (child.kill("SIGTERM"), ended) });
+    });
+    ended.then((code) => failed(new Error(`the studio ended with ${code}`)));
+  });
+}
+
+const profile = mkdtempSync(join(tmpdir(), "lamogen-judge-"));
+let visits = 0;
+
+async function visit(name, address, options, use) {
+  const context = await chromium.launchPersistentContext(join(profile, String((visits += 1))), {
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    headless: true,
+    args: ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"],
+    reducedMotion: "reduce",
+    acceptDownloads: true,
+    ...options,
+  });
+  try {
+    const page = await context.newPage();
+    const [complaints, loaded] = [[], []];
+    page.on("console", (message) => complaints.push(message.text()));
+    page.on("pageerror", (error) => complaints.push(String(error)));
+    page.on("request", (request) => loaded.push(request.url()));
+    await page.goto(address);
+    await settled(page);
+    console.log(`\n== ${name}`);
+    await use(page, context, complaints);
+    // A server that is away on purpose is the browser's to complain of.
+    const unexpected = complaints.filter((text) => !text.includes("ERR_CONNECTION_REFUSED") && !text.includes("status of 4"));
+    check(unexpected.length === 0, `${name}: the console is silent`, unexpected);
+    const origin = new URL(address).origin;
+    const others = loaded.filter((url) => !url.startsWith(`${origin}/`) && !url.startsWith("data:") && !url.startsWith("blob:"));
+    check(others.length === 0, `${name}: nothing comes from elsewhere`, others);
+  } finally {
+    await context.close();
+  }
+}
+
+/** Waits until a full motion is in place and nothing goes on. */
+async function settled(page) {
+  await page.waitForFunction(() => window.studio && window.studio.scene && !window.studio.busy && !window.studio.coarse, null, { timeout: 60_000 });
+  await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+}
+
+const state = (page) =>
+  page.evaluate(() => {
+    const { wish, scene, log, history, request } = window.studio;
+    const means = Object.fromEntries(Object.entries(scene.motions.at(-1).laban).map(([key, { mean }]) => [key, mean]));
+    return { wish, means, motions: scene.motions.length, goals: scene.goals, log: log.slice(), history, request, labels: [...document.querySelectorAll("#figures li")].map((label) => label.textContent), status: document.getElementById("status").textContent };
+  });
+
+async function picture(page, name) {
+  await page.evaluate(() => { window.studio.player.pause(); window.studio.player.seek(window.studio.player.duration * 0.55); });
+  await page.waitForTimeout(150);
+  if (folder) await page.screenshot({ path: join(folder, `${name}.png`) });
+}
+
+/** Drags a slider from where it is to a factor, in so many moves, and holds it until `seen` says so. */
+async function dragSlider(page, id, to, moves = 12, pause = 60, seen = () => true) {
+  const slider = page.locator(`#${id}`);
+  await slider.scrollIntoViewIfNeeded();
+  const box = await slider.boundingBox();
+  const from = Number(await slider.inputValue());
+  // The middle of the knob goes from 11 pixels after the beginning to 11 before the end.
+  const at = (factor) => box.x + 11 + ((factor - 0.2) / 1.8) * (box.width - 22);
+  const y = box.y + box.height / 2;
+  await page.mouse.move(at(from), y);
+  await page.mouse.down();
+  for (let i = 1; i <= moves; i++) {
+    await page.mouse.move(at(from + ((to - from) * i) / moves), y);
+    await page.waitForTimeout(pause);
+  }
+  for (let i = 0; i < 400 && !(await seen()); i++) {
+    await page.mouse.move(at(to - (i % 2 ? 0 : 0.1)), y);
+    await page.waitForTimeout(pause);
+  }
+  await page.mouse.move(at(to), y);
+  await page.mouse.up();
+}
+
+async function noOverflow(page, name) {
+  const wide = await page.evaluate(() => [document.documentElement.scrollWidth, window.innerWidth]);
+  check(wide[0] <= wide[1], `${name}: nothing is wider than the screen`, wide);
+}
+
+const median = (numbers) => [...numbers].sort((a, b) => a - b)[Math.floor(numbers.length / 2)];
+
+/** Everything of the page that has no name for those who do not see it. */
+const nameless = (page) =>
+  page.evaluate(() =>
+    [...document.querySelectorAll("button, input, select, textarea, canvas, [role=slider]")]
+      .filter((element) => !(element.getAttribute("aria-label") || element.labels?.length || element.textContent.trim()))
+      .map((element) => element.outerHTML));
+
+let studio = await startStudio();
+try {
+  await visit("desktop", studio.address, { viewport: { width: 1440, height: 900 } }, async (page) => {
+    let now = await state(page);
+    check(now.motions === 1 && now.history === 1, "a motion is there at the beginning", now);
+    await picture(page, "desktop-first");
+
+    // A slider: the motion follows while one drags, and is in place after the release.
+    await dragSlider(page, "factor-weight", 1.5, 12, 60, async () => (await state(page)).log.some(({ coarse }) => coarse));
+    await settled(page);
+    now = await state(page);
+    check(now.wish.factors[0] === 1.5 && now.request.weight === 1.5, "the slider sets the factor", now.wish.factors);
+    check(now.log.some(({ coarse }) => coarse), "coarse motions come while one drags", now.log);
+    check(now.motions === 2 && now.labels.join() === "text alone,guided", "both motions are shown", now.labels);
+    check(now.goals === "Weight 1.5", "the motion is the one that was asked for", now.goals);
+    const shown = await page.evaluate(() => {
+      const text = document.querySelector("#factors .slider .note").textContent;
+      const { motions, target } = window.studio.scene;
+      const percent = (motion) => Math.round(100 * (motion.laban.weight.mean / motions[0].laban.weight.mean - 1));
+      return { text, asked: percent(target), after: percent(motions[1]) };
+    });
+    check(shown.text === `asked +${shown.asked} %, came out +${shown.after} %`, "the words under the slider are the numbers of the motion", shown);
+    const dots = await page.evaluate(() => {
+      window.studio.player.goTo(20);
+      return new Promise((read) => requestAnimationFrame(() => requestAnimationFrame(() => {
+        const values = [...document.querySelectorAll(".chart")][0].querySelectorAll(".values b");
+        read({ shown: [...values].map((value) => Number(value.textContent)), expected: window.studio.scene.motions[1].series.weight[20] });
+      })));
+    });
+    check(Math.abs(dots.shown[2] - dots.expected) < 0.01 * Math.max(dots.expected, 0.01) + 1e-3, "the curve has the motion's numbers", dots);
+    await picture(page, "desktop");
+
+    // No stale answer over a newer one: the numbers of answers rise, and the last is that of the last wish.
+    for (const factor of [0.6, 1.8, 0.8, 1.4]) await dragSlider(page, "factor-weight", factor, 6, 15);
+    await settled(page);
+    now = await state(page);
+    const numbers = now.log.map(({ number }) => number);
+    check(numbers.every((number, i) => i === 0 || number > numbers[i - 1]), "answers come in the order of their requests", numbers);
+    check(Math.abs(now.wish.factors[0] - 1.4) < 1e-6 && now.goals === "Weight 1.4", "the last wish wins", now.goals);
+
+    // An answer that is late is not shown.
+    let held = null;
+    await page.route("**/api/v1/generate", async (route) => {
+      if (held) return route.continue();
+      held = route;
+    });
+    await page.locator("#dice").click();
+    await page.waitForFunction(() => window.studio.busy);
+    while (!held) await page.waitForTimeout(10);
+    const rolled = (await state(page)).wish.seed;
+    await page.locator("#dice").click();
+    await settled(page);
+    await held.continue().catch(() => {});
+    await page.waitForTimeout(700);
+    now = await state(page);
+    check(now.wish.seed !== rolled && (await page.evaluate(() => window.studio.scene.seed)) === now.wish.seed, "an answer that is late is not shown", now.wish.seed);
+    await page.unroute("**/api/v1/generate");
+
+    // How long it takes.
+    const [waits, previews] = [[], []];
+    for (const [id, factor] of [["factor-weight", 0.7], ["factor-shape", 1.5], ["factor-time", 1.2], ["factor-flow", 0.8], ["factor-weight", 1.5], ["factor-shape", 0.8], ["factor-time", 0.9]]) {
+      const before = (await state(page)).log.length;
+      await dragSlider(page, id, factor, 10, 50);
+      await settled(page);
+      const { log } = await state(page);
+      waits.push(log.at(-1).milliseconds);
+      previews.push(...log.slice(before).filter(({ coarse }) => coarse).map(({ milliseconds }) => milliseconds));
+    }
+    const round = (numbers) => numbers.map(Math.round);
+    console.log(`note  from release to the motion in place: median ${Math.round(median(waits))} ms of ${round(waits)}`);
+    console.log(`note  coarse motions while dragging: median ${Math.round(median(previews))} ms of ${previews.length}`);
+    console.log(`note  ${cpus().length} processors, load ${loadavg().map((load) => load.toFixed(1)).join(" ")}`);
+
+    // Undo, history, link.
+    const before = await state(page);
+    await page.locator("#undo").click();
+    now = await state(page);
+    check(now.wish.factors[1] === 1.2 && now.history === before.history, "undo brings the last motion back", now.wish.factors);
+    check((await page.locator("#factor-time").inputValue()) === "1.2", "and its slider");
+    await page.keyboard.press("Control+z");
+    const undone = await state(page);
+    check(undone.wish.factors[3] !== now.wish.factors[3], "the key does the same", undone.wish.factors);
+    check((await page.locator(".thumbnail").count()) === before.history, "each motion has a thumbnail");
+    await page.locator(".thumbnail").first().click();
+    now = await state(page);
+    check(JSON.stringify(now.wish) === JSON.stringify(before.wish), "a thumbnail brings its motion back", now.wish);
+
+    // Keys over time.
+    const lane = await page.locator("#lane").boundingBox();
+    const laneAt = (time, factor) => [lane.x + 40 + (time / 4) * (lane.width - 54), lane.y + 12 + (1 - (factor - 0.2) / 1.8) * (lane.height - 32)];
+    await page.mouse.click(...laneAt(1, 1));
+    await settled(page);
+    await page.mouse.move(...laneAt(3, 1));
+    await page.mouse.down();
+    await page.mouse.move(...laneAt(3, 1.3), { steps: 4 });
+    await page.mouse.move(...laneAt(3, 1.6), { steps: 4 });
+    await page.mouse.up();
+    await settled(page);
+    now = await state(page);
+    check(now.wish.keys[0].length === 3 && Math.abs(now.wish.keys[0][2].factor - 1.6) < 0.06, "keys are set and dragged", now.wish.keys[0]);
+    check(typeof now.request.weight === "string" && now.request.weight.includes("~"), "and are a factor over time", now.request.weight);
+    await page.locator("#lane [data-key='1']").focus();
+    const focused = now.wish.keys[0][1];
+    await page.keyboard.press("ArrowUp");
+    await page.keyboard.press("ArrowRight");
+    now = await state(page);
+    check(Math.abs(now.wish.keys[0][1].factor - focused.factor - 0.05) < 1e-6 && Math.abs(now.wish.keys[0][1].time - focused.time - 0.05) < 1e-6, "arrow keys move a key", now.wish.keys[0]);
+    await settled(page);
+    await picture(page, "desktop-keys");
+    await page.locator("#lane [data-key='1']").focus();
+    await page.keyboard.press("Delete");
+    await settled(page);
+    check((await state(page)).wish.keys[0].length === 2, "delete removes it");
+
+    // Parts of the body.
+    await page.locator("#parts > summary").click();
+    await page.locator("#part-add").selectOption("arms");
+    await page.locator("#part-arms-weight").fill("1.5");
+    await page.locator("#part-arms-weight").dispatchEvent("change");
+    await settled(page);
+    now = await state(page);
+    check(now.request.part?.[0] === "arms:weight=1.5" && now.goals.includes("arms"), "arms have a factor of their own", [now.request, now.goals]);
+    const link = page.url();
+    const wished = now;
+
+    // A file: its report, and the motion like it.
+    await page.locator("#file").setInputFiles(bvh);
+    await page.waitForFunction(() => window.studio.dropped);
+    now = await state(page);
+    check(now.labels.includes(basename(bvh)), "a file is shown beside", now.labels);
+    const cells = await page.locator("#report td").allTextContents();
+    const maximum = await page.evaluate(() => window.studio.dropped.report.motions[0].laban.weight.maximum);
+    check(cells.length === 8 && Number(cells[0]) === Number(maximum.toPrecision(3)), "its report is there", cells);
+    await page.locator("#keys-clear").click();
+    await settled(page);
+    await page.locator("#report button").first().click();
+    await settled(page);
+    now = await state(page);
+    check(now.request.like !== undefined, "it can be the goal", Object.keys(now.request));
+    await picture(page, "desktop-dropped");
+    const likeLink = page.url();
+
+    // Errors are said where they are, and what was there stays.
+    await page.locator("#file").setInputFiles({ name: "broken.bvh", mimeType: "text/plain", buffer: Buffer.from("HIERARCHY\nROOT") });
+    await page.waitForFunction(() => !document.getElementById("file-problem").hidden);
+    check((await page.locator("#file-problem").textContent()).includes("broken.bvh"), "a broken file says what is wrong with it");
+    await page.locator("#seconds").fill("99");
+    await page.locator("#seconds").blur();
+    check((await page.locator("#seconds-problem").textContent()).includes("2 to 9.8"), "a length that cannot be says which can");
+    await page.locator("#prompt").fill("");
+    await page.waitForFunction(() => !document.getElementById("prompt-problem").hidden);
+    check(await page.locator("#prompt").getAttribute("aria-invalid") === "true", "an empty sentence is said at the sentence");
+    await page.locator("#prompt").fill("a person waves");
+    await settled(page);
+    check((await page.evaluate(() => window.studio.scene.prompt)) === "a person waves", "typing gives the motion of the sentence");
+    check(!(await page.locator("#prompt-problem").isVisible()), "and the error is gone");
+    await page.locator("#prompt").fill("xqz blorf");
+    await settled(page);
+    check((await page.locator("#prompt-note").textContent()).includes("no word"), "unknown words are said", await page.locator("#prompt-note").textContent());
+
+    // Keep it: a file, opened again.
+    await page.locator("#prompt").fill("a person jumps");
+    await settled(page);
+    const [download] = await Promise.all([page.waitForEvent("download"), page.locator("#exports button", { hasText: "BVH" }).click()]);
+    check(download.suggestedFilename() === "a-person-jumps.bvh", "a file has the name of its sentence", download.suggestedFilename());
+    const kept = join(profile, "kept.bvh");
+    await download.saveAs(kept);
+    check(readFileSync(kept, "utf8").startsWith("HIERARCHY"), "a BVH is kept");
+    await page.locator("#file").setInputFiles(kept);
+    await page.waitForFunction(() => window.studio.dropped?.name === "kept.bvh");
+    const apart = await page.evaluate(() => {
+      const [a, b] = [window.studio.scene.motions.at(-1).laban.weight.mean, window.studio.dropped.report.motions[0].laban.weight.mean];
+      return Math.abs(a / b - 1);
+    });
+    check(apart < 1e-3, "and is the motion when it is opened again", apart);
+
+    // Links.
+    for (const [address, claim] of [[link, "a link gives the motion again"], [likeLink, "a link with a motion to be like, too"]]) {
+      await page.goto("about:blank");
+      await page.goto(address);
+      await settled(page);
+      now = await state(page);
+      if (address === link) check(JSON.stringify(now.means) === JSON.stringify(wished.means), claim, [now.means, wished.means]);
+      else check(now.request.like !== undefined, claim);
+    }
+    check((await nameless(page)).length === 0, "every control has a name", await nameless(page));
+    await page.keyboard.press("?");
+    check(await page.locator("#help").isVisible(), "? opens the help");
+    await page.keyboard.press("Escape");
+    await noOverflow(page, "desktop");
+
+    // Two tabs.
+    const other = await page.context().newPage();
+    await other.goto(studio.address);
+    await settled(other);
+    await Promise.all([dragSlider(other, "factor-shape", 1.5), page.locator("#dice").click()]);
+    await Promise.all([settled(page), settled(other)]);
+    check((await state(other)).goals === "Shape 1.5" && !(await state(page)).goals.includes("Shape 1.5"), "two tabs do not disturb each other");
+    await other.close();
+
+    // The server goes away and comes back.
+    const { port } = new URL(studio.address);
+    const code = await studio.end();
+    check(code === 0, "the server ends in order", code);
+    await page.locator("#dice").click();
+    await page.waitForFunction(() => document.getElementById("status").textContent.includes("does not answer"));
+    check(true, "the page says that the server is away");
+    const seed = (await state(page)).wish.seed;
+    studio = await startStudio(port);
+    await settled(page);
+    await page.waitForFunction((expected) => window.studio.scene.seed === expected, seed, { timeout: 60_000 });
+    check(true, "and goes on when it is back");
+  });
+
+  const phone = { viewport: { width: 360, height: 740 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true };
+  await visit("phone", `${studio.address}#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, phone, async (page) => {
+    await noOverflow(page, "phone");
+    await picture(page, "phone");
+    const mark = page.locator("#factors .mark", { hasText: "light" });
+    await mark.scrollIntoViewIfNeeded();
+    await mark.tap();
+    await settled(page);
+    check((await state(page)).wish.factors[0] === 0.5, "a tap on a word sets the factor");
+    await page.evaluate(() => window.scrollTo(0, document.getElementById("panel").offsetHeight * 0.6));
+    await page.waitForTimeout(100);
+    const stage = await page.locator("#stage").boundingBox();
+    const scrolled = await page.evaluate(() => window.scrollY);
+    check(scrolled > 200 && stage.y >= 0 && stage.y < 5, "the figure stays in sight while one scrolls", stage);
+    if (folder) {
+      await page.screenshot({ path: join(folder, "phone-scrolled.png") });
+      await page.screenshot({ path: join(folder, "phone-whole.png"), fullPage: true });
+    }
+  });
+  await visit("phone, dark", `${studio.address}#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, { ...phone, colorScheme: "dark" }, async (page) => {
+    await picture(page, "phone-dark");
+  });
+  await visit("dark", `${studio.address}#prompt=a+person+kicks&seconds=4&seed=1&weight=1.5&shape=1.3`, { viewport: { width: 1440, height: 900 }, colorScheme: "dark" }, async (page) => {
+    const background = await page.evaluate(() => getComputedStyle(document.body).backgroundColor.match(/\d+/g).map(Number));
+    check(background.every((part) => part < 60), "a dark page is dark", background);
+    await picture(page, "dark");
+  });
+  await visit("small laptop", studio.address, { viewport: { width: 1180, height: 640 } }, async (page) => {
+    await noOverflow(page, "small laptop");
+    await picture(page, "laptop");
+  });
+} catch (error) {
+  check(false, `the judge came to the end: ${error.stack}`);
+} finally {
+  await studio.end();
+  rmSync(profile, { recursive: true, force: true });
+}
+
+console.log(failures.length === 0 ? `\nall ${checks} checks hold` : `\n${failures.length} of ${checks} checks failed:\n- ${failures.join("\n- ")}`);
+process.exit(failures.length === 0 ? 0 : 1);
