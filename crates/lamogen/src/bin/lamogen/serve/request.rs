@@ -43,6 +43,15 @@ impl ServedRequest {
             }
         };
         let line = JsonRequest::parse(text).map_err(|error| invalid_request(error))?;
+        let file_fields = [
+            ("after", line.after.is_some()),
+            ("before", line.before.is_some()),
+            ("then", line.then.iter().any(|sentence| sentence.like.is_some())),
+        ];
+        if let Some((field, _)) = file_fields.into_iter().find(|(_, names_file)| *names_file) {
+            let expected = "no names of files: a server opens no files";
+            return Err(Problem::mismatch(ProblemKind::InvalidRequest, expected, "one").at(field));
+        }
         if like.is_some()
             && line
                 .requested_goals()
@@ -83,15 +92,13 @@ impl ServedRequest {
     /// If the goals are not valid.
     pub fn request(&self, preset: Preset, device: &Device) -> Result<Request, Problem> {
         let invalid = |error: &dyn std::fmt::Display| invalid_request(error);
-        let requested = self
-            .line
-            .requested_goals()
-            .map_err(|error| invalid(&error))?;
-        let goals = match &self.like {
-            Some(series) => Some(requested.resolve_like(series)),
-            None => requested.resolve(device).map_err(|error| invalid(&error))?,
-        };
-        Ok(self.line.request_with(goals, preset))
+        let mut goals = self.line.goals(device).map_err(|error| invalid(&error))?;
+        if let (Some(series), Some(first)) = (&self.like, goals.first_mut()) {
+            let requested = self.line.requested_goals();
+            let requested = requested.map_err(|error| invalid(&error))?;
+            *first = Some(requested.resolve_like(series));
+        }
+        Ok(self.line.request_with(&goals, preset))
     }
 }
 

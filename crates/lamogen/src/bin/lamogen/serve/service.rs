@@ -129,7 +129,7 @@ impl MotionService for CommandService {
             &pass,
             &self.source,
         );
-        let scene = Scene::from_generation(served.prompt(), generation, facts);
+        let scene = Scene::from_generation(generation, facts);
         let format = format_of(media_type);
         let file = OutputFile {
             path: PathBuf::from("motion").with_extension(format.ending()),
