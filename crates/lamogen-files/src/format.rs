@@ -366,8 +366,10 @@ mod tests {
     #[test]
     fn bytes_in_memory_are_those_of_the_file() {
         let folder = tempfile::tempdir().unwrap();
-        let mut faster = WriteOptions::default();
-        faster.frames_per_second = Some(30.0);
+        let faster = WriteOptions {
+            frames_per_second: Some(30.0),
+            ..WriteOptions::default()
+        };
         for (name, options) in [
             ("a.bvh", WriteOptions::default()),
             ("a.glb", WriteOptions::default()),
