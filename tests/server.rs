@@ -291,6 +291,21 @@ fn wrong_requests_say_what_was_expected_and_where() {
             "a server opens no files",
         ),
         (
+            "{\"prompt\": \"a person walks\", \"after\": \"/etc/passwd\"}",
+            "after",
+            "a server opens no files",
+        ),
+        (
+            "{\"prompt\": \"a person walks\", \"before\": \"/etc/passwd\"}",
+            "before",
+            "a server opens no files",
+        ),
+        (
+            "{\"prompt\": \"a person walks\", \"then\": [{\"prompt\": \"a person jumps\", \"like\": \"/etc/passwd\"}]}",
+            "then",
+            "a server opens no files",
+        ),
+        (
             "{\"prompt\": \"a person walks\", \"like\": {\"weight\": [1]}}",
             "like",
             "time: an array of 1 to",

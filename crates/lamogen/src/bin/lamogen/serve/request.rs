@@ -46,7 +46,10 @@ impl ServedRequest {
         let file_fields = [
             ("after", line.after.is_some()),
             ("before", line.before.is_some()),
-            ("then", line.then.iter().any(|sentence| sentence.like.is_some())),
+            (
+                "then",
+                line.then.iter().any(|sentence| sentence.like.is_some()),
+            ),
         ];
         if let Some((field, _)) = file_fields.into_iter().find(|(_, names_file)| *names_file) {
             let expected = "no names of files: a server opens no files";
