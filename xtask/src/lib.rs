@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod embed;
+pub mod handles;
 pub mod judges;
 pub mod measure;
 pub mod parity;
