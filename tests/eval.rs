@@ -325,6 +325,19 @@ fn what_goes_wrong_has_a_code_and_a_reason_and_a_dry_run_leaves_nothing() {
         "y",
     ];
     fails(folder, &nobody, 3, &["nobody", "lamogen train --evaluator"]);
+    // A dry run names all folders that are missing at once.
+    let mut lost = with(&["--out", "y", "--dry-run", "--model", "no-model"]);
+    for (option, name) in [("--data", "no-data"), ("--evaluator", "no-evaluator")] {
+        let place = lost.iter().position(|word| *word == option).unwrap();
+        lost[place + 1] = name;
+    }
+    let parts = [
+        "missing: the model, no-model",
+        "missing: the data, no-data",
+        "missing: the evaluator, no-evaluator",
+        "nothing can be estimated without no-model, no-data, no-evaluator",
+    ];
+    fails(folder, &lost, 3, &parts);
     let alone = with_prompts("1", &["--out", "y"]);
     fails(folder, &alone, 2, &["expected at least 2 sentences"]);
     let none = [

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use lamogen::model::AnyConfig;
 use lamogen::motion::npy;
 use lamogen::{Device, LaMoGen, Request};
 use serde_json::Value;
@@ -77,6 +78,62 @@ fn a_run_leaves_a_model_that_generates_with_its_losses_and_pictures() {
     // Asked again, there is nothing to do.
     let (again, _) = succeeds(folder, &with(&more));
     assert_eq!(serde_json::from_str::<Value>(&again).unwrap()["step"], 8);
+}
+
+#[test]
+fn an_mdm_is_trained_and_generates() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    data(folder);
+    let recipe = serde_json::json!({
+        "model": {
+            "arch": "trans_enc", "layers": 1, "latent_dim": 16, "ff_size": 24, "diffusion_steps": 20,
+            "clip": { "vocab_size": 300, "context_length": 10, "width": 64, "heads": 1, "layers": 1 },
+        },
+        "denoising": { "frames_per_batch": 200, "text_dropout": 0.1 },
+    });
+    fs::write(folder.join("mdm.json"), recipe.to_string()).unwrap();
+    let train = ["--data", "data", "--config", "mdm.json", "--out", "run"];
+    let more = ["--steps", "4", "--license", "CC0-1.0"];
+    let (result, _) = succeeds(folder, &[&train[..], &more].concat());
+    assert!(result.contains("after 4 steps"), "{result}");
+    let strips = folder.join("run/samples/step-00000004.svg");
+    assert!(fs::read_to_string(strips).unwrap().contains("</svg>"));
+    let model = LaMoGen::load(folder.join("run/model"), &Device::flex()).unwrap();
+    assert!(matches!(model.config(), AnyConfig::Mdm(config) if config.ff_size == 24));
+    assert_eq!(model.licence().unwrap().name, "CC0-1.0");
+    assert_eq!(
+        (model.text_scale(), model.default_steps(model.preset())),
+        (2.5, 20)
+    );
+    assert!(model.known_words().is_some());
+    let arguments = ["generate", "a person swings", "--model", "run/model"];
+    let more = [
+        "--weight",
+        "strong",
+        "--seconds",
+        "2",
+        "--out",
+        "motion.npy",
+    ];
+    running::succeeds(folder, &[&arguments[..], &more].concat());
+    assert!(folder.join("motion.npy").exists());
+
+    let from = ["--from", "run/model", "--steps", "2"];
+    let other = ["--data", "data", "--config", "mdm.json", "--out", "other"];
+    fails(
+        folder,
+        &[&other[..], &from].concat(),
+        3,
+        &["run/model", "MDM"],
+    );
+    let embedded = ["--from", "embedded", "--steps", "2"];
+    fails(
+        folder,
+        &[&other[..], &embedded].concat(),
+        2,
+        &["--from", "MDM"],
+    );
 }
 
 #[test]

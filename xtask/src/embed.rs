@@ -49,8 +49,7 @@ pub fn run(
         ("attribution".to_owned(), attribution),
     ]);
     let network = model.network().motion_diffuse();
-    let network =
-        network.ok_or("expected a model of the kind that lamogen trains, found an MDM")?;
+    let network = network.ok_or("expected a network like MotionDiffuse, found an MDM")?;
     network.save(&weights, precision, metadata)?;
     for (name, bytes) in copied {
         let path = to.join(name);

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod bodies;
 pub mod embed;
+pub mod handles;
 pub mod judges;
 pub mod measure;
 pub mod parity;

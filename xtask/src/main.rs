@@ -78,6 +78,14 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Measure what guidance can take hold of in a network, side by side; prints a table in Markdown.
+    Handles {
+        #[command(flatten)]
+        options: xtask::handles::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Draw what a model makes of the sentences of its model card.
     Strips {
         #[command(flatten)]
@@ -182,6 +190,17 @@ fn main() -> ExitCode {
                 Err(error) => fail(&*error),
             }
         }),
+        Task::Handles { options, device } => {
+            with_device(device, |device| {
+                match xtask::handles::run(&options, device, &mut |line| eprintln!("{line}")) {
+                    Ok(table) => {
+                        print!("{table}");
+                        ExitCode::SUCCESS
+                    }
+                    Err(error) => fail(&*error),
+                }
+            })
+        }
         Task::Strips { options, device } => {
             with_device(device, |device| {
                 match xtask::strips::run(&options, device) {

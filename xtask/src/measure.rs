@@ -60,7 +60,9 @@ pub fn run(
     let tokens = CaptionTokens::new(&dataset, model.tokenizer().clone(), None, 0)?;
     let mut losses = serde_json::Map::new();
     for split in [Split::Validation, Split::Test] {
-        let validation = ValidationSet::new(&dataset, &tokens, split, lengths.clone(), device);
+        let schedule = network.noise_schedule();
+        let validation =
+            ValidationSet::new(&dataset, &tokens, split, lengths.clone(), schedule, device);
         let validation = validation.ok_or("no motions to validate on")?;
         let loss = validation.loss(network);
         report(format!("{split}: validation loss {loss:.4}"));

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_guide::{Schedule, noise};
-use lamogen_model::{FrameMask, ModelConfig, MotionDiffuse, TrainingBatch};
+use lamogen_model::{FrameMask, ModelConfig, MotionDiffuse, TrainableDenoiser, TrainingBatch};
 use lamogen_train::{
     OptimizerConfig, StepGradients, TrainError, Trainer, TrainingConfig, TrainingTask,
 };
@@ -125,6 +125,7 @@ impl TrainingTask for RandomMotionTask {
         let batch = TrainingBatch {
             tokens: Tensor::<2, Int>::from_data(tokens, &self.device),
             captions: (0..self.batch).collect(),
+            is_without_text: vec![false; self.batch],
             x_t: clean.clone() * alphas.sqrt() + noise * rest.sqrt(),
             timesteps,
             laban: None,

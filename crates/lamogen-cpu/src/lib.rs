@@ -48,7 +48,7 @@ pub use stylization::Stylization;
 pub use tape::Tape;
 pub use transformer::{
     SoftmaxAttention, Transformer, TransformerGradients, TransformerInput, TransformerLayer,
-    TransformerTape,
+    TransformerTape, TransformerWeightGradients,
 };
 
 /// Borrowed or shared memory of 32-bit floats that several threads may read.

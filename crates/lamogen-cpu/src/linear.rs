@@ -136,6 +136,12 @@ impl<S: FloatStorage> Linear<S> {
     }
 }
 
+impl Matrix<Vec<f32>> {
+    pub(crate) fn numbers_mut(&mut self) -> &mut [f32] {
+        &mut self.numbers
+    }
+}
+
 impl Linear<Vec<f32>> {
     /// Creates a layer of zeros, input by input, with the sizes of another layer.
     pub(crate) fn zeros_like<S: FloatStorage>(layer: &Linear<S>) -> Self {
@@ -175,7 +181,8 @@ impl Linear<Vec<f32>> {
     }
 
     /// Returns the weights, in the order in which they are stored, and the bias. The layers of
-    /// [`DecoderGradients`](crate::DecoderGradients) are stored input by input.
+    /// [`DecoderGradients`](crate::DecoderGradients) and [`TransformerWeightGradients`](crate::TransformerWeightGradients) are
+    /// stored input by input.
     pub fn into_parts(self) -> (Vec<f32>, Vec<f32>) {
         (self.weight.numbers, self.bias)
     }

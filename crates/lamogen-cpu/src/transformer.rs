@@ -5,6 +5,7 @@
 
 mod attention;
 mod backward;
+mod gradients;
 
 use faer::Accum;
 use rayon::prelude::*;
@@ -17,6 +18,7 @@ use crate::math;
 use crate::norm::{LayerNorm, NormalizedRows, scale_and_shift};
 use attention::{Heads, Probabilities};
 pub use backward::TransformerGradients;
+pub use gradients::TransformerWeightGradients;
 
 /// The weights of a transformer.
 ///

@@ -19,6 +19,7 @@ mod diffusion;
 mod mdm;
 mod network;
 mod tokens;
+mod training;
 
 pub use any_network::{AnyConfig, AnyContext, AnyNetwork};
 pub use checkpoint::{
@@ -37,11 +38,9 @@ pub use mdm::{
     DistilBertConfig, Mdm, MdmArchitecture, MdmConfig, MdmContext, MdmText, MdmTextConfig,
     TextEncoderKind,
 };
-pub use network::{
-    CrossAttentionContext, MotionDiffuse, SentenceSimilarity, TrainingBatch, TrainingGradients,
-    WeightSampler, initialize,
-};
+pub use network::{CrossAttentionContext, MotionDiffuse, WeightSampler, initialize};
 pub use tokens::TokenBatch;
+pub use training::{SentenceSimilarity, TrainableDenoiser, TrainingBatch, TrainingGradients};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

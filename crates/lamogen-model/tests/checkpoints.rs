@@ -165,6 +165,54 @@ fn a_file_that_is_no_checkpoint_is_named() {
     );
 }
 
+/// Returns a zip of empty entries.
+fn zip(names: &[&str]) -> Vec<u8> {
+    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    for name in names {
+        let offset = file.len() as u32;
+        let length = (name.len() as u16).to_le_bytes();
+        // Version, flags, method, time, date, checksum and two sizes: all 0 but the version.
+        let mut common = vec![20, 0];
+        common.resize(22, 0);
+        common.extend(length);
+        common.extend([0; 2]);
+        file.extend([b"PK\x03\x04", &common[..], name.as_bytes()].concat());
+        directory.extend([b"PK\x01\x02\x14\x00", &common[..]].concat());
+        directory.extend([0; 10]);
+        directory.extend(offset.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let (count, start) = ((names.len() as u16).to_le_bytes(), file.len() as u32);
+    let length = directory.len() as u32;
+    file.extend(directory);
+    file.extend([b"PK\x05\x06\0\0\0\0", &count[..], &count].concat());
+    file.extend([&length.to_le_bytes()[..], &start.to_le_bytes(), &[0; 2]].concat());
+    file
+}
+
+#[test]
+fn a_torchscript_archive_is_told_from_a_damaged_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ViT-B-32.pt");
+    let program = [
+        "ViT-B-32/data.pkl",
+        "ViT-B-32/code/__torch__.py",
+        "ViT-B-32/constants.pkl",
+    ];
+    std::fs::write(&path, zip(&program)).unwrap();
+    let found = message(load(&path));
+    for part in [
+        "TorchScript",
+        "torch.jit.load('ViT-B-32.pt'",
+        "state_dict()",
+    ] {
+        assert!(found.contains(part), "{found}");
+    }
+    std::fs::write(&path, zip(&program[..1])).unwrap();
+    let found = message(load(&path));
+    assert!(!found.contains("TorchScript"), "{found}");
+}
+
 #[test]
 fn weights_without_the_key_encoder_are_refused() {
     let message = message(load(&data("no_encoder.pt")));

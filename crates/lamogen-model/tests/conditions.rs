@@ -5,7 +5,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
     Checkpoint, Denoiser, FrameMask, LabanCondition, ModelConfig, MotionDiffuse, Precision,
-    SentenceSimilarity, TrainingBatch,
+    SentenceSimilarity, TrainableDenoiser, TrainingBatch,
 };
 
 const CONDITION: LabanCondition = LabanCondition {
@@ -44,6 +44,7 @@ fn batch(
     TrainingBatch {
         tokens: tokens(),
         captions: vec![0, 1, 2],
+        is_without_text: vec![false; 3],
         x_t: Tensor::from_data(TensorData::new(numbers, [3, 20, 7]), &device),
         timesteps: vec![3, 400, 900],
         laban,

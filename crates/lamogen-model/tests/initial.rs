@@ -3,7 +3,8 @@
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
-    ClipTextConfig, FrameMask, ModelConfig, MotionDiffuse, Prediction, TrainingBatch,
+    ClipTextConfig, FrameMask, ModelConfig, MotionDiffuse, Prediction, TrainableDenoiser,
+    TrainingBatch,
 };
 
 fn config() -> ModelConfig {
@@ -93,6 +94,7 @@ fn at_first_the_network_says_zero_whatever_it_sees() {
     let output = network.predict(TrainingBatch {
         tokens: Tensor::<2, Int>::from_data(tokens, &Device::flex()),
         captions: vec![0],
+        is_without_text: vec![false; 1],
         x_t: Tensor::from_data(TensorData::new(x_t, [1, 30, 20]), &Device::flex()),
         timesteps: vec![400],
         laban: None,
@@ -117,6 +119,7 @@ fn further_layers_change_nothing_at_first_and_then_learn() {
         TrainingBatch {
             tokens: Tensor::<2, Int>::from_data(tokens, &device),
             captions: vec![0],
+            is_without_text: vec![false; 1],
             x_t: Tensor::from_data(TensorData::new(x_t, [1, 30, 20]), &device),
             timesteps: vec![400],
             laban: None,

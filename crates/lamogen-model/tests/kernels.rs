@@ -7,7 +7,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
     Checkpoint, ClipTextConfig, Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation,
-    ModelConfig, MotionDiffuse, Precision, Prediction, Prompt, TrainingBatch,
+    ModelConfig, MotionDiffuse, Precision, Prediction, Prompt, TrainableDenoiser, TrainingBatch,
 };
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
@@ -242,6 +242,7 @@ fn batch() -> TrainingBatch {
     TrainingBatch {
         tokens: tokens(),
         captions: vec![0, 1, 2, 3],
+        is_without_text: vec![false; 4],
         x_t: input.x_t,
         timesteps: vec![321, 0, 999, 5],
         laban: None,

@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::ops::{Range, RangeInclusive};
 
 use lamogen_data::Dataset;
-use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::LABAN_FEATURES;
 use rand::{Rng, RngExt};
 
@@ -19,6 +18,8 @@ pub(crate) struct BatchSampler {
     lengths: RangeInclusive<usize>,
     frames_per_batch: usize,
     noises: usize,
+    /// The number of timesteps of the network's schedule.
+    timesteps: usize,
     text_dropout: f64,
     laban_share: f64,
     phrasings: bool,
@@ -79,6 +80,7 @@ impl BatchSampler {
         config: &DenoisingConfig,
         seed: u64,
         lengths: RangeInclusive<usize>,
+        timesteps: usize,
     ) -> Option<Self> {
         let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
         let mut sorted = weighted_entries(dataset, *lengths.start(), config.source_balance);
@@ -112,6 +114,7 @@ impl BatchSampler {
             lengths,
             frames_per_batch: config.frames_per_batch,
             noises: config.noises_per_motion,
+            timesteps,
             text_dropout: config.text_dropout,
             laban_share: config.laban_share,
             phrasings: config.phrasings > 0,
@@ -151,7 +154,7 @@ impl BatchSampler {
             };
             // Each noise of a motion has its own range of timesteps, so that the timesteps differ.
             for part in 0..self.noises {
-                let range = |part: usize| (part * TRAINING_STEPS / self.noises) as u64;
+                let range = |part: usize| (part * self.timesteps / self.noises) as u64;
                 let is_without_text =
                     self.text_dropout > 0.0 && generator.random_bool(self.text_dropout);
                 let laban = match self.laban_share > 0.0 {
@@ -248,6 +251,7 @@ mod tests {
             lengths: 40..=196,
             frames_per_batch: 4000,
             noises: 2,
+            timesteps: 1000,
             text_dropout: 0.1,
             laban_share: 0.5,
             phrasings: false,

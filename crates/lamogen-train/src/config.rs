@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use lamogen_guide::TRAINING_STEPS;
 use lamogen_model::ModelConfig;
-use lamogen_motion::{POSE_FEATURES, placeholder};
+use lamogen_motion::placeholder;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::losses::LossWeights;
+use crate::mdm::MdmModelConfig;
+use crate::network_config::NetworkConfig;
 use crate::optimization::OptimizerConfig;
 
 /// The config of a denoiser and of its training.
@@ -21,15 +22,24 @@ use crate::optimization::OptimizerConfig;
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrainingConfig {
+pub struct TrainingConfig<M = ModelConfig> {
     /// The sizes of the network, and what it predicts.
-    pub model: ModelConfig,
+    pub model: M,
     /// The data of each training step, and the losses.
     #[serde(default)]
     pub denoising: DenoisingConfig,
     /// The optimiser and its learning rate.
     #[serde(default)]
     pub optimization: OptimizerConfig,
+}
+
+/// The config of a denoiser of any family and of its training.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyTrainingConfig {
+    /// That of a network like MotionDiffuse.
+    MotionDiffuse(TrainingConfig),
+    /// That of an MDM.
+    Mdm(TrainingConfig<MdmModelConfig>),
 }
 
 /// The training data and the losses of a denoiser. A field that a file leaves out has its default.
@@ -127,8 +137,35 @@ impl TrainingConfig {
         let file = include_bytes!("../configs/compact.json");
         Self::from_json(file, "compact.json").expect("checked by a test")
     }
+}
 
-    /// Reads a config from a file such as [`compact.json`](Self::compact).
+impl AnyTrainingConfig {
+    /// Reads a config from a file. The family is that of MDM if the sizes of the network have an `arch`.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is not a training config, or has a value that makes no sense.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, TrainingConfigError> {
+        /// The part of a config that tells the family.
+        #[derive(Deserialize)]
+        struct Family {
+            model: serde_json::Map<String, serde_json::Value>,
+        }
+        let path = path.as_ref();
+        let bytes = read_bytes(path)?;
+        // A file that is no config is named by the reader of the larger family.
+        let family = serde_json::from_slice::<Family>(&bytes);
+        Ok(
+            match family.is_ok_and(|family| family.model.contains_key("arch")) {
+                true => AnyTrainingConfig::Mdm(TrainingConfig::from_json(&bytes, path)?),
+                false => AnyTrainingConfig::MotionDiffuse(TrainingConfig::from_json(&bytes, path)?),
+            },
+        )
+    }
+}
+
+impl<M: NetworkConfig> TrainingConfig<M> {
+    /// Reads a config from a file such as [`compact.json`](TrainingConfig::compact).
     ///
     /// # Errors
     ///
@@ -148,14 +185,11 @@ impl TrainingConfig {
 
     /// Returns why a network cannot be trained with this config; `None` if it can.
     pub fn problem(&self) -> Option<String> {
-        let found = self.model.input_feats;
-        let features = (found != POSE_FEATURES).then(|| {
-            format!("input_feats must be {POSE_FEATURES}, those of HumanML3D, found {found}")
-        });
-        let model = self.model.problem().or(features);
-        model
+        let timesteps = || self.model.noise_schedule().timesteps();
+        { self.model.problem() }
             .map(|problem| format!("model.{problem}"))
-            .or_else(|| self.denoising.problem())
+            .or_else(|| self.denoising.problem(timesteps()))
+            .or_else(|| self.model.unsupported(&self.denoising))
             .or_else(|| self.optimization.problem())
     }
 }
@@ -165,11 +199,15 @@ pub(crate) fn read_file<C: DeserializeOwned>(
     path: &Path,
     problem: fn(&C) -> Option<String>,
 ) -> Result<C, TrainingConfigError> {
-    let bytes = std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
+    read_json(&read_bytes(path)?, path, problem)
+}
+
+/// Reads the bytes of a config.
+fn read_bytes(path: &Path) -> Result<Vec<u8>, TrainingConfigError> {
+    std::fs::read(path).map_err(|reason| TrainingConfigError::Io {
         path: path.to_owned(),
         reason,
-    })?;
-    read_json(&bytes, path, problem)
+    })
 }
 
 /// Reads a config of any type from JSON; error messages show `name` as its path, and `problem` returns what makes no sense in it.
@@ -194,8 +232,8 @@ pub(crate) fn read_json<C: DeserializeOwned>(
 }
 
 impl DenoisingConfig {
-    /// Describes the first value that makes no sense; `None` if there is none.
-    fn problem(&self) -> Option<String> {
+    /// Describes the first value that makes no sense for a network of that many timesteps; `None` if there is none.
+    fn problem(&self, timesteps: usize) -> Option<String> {
         for (name, found) in [
             ("frames_per_batch", self.frames_per_batch),
             ("noises_per_motion", self.noises_per_motion),
@@ -205,10 +243,10 @@ impl DenoisingConfig {
                 return Some(format!("denoising.{name} must be 1 or above, found 0"));
             }
         }
-        if self.noises_per_motion > TRAINING_STEPS {
+        if self.noises_per_motion > timesteps {
             let found = self.noises_per_motion;
             return Some(format!(
-                "denoising.noises_per_motion must be at most {TRAINING_STEPS}, found {found}"
+                "denoising.noises_per_motion must be at most the network's {timesteps} timesteps, found {found}"
             ));
         }
         if !(0.0..1.0).contains(&self.crop) {

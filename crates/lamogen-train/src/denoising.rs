@@ -7,10 +7,9 @@ use std::sync::Arc;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::{LossTerm, PreparedTerm, Preset, Schedule, TemporalSmoothing, feature_scales};
+use lamogen_guide::{LossTerm, PreparedTerm, Schedule, feature_scales};
 use lamogen_model::{
-    ModelConfig, MotionDiffuse, Precision, Prediction, SamplingDefaults, TrainingBatch,
-    TrainingGradients,
+    ModelConfig, MotionDiffuse, Prediction, TrainableDenoiser, TrainingBatch, TrainingGradients,
 };
 use lamogen_motion::{Normalization, joints};
 
@@ -22,6 +21,7 @@ use crate::identity::first_difference;
 use crate::laban::LabanLabels;
 use crate::losses::NoisyMotions;
 use crate::model_folder::{write_file, write_statistics_and_tokenizer};
+use crate::network_config::NetworkConfig;
 use crate::optimization::OptimizerConfig;
 use crate::sentences::SentenceEmbeddings;
 use crate::task::{StepGradients, TrainingTask};
@@ -31,12 +31,12 @@ use crate::validation::ValidationSet;
 /// The training of a text-to-motion denoiser on the training split of a data set.
 ///
 /// ```text
-/// seed, step ──BatchSampler──▶ batch items ──DenoisingExamples──▶ noisy motions ──MotionDiffuse::gradients──▶ loss, gradients
+/// seed, step ──BatchSampler──▶ batch items ──DenoisingExamples──▶ noisy motions ──TrainableDenoiser::gradients──▶ loss, gradients
 /// ```
-pub struct DenoisingTask<'a> {
+pub struct DenoisingTask<'a, M: NetworkConfig = ModelConfig> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
-    config: TrainingConfig,
+    config: TrainingConfig<M>,
     laban: Option<LabanLabels>,
     /// Whether the statistics of Laban features are those of this data set, and not those of the config.
     laban_is_measured: bool,
@@ -48,12 +48,12 @@ pub struct DenoisingTask<'a> {
     device: Device,
     metadata: HashMap<String, String>,
     /// The network to begin with; `None` for random weights.
-    start: Option<MotionDiffuse>,
+    start: Option<M::Network>,
     /// Further terms of the loss.
     loss_terms: Vec<Arc<dyn LossTerm>>,
 }
 
-impl<'a> DenoisingTask<'a> {
+impl<'a, M: NetworkConfig> DenoisingTask<'a, M> {
     /// Creates a task that computes on a device.
     ///
     /// # Errors
@@ -62,10 +62,10 @@ impl<'a> DenoisingTask<'a> {
     pub fn new(
         dataset: &'a Dataset,
         tokens: &'a CaptionTokens,
-        config: &'a TrainingConfig,
+        config: &'a TrainingConfig<M>,
         device: &Device,
     ) -> Result<Self, TrainError> {
-        let (clip, tokenizer) = (&config.model.clip, tokens.tokenizer());
+        let (clip, tokenizer) = (config.model.text_tower(), tokens.tokenizer());
         let found = (tokenizer.context_length(), tokenizer.vocab_size());
         if found.0 != clip.context_length || found.1 > clip.vocab_size {
             return Err(TrainError::Captions {
@@ -75,9 +75,14 @@ impl<'a> DenoisingTask<'a> {
                 found_vocabulary: found.1,
             });
         }
-        let lengths = config.model.shortest()..=config.model.num_frames;
-        let seed = config.optimization.seed;
-        let batches = BatchSampler::new(dataset, &config.denoising, seed, lengths.clone());
+        let (lengths, schedule) = (config.model.lengths(), config.model.noise_schedule());
+        let batches = BatchSampler::new(
+            dataset,
+            &config.denoising,
+            config.optimization.seed,
+            lengths.clone(),
+            schedule.timesteps(),
+        );
         let batches = batches.ok_or_else(|| TrainError::NoMotions {
             split: Split::Train,
             shortest: *lengths.start(),
@@ -86,17 +91,25 @@ impl<'a> DenoisingTask<'a> {
         let laban = (config.denoising.laban_share > 0.0)
             .then(|| LabanLabels::measure(dataset, batches.entries(), device));
         let mut config = config.clone();
-        let laban_is_measured = config.model.laban_condition.is_none();
-        if let (Some(laban), true) = (&laban, laban_is_measured) {
-            config.model.laban_condition = Some(laban.condition());
+        let condition = { config.model.laban_condition() }.filter(|known| known.is_none());
+        let laban_is_measured = condition.is_some();
+        if let Some(condition) = condition {
+            *condition = laban.as_ref().map(LabanLabels::condition);
         }
         Ok(DenoisingTask {
             batches,
             laban,
             laban_is_measured,
             sentences: None,
-            validation: ValidationSet::new(dataset, tokens, Split::Validation, lengths, device),
-            schedule: Schedule::linear(),
+            validation: ValidationSet::new(
+                dataset,
+                tokens,
+                Split::Validation,
+                lengths,
+                schedule,
+                device,
+            ),
+            schedule: Schedule::new(schedule),
             normalization: dataset.normalization(device),
             device: device.clone(),
             metadata: HashMap::new(),
@@ -149,7 +162,7 @@ impl<'a> DenoisingTask<'a> {
         }
         let lengths = motions.mask.lengths();
         let frames: usize = lengths.iter().sum();
-        let prediction = self.config.model.prediction;
+        let prediction = self.config.model.prediction();
         let of = |features: Tensor<3>| joints(self.normalization.denormalize(features));
         let expected = of(motions.clean.clone());
         let found = of(motions.predicted_clean(output, prediction));
@@ -174,6 +187,64 @@ impl<'a> DenoisingTask<'a> {
         DenoisingTask { metadata, ..self }
     }
 
+    /// Lets the text encoder also learn from sentences, by the config's `sentences_per_batch` and `sentence_weight`.
+    pub fn with_sentences(self, sentences: &'a SentenceEmbeddings) -> Self {
+        DenoisingTask {
+            sentences: Some(sentences),
+            ..self
+        }
+    }
+
+    /// Returns the config of the network, with the statistics of Laban features if it has them as a condition.
+    pub fn model(&self) -> &M {
+        &self.config.model
+    }
+
+    /// Adds the effect of classifier-free guidance to the clean motions, if guidance is distilled.
+    ///
+    /// The effect is the difference of the clean motions that the network to begin with predicts with and without the sentence,
+    /// times `text_scale` minus 1.
+    fn add_guidance(
+        &self,
+        motions: NoisyMotions,
+        batch: &TrainingBatch,
+        items: &[BatchItem],
+    ) -> NoisyMotions {
+        let scale = self.config.denoising.text_scale;
+        let (true, Some(teacher)) = (scale != 1.0, &self.start) else {
+            return motions;
+        };
+        let prediction = self.config.model.prediction();
+        let empty = self.tokens.empty();
+        let empty = TensorData::new(empty.to_vec(), [1, empty.len()]);
+        let without_text = TrainingBatch {
+            tokens: Tensor::from_data(empty, &self.device),
+            captions: vec![0; items.len()],
+            is_without_text: vec![true; items.len()],
+            ..batch.clone()
+        };
+        let clean =
+            |batch: TrainingBatch| motions.predicted_clean(teacher.predict(batch), prediction);
+        let effect = clean(batch.clone()) - clean(without_text);
+        // Motions without a caption keep their target.
+        let has_text: Vec<f32> = { items.iter() }
+            .map(|item| f32::from(u8::from(item.caption.is_some())))
+            .collect();
+        let has_text = TensorData::new(has_text, [items.len(), 1, 1]);
+        let has_text = Tensor::<3>::from_data(has_text, &self.device);
+        let [_, _, features] = effect.dims();
+        let excess: Tensor<3> = feature_scales(scale, features, &self.device) - 1.0;
+        let clean = motions.clean.clone() + effect * has_text * excess;
+        motions.with_clean(clean)
+    }
+
+    /// Returns the number of training motions, mirrored ones included.
+    pub fn motions(&self) -> usize {
+        self.batches.motions()
+    }
+}
+
+impl DenoisingTask<'_> {
     /// Begins with the weights of this network instead of random ones. The captions must be encoded by the network's tokenizer, and
     /// the data normalised by its statistics ([`Dataset::with_normalization`]). If the config has more layers, blocks are added that compute nothing
     /// at first ([`MotionDiffuse::with_layers`]).
@@ -214,89 +285,22 @@ impl<'a> DenoisingTask<'a> {
             ..self
         })
     }
-
-    /// Lets the text encoder also learn from sentences, by the config's `sentences_per_batch` and `sentence_weight`.
-    pub fn with_sentences(self, sentences: &'a SentenceEmbeddings) -> Self {
-        DenoisingTask {
-            sentences: Some(sentences),
-            ..self
-        }
-    }
-
-    /// Returns the config of the network, with the statistics of Laban features if it has them as a condition.
-    pub fn model(&self) -> &ModelConfig {
-        &self.config.model
-    }
-
-    /// Adds the effect of classifier-free guidance to the clean motions, if guidance is distilled.
-    ///
-    /// The effect is the difference of the clean motions that the network to begin with predicts with and without the sentence,
-    /// times `text_scale` minus 1.
-    fn add_guidance(
-        &self,
-        motions: NoisyMotions,
-        batch: &TrainingBatch,
-        items: &[BatchItem],
-    ) -> NoisyMotions {
-        let scale = self.config.denoising.text_scale;
-        let (true, Some(teacher)) = (scale != 1.0, &self.start) else {
-            return motions;
-        };
-        let prediction = self.config.model.prediction;
-        let empty = self.tokens.empty();
-        let empty = TensorData::new(empty.to_vec(), [1, empty.len()]);
-        let without_text = TrainingBatch {
-            tokens: Tensor::from_data(empty, &self.device),
-            captions: vec![0; items.len()],
-            ..batch.clone()
-        };
-        let clean =
-            |batch: TrainingBatch| motions.predicted_clean(teacher.predict(batch), prediction);
-        let effect = clean(batch.clone()) - clean(without_text);
-        // Motions without a caption keep their target.
-        let has_text: Vec<f32> = { items.iter() }
-            .map(|item| f32::from(u8::from(item.caption.is_some())))
-            .collect();
-        let has_text = TensorData::new(has_text, [items.len(), 1, 1]);
-        let has_text = Tensor::<3>::from_data(has_text, &self.device);
-        let [_, _, features] = effect.dims();
-        let excess: Tensor<3> = feature_scales(scale, features, &self.device) - 1.0;
-        let clean = motions.clean.clone() + effect * has_text * excess;
-        motions.with_clean(clean)
-    }
-
-    /// Returns the number of training motions, mirrored ones included.
-    pub fn motions(&self) -> usize {
-        self.batches.motions()
-    }
 }
 
-/// Returns the sampling defaults of a trained network whose config has none. A network that is narrower than a pose needs smoothing
-/// over neighbouring frames (docs/method.md, "Frames that agree").
-fn sampling_defaults(config: &ModelConfig) -> SamplingDefaults {
-    let is_narrow = config.latent_dim < config.input_feats;
-    SamplingDefaults {
-        preset: Some(Preset::Precise.name().to_owned()),
-        temporal_smoothing: is_narrow.then_some(TemporalSmoothing::default().frames),
-        text_scale: None,
-        stand_in: None,
-    }
-}
-
-impl TrainingTask for DenoisingTask<'_> {
-    type Network = MotionDiffuse;
+impl<M: NetworkConfig> TrainingTask for DenoisingTask<'_, M> {
+    type Network = M::Network;
 
     fn optimization(&self) -> &OptimizerConfig {
         &self.config.optimization
     }
 
-    fn initial_network(&self, device: &Device) -> MotionDiffuse {
-        let initial =
-            || MotionDiffuse::initial(&self.config.model, self.config.optimization.seed, device);
+    fn initial_network(&self, device: &Device) -> M::Network {
+        let seed = self.config.optimization.seed;
+        let initial = || self.config.model.initial_network(seed, device);
         { self.start.clone() }.map_or_else(initial, |network| network.to_device(device))
     }
 
-    fn compute_gradients(&self, network: &MotionDiffuse, step: u64) -> StepGradients {
+    fn compute_gradients(&self, network: &M::Network, step: u64) -> StepGradients {
         let items = self.batches.draw(step);
         let DenoisingExamples { mut batch, motions } = self.examples(&items);
         let motions = self.add_guidance(motions, &batch, &items);
@@ -318,7 +322,7 @@ impl TrainingTask for DenoisingTask<'_> {
             gradients,
         } = network.gradients(batch, |output| {
             let losses = &self.config.denoising.losses;
-            let prediction = self.config.model.prediction;
+            let prediction = self.config.model.prediction();
             let values = losses.evaluate(output.clone(), &motions, prediction, &self.normalization);
             loss = Some(values.prediction.inner());
             match self.loss_of_terms(output, &motions) {
@@ -338,9 +342,9 @@ impl TrainingTask for DenoisingTask<'_> {
         }
     }
 
-    fn validate(&self, network: &MotionDiffuse) -> Option<f64> {
+    fn validate(&self, network: &M::Network) -> Option<f64> {
         let validation = self.validation.as_ref()?;
-        Some(match self.config.model.prediction {
+        Some(match self.config.model.prediction() {
             // At timesteps that are nearly all noise, a small error of the predicted noise is an error of the clean motion
             // thousands of times as large, and would dominate the mean.
             Prediction::Epsilon => validation.prediction_loss(network),
@@ -348,14 +352,11 @@ impl TrainingTask for DenoisingTask<'_> {
         })
     }
 
-    fn save(&self, network: &MotionDiffuse, folder: &Path) -> Result<(), TrainError> {
-        let path = folder.join("model.safetensors");
-        network.save(path, Precision::F32, self.metadata.clone())?;
-        let mut config = self.config.model.clone();
-        let defaults = sampling_defaults(&config);
-        config.sampling.get_or_insert(defaults);
-        let config = serde_json::to_vec_pretty(&config).expect("sizes are JSON");
-        write_file(&folder.join("config.json"), &config)?;
+    fn save(&self, network: &M::Network, folder: &Path) -> Result<(), TrainError> {
+        let TrainingConfig {
+            model, denoising, ..
+        } = &self.config;
+        model.save(network, denoising, folder, &self.metadata)?;
         write_file(
             &folder.join("words.txt"),
             self.tokens.words().to_lines().as_bytes(),

@@ -84,6 +84,7 @@ impl DenoisingExamples {
             batch: TrainingBatch {
                 tokens: Tensor::<2, Int>::from_data(ids, device),
                 captions,
+                is_without_text: items.iter().map(|item| item.caption.is_none()).collect(),
                 x_t: motions.noisy.clone(),
                 timesteps: items.iter().map(|item| item.timestep).collect(),
                 mask: motions.mask.clone(),

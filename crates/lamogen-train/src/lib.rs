@@ -23,7 +23,9 @@ mod laban;
 mod log;
 mod losses;
 mod matching;
+mod mdm;
 mod model_folder;
+mod network_config;
 mod optimization;
 mod paraphrases;
 mod run;
@@ -35,7 +37,7 @@ mod trainer;
 mod validation;
 mod variations;
 
-pub use config::{DenoisingConfig, TrainingConfig, TrainingConfigError};
+pub use config::{AnyTrainingConfig, DenoisingConfig, TrainingConfig, TrainingConfigError};
 pub use denoising::DenoisingTask;
 pub use error::TrainError;
 pub use identity::{fingerprint, identity};
@@ -44,6 +46,8 @@ pub use losses::LossWeights;
 pub use matching::{
     EvaluatorTrainingConfig, MatchingConfig, MatchingError, MatchingTask, Negatives, captioned,
 };
+pub use mdm::MdmModelConfig;
+pub use network_config::NetworkConfig;
 pub use optimization::OptimizerConfig;
 pub use paraphrases::Paraphrases;
 pub use run::{RunLength, RunObserver, RunOutcome, RunPlan, RunProgress, run};

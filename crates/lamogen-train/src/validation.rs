@@ -2,8 +2,8 @@
 
 use burn::tensor::{Device, Tensor};
 use lamogen_data::{Dataset, Split};
-use lamogen_guide::{Schedule, TRAINING_STEPS};
-use lamogen_model::{Denoiser, LABAN_FEATURES, MotionDiffuse};
+use lamogen_guide::Schedule;
+use lamogen_model::{LABAN_FEATURES, NoiseSchedule, TrainableDenoiser};
 
 use crate::batches::BatchItem;
 use crate::example::DenoisingExamples;
@@ -12,12 +12,13 @@ use crate::tokens::CaptionTokens;
 
 /// The noisy motions on which denoisers are validated, which are the same at every validation.
 ///
-/// They are all motions of a split except mirror images, each with its first caption, at the timesteps 50, 150, …, 950, with noise
-/// that depends on the motion's position in the split and on the timestep.
+/// They are all motions of a split except mirror images, each with its first caption, at ten timesteps in the middle of ten equal
+/// parts of the schedule (50, 150, …, 950 of 1000), with noise that depends on the motion's position in the split and on the timestep.
 pub struct ValidationSet<'a> {
     dataset: &'a Dataset,
     tokens: &'a CaptionTokens,
     device: Device,
+    schedule: Schedule,
     /// Batches of motions of about the same length, which share a timestep.
     batches: Vec<Vec<BatchItem>>,
 }
@@ -30,6 +31,7 @@ impl<'a> ValidationSet<'a> {
         tokens: &'a CaptionTokens,
         split: Split,
         lengths: std::ops::RangeInclusive<usize>,
+        schedule: NoiseSchedule,
         device: &Device,
     ) -> Option<Self> {
         /// The frames of a batch, padding included.
@@ -44,7 +46,11 @@ impl<'a> ValidationSet<'a> {
         let frames = |entry: usize| dataset.entries()[entry].frames.min(*lengths.end());
         let longest = frames(entries.last()?.1);
         let motions_per_batch = (FRAMES_PER_BATCH / longest).max(1);
-        let batches = (50..TRAINING_STEPS).step_by(100).flat_map(|timestep| {
+        /// The number of timesteps of each motion.
+        const TIMESTEPS: usize = 10;
+        let timesteps = schedule.timesteps();
+        let middles = (0..TIMESTEPS).map(|part| (2 * part + 1) * timesteps / (2 * TIMESTEPS));
+        let batches = middles.flat_map(|timestep| {
             let item = move |&(place, entry): &(usize, usize)| BatchItem {
                 entry,
                 motion: entry,
@@ -53,7 +59,7 @@ impl<'a> ValidationSet<'a> {
                 phrasing: 0,
                 laban: [false; LABAN_FEATURES],
                 timestep,
-                noise: (TRAINING_STEPS * place + timestep) as u64,
+                noise: (timesteps * place + timestep) as u64,
             };
             let batches = entries.chunks(motions_per_batch);
             batches.map(move |batch| batch.iter().map(item).collect::<Vec<_>>())
@@ -61,6 +67,7 @@ impl<'a> ValidationSet<'a> {
         Some(ValidationSet {
             batches: batches.collect(),
             device: device.clone(),
+            schedule: Schedule::new(schedule),
             dataset,
             tokens,
         })
@@ -70,14 +77,14 @@ impl<'a> ValidationSet<'a> {
     ///
     /// If the network predicts noise or `v`, the error is that of the clean motion that follows from the prediction, so that
     /// networks with different predictions can be compared.
-    pub fn loss(&self, network: &MotionDiffuse) -> f64 {
+    pub fn loss(&self, network: &impl TrainableDenoiser) -> f64 {
         self.mean_squared_error(network, |output, motions| {
             motions.predicted_clean(output, network.prediction()) - motions.clean.clone()
         })
     }
 
     /// Computes the mean squared error of the network's prediction itself (clean motion, noise or `v`), averaged in the same way.
-    pub fn prediction_loss(&self, network: &MotionDiffuse) -> f64 {
+    pub fn prediction_loss(&self, network: &impl TrainableDenoiser) -> f64 {
         self.mean_squared_error(network, |output, motions| {
             output - motions.target(network.prediction())
         })
@@ -86,17 +93,16 @@ impl<'a> ValidationSet<'a> {
     /// Computes the mean of the squares of an error, which `error` computes from the network's output.
     fn mean_squared_error(
         &self,
-        network: &MotionDiffuse,
+        network: &impl TrainableDenoiser,
         error: impl Fn(Tensor<3>, &NoisyMotions) -> Tensor<3>,
     ) -> f64 {
-        let schedule = Schedule::linear();
         let mut errors = Vec::new();
         for items in &self.batches {
             let DenoisingExamples { batch, motions } = DenoisingExamples::new(
                 self.dataset,
                 self.tokens,
                 None,
-                &schedule,
+                &self.schedule,
                 items,
                 &self.device,
             );

@@ -1,5 +1,6 @@
 //! Training of small denoisers on synthetic motions.
 
+mod kinds;
 mod runs;
 
 use std::fs;
@@ -8,51 +9,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use burn::tensor::{Device, Tensor};
-use lamogen_data::{Dataset, LoadOptions};
+use kinds::dataset;
 use lamogen_guide::{LossTarget, LossTerm};
 use lamogen_model::{Checkpoint, MotionDiffuse, Prediction};
-use lamogen_motion::{FeatureGroup, JOINTS, POSE_FEATURES, npy};
+use lamogen_motion::{JOINTS, POSE_FEATURES, npy};
 use lamogen_train::{
     DenoisingTask, LogLine, LossWeights, RunLength, RunOutcome, RunPlan, StepReport, TrainError,
     Trainer, TrainingConfig, TrainingTask, identity, run,
 };
 use runs::{StopAfter, tokens};
 use serde_json::json;
-
-/// The kinds of motions: a name, and the pace of the swing in radians per frame.
-const KINDS: [(&str, f32); 3] = [("slow", 0.1), ("quick", 0.4), ("very quick", 0.9)];
-
-/// Writes motions of three kinds in HumanML3D's form, for training and for validation, and opens the data set.
-fn dataset(folder: &Path) -> Dataset {
-    let _ = fs::create_dir_all(folder.join("new_joint_vecs"));
-    let _ = fs::create_dir_all(folder.join("texts"));
-    let (mut train, mut val) = (String::new(), String::new());
-    for place in 0..15 {
-        let (kind, pace) = KINDS[place % 3];
-        let frames = 40 + 3 * place;
-        let name = format!("{place:06}");
-        let rows: Vec<f32> = (0..frames * POSE_FEATURES)
-            .map(|i| {
-                let (frame, feature) = (i / POSE_FEATURES, i % POSE_FEATURES);
-                let phase = feature as f32 * 0.7 + place as f32;
-                match FeatureGroup::FootContact.range().contains(&feature) {
-                    true => f32::from(u8::from((frame / 5 + feature) % 2 == 0)),
-                    false => 0.1 * (frame as f32 * pace + phase).sin(),
-                }
-            })
-            .collect();
-        let path = folder.join(format!("new_joint_vecs/{name}.npy"));
-        npy::write(path, &rows, &[frames, POSE_FEATURES]).unwrap();
-        let text = format!("a {kind} one#a/DET one/NOUN#0.0#0.0\nit is {kind}##0.0#0.0\n");
-        fs::write(folder.join(format!("texts/{name}.txt")), text).unwrap();
-        let split = if place < 12 { &mut train } else { &mut val };
-        split.push_str(&name);
-        split.push('\n');
-    }
-    fs::write(folder.join("train.txt"), train).unwrap();
-    fs::write(folder.join("val.txt"), val).unwrap();
-    Dataset::open(folder, &LoadOptions::default(), &mut |_| ()).unwrap()
-}
 
 fn config(prediction: &str) -> TrainingConfig {
     let config = json!({
@@ -620,7 +586,7 @@ fn files_of_sentences_that_do_not_fit_together_are_refused() {
 fn the_recipes_of_the_library_are_valid() {
     for name in ["compact", "compact-finish", "open", "open-finish"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("configs/{name}.json"));
-        let config = TrainingConfig::from_file(path).unwrap();
+        let config: TrainingConfig = TrainingConfig::from_file(path).unwrap();
         assert_eq!(config.model.input_feats, POSE_FEATURES);
     }
 }

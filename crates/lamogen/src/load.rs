@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::{Preset, PresetError, TemporalSmoothing};
-use lamogen_model::{AnyConfig, AnyNetwork, Checkpoint, ModelConfig, Tokenizer, WordList};
+use lamogen_model::{
+    AnyConfig, AnyNetwork, Checkpoint, ModelConfig, SamplingDefaults, Tokenizer, WordList,
+};
 use lamogen_motion::{Normalization, POSE_FEATURES};
 
 use crate::error::LoadError;
@@ -44,7 +46,10 @@ impl LaMoGen {
         LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(Some(WordList::from_lines(compact::WORDS)))
-            .with_sampling_defaults(&config, Path::new(&name("config.json")))
+            .with_sampling_defaults(
+                config.sampling.unwrap_or_default(),
+                Path::new(&name("config.json")),
+            )
     }
 
     /// Loads a model from a folder.
@@ -58,14 +63,14 @@ impl LaMoGen {
     /// one the tokenizer is CLIP's own, if the network has CLIP's vocabulary. A `words.txt` lists the words of the
     /// captions that the model was trained on, one a line.
     ///
-    /// A folder with an `args.json` has an MDM or a DiP (Tevet et al.), with its weights in `model….pt` and HumanML3D's
-    /// `Mean.npy` and `Std.npy`. Where there are several weights, those with the highest number are read; the path of a
+    /// A folder with an `args.json` has an MDM or a DiP (Tevet et al.), with its weights in `model….pt` (or
+    /// `model.safetensors`, where lamogen trained it) and HumanML3D's `Mean.npy` and `Std.npy`. Where there are several weights, those with the highest number are read; the path of a
     /// `model….pt` in the place of the folder names others. The text encoder is found in the folder or the one above:
     /// CLIP's text tower in `clip.safetensors`, `clip-vit-base-patch32/model.safetensors` or MotionDiffuse's
     /// `latest.tar`, DistilBERT in `distilbert-base-uncased/` with its `tokenizer.json` (all names: docs/checkpoints.md).
     ///
     /// Requests without a preset run as the `sampling` of `config.json` says
-    /// ([`SamplingDefaults`](lamogen_model::SamplingDefaults)). Where it says nothing, they run with the paper's
+    /// ([`SamplingDefaults`]). Where it says nothing, they run with the paper's
     /// numbers ([`Preset::Paper`]) and without smoothing. An MDM runs with [`Preset::Fast`], with its own sampler and the
     /// text scale of its authors.
     ///
@@ -103,13 +108,16 @@ impl LaMoGen {
         LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
             .with_licence(Licence::of(&checkpoint))
             .with_known_words(known_words)
-            .with_sampling_defaults(&config, &config_source)
+            .with_sampling_defaults(config.sampling.unwrap_or_default(), &config_source)
     }
 
     /// Sets the preset and the other sampling options that the network's config states. Errors name `path`, the file
     /// of the config.
-    fn with_sampling_defaults(self, config: &ModelConfig, path: &Path) -> Result<Self, LoadError> {
-        let sampling = config.sampling.clone().unwrap_or_default();
+    fn with_sampling_defaults(
+        self,
+        sampling: SamplingDefaults,
+        path: &Path,
+    ) -> Result<Self, LoadError> {
         let problem = |problem: &dyn fmt::Display| LoadError::Sampling {
             path: path.to_owned(),
             problem: problem.to_string(),

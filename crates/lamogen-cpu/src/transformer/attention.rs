@@ -58,6 +58,23 @@ impl Heads {
         Probabilities(recorded)
     }
 
+    /// Weights the values as recorded. Writes the result to `out`, `[queries, width]`.
+    pub(super) fn weigh_values(
+        self,
+        keys_and_values: &[f32],
+        Probabilities(probabilities): &Probabilities,
+        out: &mut [f32],
+    ) {
+        let (head, all) = (self.head_width(), rows(keys_and_values, 2 * self.width));
+        let starts = (0..self.width).step_by(head);
+        for (start, probabilities) in starts.zip(probabilities) {
+            let value = all.subcols(self.width + start, head);
+            let to = rows_mut(out, self.width).subcols_mut(start, head);
+            let weights = rows(probabilities, all.nrows());
+            product(weights, value, to, Accum::Replace);
+        }
+    }
+
     /// Computes the gradient with respect to the queries, `[queries, width]`, and adds that with respect to keys and values to
     /// `shared_gradient`, from the gradient of the result.
     pub(super) fn backward(

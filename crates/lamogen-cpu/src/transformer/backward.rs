@@ -22,6 +22,9 @@ pub struct TransformerGradients {
     pub offsets: Vec<f32>,
 }
 
+/// The gradients of all weights, summed over a group of chunks; `None` if nobody asks for them.
+pub(super) type WeightGradients = Option<Transformer<Vec<f32>>>;
+
 /// The gradients of a chunk on its way through a layer.
 struct ChunkGradient {
     /// Of the rows.
@@ -48,6 +51,20 @@ impl<S: FloatStorage> Transformer<S> {
         tape: &TransformerTape,
         gradient: &[f32],
     ) -> TransformerGradients {
+        let mut none: Vec<WeightGradients> = vec![None; tape.chunks.len()];
+        self.backpropagate(input, tape, gradient, 1, &mut none)
+    }
+
+    /// Computes the gradients of a recorded evaluation, and adds those of the weights to those of the groups that ask for them.
+    /// A group has `group` chunks.
+    pub(super) fn backpropagate(
+        &self,
+        input: TransformerInput<'_>,
+        tape: &TransformerTape,
+        gradient: &[f32],
+        group: usize,
+        weights: &mut [WeightGradients],
+    ) -> TransformerGradients {
         let (width, before) = (self.width(), self.rows_before());
         let [norm_count, token_offsets] = self.offset_counts();
         let offset_count = norm_count + token_offsets;
@@ -56,26 +73,48 @@ impl<S: FloatStorage> Transformer<S> {
             tokens: vec![0.0; input.tokens.len()],
             offsets: vec![0.0; motions * offset_count],
         };
-        let mut states: Vec<ChunkGradient> = { tape.chunks.par_iter() }
-            .map(|(chunk, _)| self.output_backward(chunk, input, gradient))
+        let mut states: Vec<ChunkGradient> = { tape.chunks.par_chunks(group) }
+            .zip(weights.par_iter_mut())
+            .flat_map_iter(|(chunks, weights)| {
+                let of_chunk = |(chunk, activations): &(Chunk, Vec<LayerActivations>)| {
+                    self.output_backward((chunk, activations), input, gradient, weights)
+                };
+                chunks.iter().map(of_chunk).collect::<Vec<_>>()
+            })
             .collect();
         for (index, shared) in tape.keys_and_values.iter().enumerate().rev() {
-            { states.par_iter_mut().zip(&tape.chunks) }.for_each(
-                |(state, (chunk, activations))| {
+            for_each_chunk(
+                &mut states,
+                tape,
+                group,
+                weights,
+                |state, chunk, activations, weights| {
                     let offsets = self.layer_offsets(input, chunk.motion, index);
-                    self.begin_layer_backward(
-                        state,
-                        index,
-                        (chunk, &activations[index]),
-                        shared,
-                        offsets,
-                    );
+                    let layer = (chunk, &activations[index]);
+                    self.begin_layer_backward(state, index, layer, shared, offsets, weights);
+                    if let Some(weights) = weights {
+                        self.add_text_gradients(state, index, chunk, input, weights);
+                    }
                 },
             );
             let row_gradients = self.sum_over_chunks(&states, tape, motions);
-            { states.par_iter_mut().zip(&tape.chunks) }.for_each(|(state, (chunk, _))| {
-                self.finish_layer_backward(state, index, chunk, &row_gradients[chunk.motion]);
-            });
+            for_each_chunk(
+                &mut states,
+                tape,
+                group,
+                weights,
+                |state, chunk, activations, weights| {
+                    let own = &row_gradients[chunk.motion];
+                    let own = &own[chunk.first * 2 * width..][..chunk.frames() * 2 * width];
+                    if let Some(weights) = weights {
+                        let x = self.layer_input(index, (chunk, activations), input);
+                        let in_proj = &mut weights.layers[index].self_attention.in_proj;
+                        in_proj.add_gradients_of_part(&x, &state.query, 0..width);
+                        in_proj.add_gradients_of_part(&x, own, width..3 * width);
+                    }
+                    self.finish_layer_backward(state, index, own);
+                },
+            );
             let of_layer = self.layers[index].norms.len() * 2 * width;
             let token_place = norm_count + index * width;
             for (state, (chunk, _)) in states.iter().zip(&tape.chunks) {
@@ -95,6 +134,20 @@ impl<S: FloatStorage> Transformer<S> {
                 }
             }
         }
+        for_each_chunk(
+            &mut states,
+            tape,
+            group,
+            weights,
+            |state, chunk, _, weights| {
+                if let Some(weights) = weights {
+                    let range = self.pose_range(chunk, input);
+                    let frames = range.len() / self.pose_embedding.weight.inputs();
+                    let gradient = &state.hidden[(chunk.frames() - frames) * width..];
+                    { &mut weights.pose_embedding }.add_gradients(&input.poses[range], gradient);
+                }
+            },
+        );
         if before > 0 {
             for (state, (chunk, _)) in states.iter().zip(&tape.chunks) {
                 if chunk.first == 0 {
@@ -109,15 +162,21 @@ impl<S: FloatStorage> Transformer<S> {
     /// Computes the gradient of the rows after the last layer.
     fn output_backward(
         &self,
-        chunk: &Chunk,
+        (chunk, activations): (&Chunk, &[LayerActivations]),
         input: TransformerInput<'_>,
         gradient: &[f32],
+        weights: &mut WeightGradients,
     ) -> ChunkGradient {
         let (width, range) = (self.width(), self.pose_range(chunk, input));
         let frames = range.len() / self.output.weight.outputs();
+        let start = (chunk.frames() - frames) * width;
         let mut hidden = vec![0.0; chunk.frames() * width];
-        let own = &mut hidden[(chunk.frames() - frames) * width..];
-        self.output.weight.backward(&gradient[range], own);
+        let gradient = &gradient[range];
+        self.output.weight.backward(gradient, &mut hidden[start..]);
+        if let Some(weights) = weights {
+            let x = self.layer_input(self.layers.len(), (chunk, activations), input);
+            weights.output.add_gradients(&x[start..], gradient);
+        }
         ChunkGradient {
             hidden,
             query: Vec::new(),
@@ -135,6 +194,7 @@ impl<S: FloatStorage> Transformer<S> {
         (chunk, activations): (&Chunk, &LayerActivations),
         shared: &KeysAndValues,
         offsets: Option<LayerOffsets<'_>>,
+        weights: &mut WeightGradients,
     ) {
         let (width, heads, layer) = (self.width(), self.heads(), &self.layers[index]);
         state.norms = vec![0.0; layer.norms.len() * 2 * width];
@@ -150,6 +210,10 @@ impl<S: FloatStorage> Transformer<S> {
         let mut inner = vec![0.0; activations.expanded.len()];
         layer.contract.weight.backward(&state.hidden, &mut inner);
         gelu_backward(&activations.expanded, &mut inner);
+        if let Some(weights) = weights {
+            let gradients = [&inner[..], &state.hidden];
+            self.add_feed_forward_gradients(index, activations, gradients, weights);
+        }
         let expand = &layer.expand.weight;
         expand.backward_accumulate(&inner, &mut state.hidden);
 
@@ -158,6 +222,18 @@ impl<S: FloatStorage> Transformer<S> {
             back(&mut state.hidden, &mut state.norms);
             attention.out_proj.weight.backward(&state.hidden, &mut y);
             let keys_and_values = &shared.tokens[chunk.motion];
+            let own =
+                { weights.as_mut() }.and_then(|all| all.layers[index].text_attention.as_mut());
+            if let Some(own) = own {
+                let probabilities = &activations.text_probabilities;
+                let gradient = &state.hidden;
+                heads.add_projection_gradients(
+                    keys_and_values,
+                    probabilities,
+                    gradient,
+                    &mut own.out_proj,
+                );
+            }
             state.tokens = vec![0.0; keys_and_values.len()];
             let query = heads.backward(
                 rows(&activations.text_query, width),
@@ -166,6 +242,12 @@ impl<S: FloatStorage> Transformer<S> {
                 &y,
                 &mut state.tokens,
             );
+            if let Some(own) =
+                { weights.as_mut() }.and_then(|all| all.layers[index].text_attention.as_mut())
+            {
+                let x = self.norm_output(index, 0, activations);
+                own.in_proj.add_gradients_of_part(&x, &query, 0..width);
+            }
             { &attention.in_proj }.backward_part(&query, 0..width, &mut state.hidden);
         }
 
@@ -173,6 +255,17 @@ impl<S: FloatStorage> Transformer<S> {
         let attention = &layer.self_attention;
         attention.out_proj.weight.backward(&state.hidden, &mut y);
         let keys_and_values = &shared.rows[chunk.motion];
+        if let Some(weights) = weights {
+            let own = &mut weights.layers[index];
+            let (probabilities, gradient) = (&activations.probabilities, &state.hidden);
+            let projection = &mut own.self_attention.out_proj;
+            heads.add_projection_gradients(keys_and_values, probabilities, gradient, projection);
+            let of_norms = state.norms.chunks_exact(2 * width);
+            for (own, gradient) in own.norms.iter_mut().zip(of_norms) {
+                math::add(&mut own.gamma, &gradient[..width]);
+                math::add(&mut own.beta, &gradient[width..]);
+            }
+        }
         state.rows = vec![0.0; keys_and_values.len()];
         state.query = heads.backward(
             rows(&activations.projected, 3 * width).subcols(0, width),
@@ -181,6 +274,23 @@ impl<S: FloatStorage> Transformer<S> {
             &y,
             &mut state.rows,
         );
+    }
+
+    /// Adds the gradients of the projection of the tokens to keys and values, in a decoder.
+    fn add_text_gradients(
+        &self,
+        state: &ChunkGradient,
+        index: usize,
+        chunk: &Chunk,
+        input: TransformerInput<'_>,
+        weights: &mut Transformer<Vec<f32>>,
+    ) {
+        let Some(attention) = &mut weights.layers[index].text_attention else {
+            return;
+        };
+        let (width, count) = (self.width(), self.token_count(input) * self.width());
+        let tokens = &input.tokens[chunk.motion * count..][..count];
+        { &mut attention.in_proj }.add_gradients_of_part(tokens, &state.tokens, width..3 * width);
     }
 
     /// Sums the gradients of keys and values over the chunks of each motion.
@@ -202,20 +312,31 @@ impl<S: FloatStorage> Transformer<S> {
         (0..motions).into_par_iter().map(of_motion).collect()
     }
 
-    /// Computes the gradient of the rows before a layer.
-    fn finish_layer_backward(
-        &self,
-        state: &mut ChunkGradient,
-        index: usize,
-        chunk: &Chunk,
-        row_gradients: &[f32],
-    ) {
+    /// Computes the gradient of the rows before a layer. `own` is the gradient of the keys and values of these rows.
+    fn finish_layer_backward(&self, state: &mut ChunkGradient, index: usize, own: &[f32]) {
         let width = self.width();
-        let own = &row_gradients[chunk.first * 2 * width..][..chunk.frames() * 2 * width];
         let in_proj = &self.layers[index].self_attention.in_proj;
         in_proj.backward_part(&state.query, 0..width, &mut state.hidden);
         in_proj.backward_part(own, width..3 * width, &mut state.hidden);
     }
+}
+
+/// Calls a function for every chunk, in parallel for the groups of chunks.
+fn for_each_chunk(
+    states: &mut [ChunkGradient],
+    tape: &TransformerTape,
+    group: usize,
+    weights: &mut [WeightGradients],
+    step: impl Fn(&mut ChunkGradient, &Chunk, &[LayerActivations], &mut WeightGradients) + Sync,
+) {
+    { states.par_chunks_mut(group) }
+        .zip(tape.chunks.par_chunks(group))
+        .zip(weights)
+        .for_each(|((states, chunks), weights)| {
+            for (state, (chunk, activations)) in states.iter_mut().zip(chunks) {
+                step(state, chunk, activations, weights);
+            }
+        });
 }
 
 /// Turns the gradient of a norm's output into that of its input, and adds those of its gain and bias.

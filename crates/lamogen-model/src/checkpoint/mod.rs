@@ -5,6 +5,7 @@ mod keys;
 mod precision;
 mod read;
 mod sizes;
+mod torchscript;
 mod write;
 
 pub use convert::ConversionProgress;

@@ -14,6 +14,7 @@ use safetensors::tensor::{Dtype, Metadata};
 use super::CheckpointError;
 use super::keys::{NamedParameters, ParameterList, TensorVisitor};
 use super::precision::{dequantize, scale_key, scaled_key};
+use super::torchscript::{describe_torchscript, is_torchscript};
 use crate::config::ModelConfig;
 use crate::network::MotionDiffuse;
 
@@ -286,7 +287,9 @@ impl Checkpoint {
     /// Opens a PyTorch file with the tensors under a key of the file's dictionary, or with all tensors.
     fn open_pytorch(path: &Path, key: Option<&str>) -> Result<Checkpoint, CheckpointError> {
         // The reader does not distinguish a missing file from other problems, so the file is opened here first.
-        File::open(path).map_err(|reason| io_error(path, reason))?;
+        if is_torchscript(path).map_err(|reason| io_error(path, reason))? {
+            return Err(format_error(path, describe_torchscript(path)));
+        }
         let reader = match key {
             Some(key) => PytorchReader::with_top_level_key(path, key),
             None => PytorchReader::new(path),

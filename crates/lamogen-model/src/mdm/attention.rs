@@ -2,6 +2,8 @@
 
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
+#[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
@@ -131,6 +133,15 @@ impl Attention {
             in_proj: cpu::linear_kernel(&self.in_proj)?,
             out_proj: cpu::linear_kernel(&self.out_proj)?,
         })
+    }
+
+    pub(super) fn register_gradients(
+        &self,
+        gradient: lamogen_cpu::SoftmaxAttention<Vec<f32>>,
+        gradients: &mut GradientsParams,
+    ) {
+        cpu::register_linear_gradients(&self.in_proj, gradient.in_proj, gradients);
+        cpu::register_linear_gradients(&self.out_proj, gradient.out_proj, gradients);
     }
 }
 

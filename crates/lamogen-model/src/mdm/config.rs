@@ -6,13 +6,14 @@ use lamogen_io::placeholder;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::config::ConfigError;
+use crate::config::{ConfigError, SamplingDefaults};
 use crate::diffusion::{MotionWindow, NoiseSchedule};
 
 /// The part that attends to the frames of a motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MdmArchitecture {
     /// The frames and one token of sentence and timestep attend to each other.
+    #[default]
     #[serde(rename = "trans_enc")]
     Encoder,
     /// The frames attend to each other and to the tokens of the text.
@@ -51,18 +52,23 @@ pub struct MdmConfig {
     pub text_width: usize,
     /// The noise schedule.
     pub noise_schedule: NoiseSchedule,
-    /// Whether the text was dropped in a part of the training, so that the network is made for classifier-free guidance.
-    pub has_text_dropout: bool,
+    /// The share of the training's motions that were shown without their text. A network with 0 is not made for
+    /// classifier-free guidance.
+    pub text_dropout: f64,
     /// Whether frames past the end of a motion were masked in training.
     pub mask_frames: bool,
     /// Whether the average of the weights over the training is used where the checkpoint has it.
     pub use_ema: bool,
     /// The windows of a network that continues motions (DiP).
     pub window: Option<MotionWindow>,
+    /// The recommended sampling settings, which `lamogen train` writes. `None` for networks of MDM's authors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<SamplingDefaults>,
 }
 
-/// The keys of `args.json` that matter to the network. All others are options of its training.
-#[derive(Deserialize)]
+/// The keys of `args.json` that matter to the network. All others are options of its training, except `sampling`, which only
+/// lamogen writes.
+#[derive(Serialize, Deserialize)]
 #[serde(default)]
 struct Arguments {
     arch: String,
@@ -82,6 +88,8 @@ struct Arguments {
     context_len: usize,
     pred_len: usize,
     emb_policy: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sampling: Option<SamplingDefaults>,
 }
 
 impl Default for Arguments {
@@ -105,6 +113,7 @@ impl Default for Arguments {
             context_len: 0,
             pred_len: 0,
             emb_policy: "add".into(),
+            sampling: None,
         }
     }
 }
@@ -117,6 +126,13 @@ const FF_SIZE: usize = 1024;
 
 /// The length in frames of HumanML3D's longest clips.
 const MAX_CLIP_FRAMES: usize = 196;
+
+impl Default for MdmConfig {
+    /// Returns the config of the paper's network, which is what an empty `args.json` means.
+    fn default() -> Self {
+        Self::from_arguments(Arguments::default()).expect("the paper's network is here")
+    }
+}
 
 impl MdmConfig {
     /// Reads an `args.json`.
@@ -234,10 +250,11 @@ impl MdmConfig {
             heads: HEADS,
             text_width,
             noise_schedule,
-            has_text_dropout: arguments.cond_mask_prob > 0.0,
+            text_dropout: arguments.cond_mask_prob,
             mask_frames: arguments.mask_frames,
             use_ema: arguments.use_ema,
             window,
+            sampling: arguments.sampling,
         };
         let rows = config.position_rows();
         if arguments.pos_embed_max_len < rows {
@@ -253,6 +270,47 @@ impl MdmConfig {
             ));
         }
         Ok(config)
+    }
+
+    /// Returns the content of an `args.json`, as far as it concerns the network. The sizes that an `args.json` does not state
+    /// are left out (see [`with_sizes_of`](Self::with_sizes_of)).
+    pub fn to_json(&self) -> Vec<u8> {
+        serde_json::to_vec_pretty(&self.arguments()).expect("options are JSON")
+    }
+
+    fn arguments(&self) -> Arguments {
+        let defaults = Arguments::default();
+        let (noise_schedule, diffusion_steps) = match self.noise_schedule {
+            NoiseSchedule::Linear { timesteps } => ("linear", timesteps),
+            NoiseSchedule::Cosine { timesteps } => ("cosine", timesteps),
+        };
+        Arguments {
+            arch: match self.arch {
+                MdmArchitecture::Encoder => "trans_enc".into(),
+                MdmArchitecture::Decoder => "trans_dec".into(),
+            },
+            text_encoder_type: match self.text_encoder_type {
+                TextEncoderKind::Clip => "clip".into(),
+                TextEncoderKind::Bert => "bert".into(),
+            },
+            layers: self.layers,
+            latent_dim: self.latent_dim,
+            cond_mask_prob: self.text_dropout,
+            mask_frames: self.mask_frames,
+            use_ema: self.use_ema,
+            pos_embed_max_len: defaults.pos_embed_max_len.max(diffusion_steps),
+            noise_schedule: noise_schedule.into(),
+            diffusion_steps,
+            context_len: self.window.map_or(0, |window| window.prefix),
+            pred_len: self.window.map_or(0, |window| window.frames),
+            sampling: self.sampling.clone(),
+            ..defaults
+        }
+    }
+
+    /// Checks what an `args.json` states. Returns a description of the problem if there is no network of these sizes.
+    pub fn problem(&self) -> Option<String> {
+        Self::from_arguments(self.arguments()).err()
     }
 
     /// Opens the weights: their average if [`use_ema`](Self::use_ema) is set and the file has it, otherwise the weights
@@ -336,7 +394,7 @@ mod tests {
         );
         let schedule = NoiseSchedule::Cosine { timesteps: 1000 };
         assert_eq!((config.noise_schedule, config.layers), (schedule, 8));
-        assert!(config.has_text_dropout && config.window.is_none());
+        assert!(config.text_dropout == 0.1 && config.window.is_none());
         assert_eq!(config.position_rows(), 197);
     }
 
@@ -351,7 +409,38 @@ mod tests {
         };
         assert_eq!(config.window, Some(window));
         assert_eq!((config.text_width, config.position_rows()), (768, 60));
-        assert!(!config.has_text_dropout);
+        assert_eq!(config.text_dropout, 0.0);
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let config = MdmConfig {
+            latent_dim: 64,
+            layers: 3,
+            text_dropout: 0.2,
+            mask_frames: true,
+            noise_schedule: NoiseSchedule::Linear { timesteps: 6000 },
+            sampling: Some(SamplingDefaults {
+                text_scale: Some(2.0),
+                ..SamplingDefaults::default()
+            }),
+            ..MdmConfig::default()
+        };
+        let decoder = MdmConfig {
+            arch: MdmArchitecture::Decoder,
+            text_encoder_type: TextEncoderKind::Bert,
+            text_width: 768,
+            window: Some(MotionWindow {
+                prefix: 20,
+                frames: 40,
+            }),
+            use_ema: true,
+            ..MdmConfig::default()
+        };
+        for config in [config, decoder, MdmConfig::default()] {
+            let json = config.to_json();
+            assert_eq!(MdmConfig::from_json(&json, "args.json").unwrap(), config);
+        }
     }
 
     #[test]

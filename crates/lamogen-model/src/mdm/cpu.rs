@@ -1,7 +1,7 @@
 //! MDM on the CPU. The kernels of `lamogen-cpu` use the weights of the modules without copying them.
 
 use burn::tensor::Tensor;
-use lamogen_cpu::{Transformer, TransformerInput, TransformerTape};
+use lamogen_cpu::{Transformer, TransformerInput, TransformerTape, TransformerWeightGradients};
 
 use super::network::MdmContext;
 use crate::denoiser::DenoiserInput;
@@ -71,15 +71,8 @@ impl<'n> CpuEvaluation<'n> {
 
     /// Computes the gradient with respect to the embedding, or to the offsets if the input has them.
     pub(super) fn backward(&self, tape: &TransformerTape, gradient: Tensor<3>) -> Tensor<2> {
-        let [motions, _, features] = self.shape;
-        let zeros = Tensor::zeros([motions, self.prefix, features], &gradient.device());
-        let gradient = match self.prefix {
-            0 => gradient,
-            _ => Tensor::cat(vec![zeros, gradient], 1),
-        };
-        let gradient = SharedFloats::from_tensor(gradient).expect(
-            "a gradient of 32-bit floats that lies where the output does and is not tracked",
-        );
+        let [motions, _, _] = self.shape;
+        let gradient = self.with_gradient_of_prefix(gradient);
         let input = self.input();
         let gradients = { &self.transformer }.backward(input, tape, gradient.as_ref());
         let numbers = match input.offsets {
@@ -88,6 +81,29 @@ impl<'n> CpuEvaluation<'n> {
         };
         let width = numbers.len() / motions;
         tensor(numbers, [motions, width])
+    }
+
+    /// Computes the gradients of all weights and of the conditioning tokens.
+    pub(super) fn gradients(
+        &self,
+        tape: &TransformerTape,
+        gradient: Tensor<3>,
+    ) -> TransformerWeightGradients {
+        let gradient = self.with_gradient_of_prefix(gradient);
+        { &self.transformer }.gradients(self.input(), tape, gradient.as_ref())
+    }
+
+    /// Returns the numbers of a gradient of the output, after zeros for the frames of the prefix.
+    fn with_gradient_of_prefix(&self, gradient: Tensor<3>) -> SharedFloats {
+        let [motions, _, features] = self.shape;
+        let zeros = Tensor::zeros([motions, self.prefix, features], &gradient.device());
+        let gradient = match self.prefix {
+            0 => gradient,
+            _ => Tensor::cat(vec![zeros, gradient], 1),
+        };
+        SharedFloats::from_tensor(gradient).expect(
+            "a gradient of 32-bit floats that lies where the output does and is not tracked",
+        )
     }
 
     fn input(&self) -> TransformerInput<'_> {

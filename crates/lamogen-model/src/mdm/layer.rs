@@ -2,6 +2,8 @@
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear, LinearConfig};
+#[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
 use burn::tensor::activation::gelu;
 use burn::tensor::{Device, Tensor};
 
@@ -104,6 +106,23 @@ impl Layer {
             contract: cpu::linear_kernel(&self.contract)?,
             norms: norms.collect::<Option<_>>()?,
         })
+    }
+
+    pub(super) fn register_gradients(
+        &self,
+        gradient: lamogen_cpu::TransformerLayer<Vec<f32>>,
+        gradients: &mut GradientsParams,
+    ) {
+        { &self.self_attention }.register_gradients(gradient.self_attention, gradients);
+        let text = self.text_attention.as_ref().zip(gradient.text_attention);
+        if let Some((attention, gradient)) = text {
+            attention.register_gradients(gradient, gradients);
+        }
+        cpu::register_linear_gradients(&self.expand, gradient.expand, gradients);
+        cpu::register_linear_gradients(&self.contract, gradient.contract, gradients);
+        for (norm, gradient) in self.norms.iter().zip(gradient.norms) {
+            cpu::register_norm_gradients(norm, gradient, gradients);
+        }
     }
 }
 

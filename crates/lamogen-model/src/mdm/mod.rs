@@ -22,6 +22,7 @@ mod network;
 mod positions;
 mod sentence;
 mod text;
+mod training;
 
 pub use config::{MdmArchitecture, MdmConfig, TextEncoderKind};
 pub use distilbert::DistilBertConfig;

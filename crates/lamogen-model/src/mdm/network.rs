@@ -1,7 +1,12 @@
 //! MDM, the whole network.
 
+use std::collections::HashMap;
+use std::path::Path;
+
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
+#[cfg(feature = "flex")]
+use burn::optim::GradientsParams;
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor, TensorData};
 
@@ -13,7 +18,7 @@ use super::cpu::CpuEvaluation;
 use super::layer::{Layer, Memory};
 use super::positions::position_rows;
 use super::text::{MdmText, TextFeatures};
-use crate::checkpoint::{Checkpoint, CheckpointError, NamedParameters, ParameterList};
+use crate::checkpoint::{Checkpoint, CheckpointError, NamedParameters, ParameterList, Precision};
 use crate::config::Prediction;
 use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, LinearizedEvaluation, Prompt};
 use crate::diffusion::{MotionWindow, NoiseSchedule, SamplingMethod};
@@ -105,6 +110,23 @@ impl Mdm {
         Ok(network)
     }
 
+    /// Writes the weights as safetensors, under the keys of the public checkpoints. The text encoder is not among them
+    /// (see [`MdmText::save`]).
+    ///
+    /// `metadata` is free text that is stored with the weights, such as `license`. The file is written whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written, or if a weight is beyond the range of 16 bits and `precision` requires 16 bits.
+    pub fn save(
+        &self,
+        path: impl AsRef<Path>,
+        precision: Precision,
+        metadata: HashMap<String, String>,
+    ) -> Result<(), CheckpointError> {
+        Checkpoint::write(self, path, precision, metadata)
+    }
+
     /// Returns the sizes and the training of the network.
     pub fn config(&self) -> &MdmConfig {
         &self.config
@@ -116,7 +138,7 @@ impl Mdm {
     }
 
     /// Embeds the features of texts, or zeros in their place. Returns `[batch, tokens · latent]`.
-    fn embed(&self, tokens: Tensor<3>) -> Tensor<2> {
+    pub(super) fn embed(&self, tokens: Tensor<3>) -> Tensor<2> {
         let [batch, count, _] = tokens.dims();
         let latent = self.config.latent_dim;
         rowwise(&self.embed_text, tokens).reshape([batch, count * latent])
@@ -130,7 +152,7 @@ impl Mdm {
     }
 
     /// Evaluates the network in tensor operations, on any device, with or without gradients.
-    fn forward(&self, input: DenoiserInput, context: &MdmContext) -> Tensor<3> {
+    pub(super) fn forward(&self, input: DenoiserInput, context: &MdmContext) -> Tensor<3> {
         let layout = OffsetLayout::of(&self.config);
         let [_, frames, _] = input.x_t.dims();
         let tokens = context.conditioned_tokens(&input);
@@ -167,6 +189,15 @@ impl Mdm {
 }
 
 impl MdmContext {
+    /// Creates the context of texts of equally many tokens, without a prefix.
+    pub(super) fn of_tokens(tokens: usize) -> Self {
+        MdmContext {
+            tokens,
+            penalty: None,
+            prefix: None,
+        }
+    }
+
     /// Returns the tokens of sentence and timestep, `[batch, tokens, latent]`.
     pub(super) fn conditioned_tokens(&self, input: &DenoiserInput) -> Tensor<3> {
         let [batch, all] = input.embedding.dims();
@@ -198,8 +229,13 @@ impl Mdm {
         CpuEvaluation::new(|| self.to_kernel(), &self.positions, input, context)
     }
 
+    /// Returns the sinusoids of all positions, row by row.
+    pub(super) fn positions(&self) -> &[f32] {
+        &self.positions
+    }
+
     /// Returns the network as kernels, or `None` if not all weights lie in the CPU's memory.
-    fn to_kernel(&self) -> Option<lamogen_cpu::Transformer<SharedFloats>> {
+    pub(super) fn to_kernel(&self) -> Option<lamogen_cpu::Transformer<SharedFloats>> {
         let layers = self.layers.iter().map(Layer::to_kernel);
         Some(lamogen_cpu::Transformer {
             heads: self.config.heads,
@@ -207,6 +243,19 @@ impl Mdm {
             layers: layers.collect::<Option<_>>()?,
             output: cpu::linear_kernel(&self.output)?,
         })
+    }
+
+    /// Adds the gradients of the layers that the kernels compute to `gradients`, under the ids of their parameters.
+    pub(super) fn register_gradients(
+        &self,
+        gradient: lamogen_cpu::Transformer<Vec<f32>>,
+        gradients: &mut GradientsParams,
+    ) {
+        cpu::register_linear_gradients(&self.pose_embedding, gradient.pose_embedding, gradients);
+        for (layer, gradient) in self.layers.iter().zip(gradient.layers) {
+            layer.register_gradients(gradient, gradients);
+        }
+        cpu::register_linear_gradients(&self.output, gradient.output, gradients);
     }
 }
 

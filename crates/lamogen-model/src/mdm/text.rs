@@ -1,5 +1,6 @@
 //! The text encoders of MDM, and the files that hold them.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use burn::module::Module;
@@ -9,7 +10,7 @@ use serde::Serialize;
 use super::config::TextEncoderKind;
 use super::distilbert::{DistilBert, DistilBertConfig, HEAD_WIDTH};
 use super::sentence::{ClipSentence, HuggingFaceSentence};
-use crate::checkpoint::{Checkpoint, CheckpointError, NamedParameters, ParameterList};
+use crate::checkpoint::{Checkpoint, CheckpointError, NamedParameters, ParameterList, Precision};
 use crate::config::ClipTextConfig;
 use crate::tokens::TokenBatch;
 
@@ -127,6 +128,28 @@ impl MdmText {
         };
         checkpoint.fill_part(&mut Part(&prefix, Borrowed(network)), device)?;
         Ok(text)
+    }
+
+    /// Writes the weights as safetensors: a CLIP's text tower under the keys of OpenAI's code, a DistilBERT under those of
+    /// Hugging Face's.
+    ///
+    /// `metadata` is free text that is stored with the weights, such as `license`. The file is written whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written, or if a weight is beyond the range of 16 bits and `precision` requires 16 bits.
+    pub fn save(
+        &self,
+        path: impl AsRef<Path>,
+        precision: Precision,
+        metadata: HashMap<String, String>,
+    ) -> Result<(), CheckpointError> {
+        match &self.encoder {
+            TextEncoder::Clip(sentence) => Checkpoint::write(sentence, path, precision, metadata),
+            TextEncoder::DistilBert(network) => {
+                Checkpoint::write(network, path, precision, metadata)
+            }
+        }
     }
 
     /// Returns which kind of network this is.

@@ -88,7 +88,7 @@ fn shared_bias(parameter: &Option<Param<Tensor<1>>>) -> Option<SharedFloats> {
 }
 
 /// Adds the gradients of a linear layer to `gradients`, under the ids of the layer's parameters.
-pub(super) fn register_linear_gradients(
+pub(crate) fn register_linear_gradients(
     layer: &Linear,
     gradient: lamogen_cpu::Linear<Vec<f32>>,
     gradients: &mut GradientsParams,
@@ -100,7 +100,7 @@ pub(super) fn register_linear_gradients(
 }
 
 /// Adds the gradients of a normalization to `gradients`.
-pub(super) fn register_norm_gradients(
+pub(crate) fn register_norm_gradients(
     layer: &LayerNorm,
     gradient: lamogen_cpu::LayerNorm<Vec<f32>>,
     gradients: &mut GradientsParams,

@@ -20,7 +20,6 @@ mod training;
 pub use cross_attention::CrossAttentionContext;
 pub use initial::{WeightSampler, initialize};
 pub use motion_diffuse::MotionDiffuse;
-pub use training::{SentenceSimilarity, TrainingBatch, TrainingGradients};
 
 use burn::nn::{LayerNorm, LayerNormConfig};
 use burn::tensor::{Device, Tensor};

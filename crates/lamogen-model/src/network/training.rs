@@ -18,66 +18,14 @@ use burn::tensor::{Int, Tensor};
 use super::cpu::{self, CpuEvaluation};
 use super::cross_attention::CrossAttentionContext;
 use super::motion_diffuse::MotionDiffuse;
-use crate::config::LABAN_FEATURES;
-use crate::denoiser::{Denoiser, DenoiserInput, FrameMask, Prompt};
+use crate::denoiser::{Denoiser, DenoiserInput, Prompt};
+#[cfg(feature = "flex")]
+use crate::training::loss_gradient;
+use crate::training::{TrainableDenoiser, TrainingBatch, TrainingGradients};
 
-/// The batch of one training step. None of its tensors is tracked by autodiff.
-#[derive(Clone, Debug)]
-pub struct TrainingBatch {
-    /// The token ids of captions, `[captions, tokens]`. The end token is the largest id of each row.
-    pub tokens: Tensor<2, Int>,
-    /// The index of the caption of each motion. A caption that several motions share is encoded only once.
-    pub captions: Vec<usize>,
-    /// The noisy motions, normalised, `[batch, frames, features]`.
-    pub x_t: Tensor<3>,
-    /// The timestep of each motion.
-    pub timesteps: Vec<usize>,
-    /// The mask of the frames that are part of each motion.
-    pub mask: FrameMask,
-    /// The means over time of each motion's Laban features, as far as they are given (see [`Denoiser::embed_laban`]). `None`
-    /// if no features are given for any motion.
-    pub laban: Option<Vec<[Option<f32>; LABAN_FEATURES]>>,
-    /// The sentences with similarities that the text encoder also learns.
-    pub sentences: Option<SentenceSimilarity>,
-}
-
-/// Sentences and the similarity of each pair of them.
-///
-/// A text encoder learns these similarities from a larger encoder (relational knowledge distillation, Park et al. 2019).
-#[derive(Clone, Debug)]
-pub struct SentenceSimilarity {
-    /// The token ids, `[sentences, tokens]`. The end token is the largest id of each row.
-    pub tokens: Tensor<2, Int>,
-    /// The cosine similarities of all pairs of sentences in the larger encoder, `[sentences, sentences]`.
-    pub cosines: Tensor<2>,
-    /// The weight of the loss, which is the mean squared difference of the cosines over all pairs.
-    pub weight: f64,
-}
-
-/// The result of one training step.
-#[derive(Debug)]
-pub struct TrainingGradients {
-    /// The value of the loss function, not tracked by autodiff.
-    pub loss: Tensor<1>,
-    /// The mean squared difference of the sentences' cosines, before it is multiplied by its weight, not tracked by autodiff.
-    /// `None` if the batch has no sentences.
-    pub sentence_loss: Option<Tensor<1>>,
-    /// The gradient of the loss with respect to each weight.
-    pub gradients: GradientsParams,
-}
-
-impl MotionDiffuse {
-    /// Computes the gradients of a loss of the network's output with respect to all weights.
-    ///
-    /// `loss` receives the output, `[batch, frames, features]`, tracked by autodiff, and returns one number. The output past
-    /// a motion's length has no meaning and must not influence the loss.
-    ///
-    /// On the CPU (`flex`), the results do not depend on the number of threads.
-    ///
-    /// # Panics
-    ///
-    /// If the network is not tracked (see `burn::module::Module::train`), a token or timestep is out of range, or sizes differ.
-    pub fn gradients(
+impl TrainableDenoiser for MotionDiffuse {
+    /// On the CPU, the kernels compute the decoder and its gradient.
+    fn gradients(
         &self,
         batch: TrainingBatch,
         loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
@@ -87,7 +35,8 @@ impl MotionDiffuse {
             "expected a network that autodiff follows"
         );
         let sentences = batch.sentences.as_ref().map(|similarity| {
-            let loss = self.sentence_loss(similarity);
+            let features = self.sentence_features(similarity.tokens.clone().autodiff());
+            let loss = similarity.loss(features);
             (loss.clone().inner(), loss * similarity.weight)
         });
         let (sentence_loss, sentences) = sentences.unzip();
@@ -118,16 +67,13 @@ impl MotionDiffuse {
         }
     }
 
-    /// Computes the network's output for a batch, `[batch, frames, features]`, without gradients.
-    ///
-    /// # Panics
-    ///
-    /// If a token or timestep is out of range, or sizes differ.
-    pub fn predict(&self, batch: TrainingBatch) -> Tensor<3> {
+    fn predict(&self, batch: TrainingBatch) -> Tensor<3> {
         let (input, context) = self.prepare(batch);
         self.denoise(input, &context)
     }
+}
 
+impl MotionDiffuse {
     /// Prepares the input and context of the decoder. Each caption is encoded once for all motions that share it.
     fn prepare(&self, batch: TrainingBatch) -> (DenoiserInput, CrossAttentionContext) {
         let prompt = select_prompts(self.encode_ids(batch.tokens), &batch.captions);
@@ -143,18 +89,6 @@ impl MotionDiffuse {
             mask: batch.mask,
         };
         (input, prompt.context)
-    }
-
-    /// Computes the mean squared difference, over all pairs of sentences, between the cosines of this text encoder and the
-    /// given ones.
-    fn sentence_loss(&self, similarity: &SentenceSimilarity) -> Tensor<1> {
-        let sentences = self.sentence_features(similarity.tokens.clone().autodiff());
-        let lengths = sentences.clone().square().sum_dim(1).sqrt();
-        let sentences = sentences / lengths;
-        let cosines = sentences.clone().matmul(sentences.transpose());
-        (cosines - similarity.cosines.clone().autodiff())
-            .square()
-            .mean()
     }
 }
 
@@ -220,18 +154,4 @@ fn select_prompts(
         context: CrossAttentionContext(texts.collect()),
         embedding: prompt.embedding.select(0, rows),
     }
-}
-
-/// Computes a loss of an output and the gradient of the loss.
-#[cfg(feature = "flex")]
-fn loss_gradient(
-    output: Tensor<3>,
-    loss: impl FnOnce(Tensor<3>) -> Tensor<1>,
-) -> (Tensor<1>, Tensor<3>) {
-    let leaf = output.autodiff().require_grad();
-    let loss = loss(leaf.clone());
-    let gradient = leaf.grad_remove(&mut loss.clone().backward());
-    // A loss that ignores the output has no gradient.
-    let gradient = gradient.unwrap_or_else(|| leaf.inner().zeros_like());
-    (loss.inner(), gradient)
 }

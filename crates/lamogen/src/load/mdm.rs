@@ -4,16 +4,23 @@ use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use lamogen_guide::Preset;
-use lamogen_model::{AnyNetwork, Denoiser, Mdm, MdmConfig};
+use lamogen_model::{AnyNetwork, Denoiser, Mdm, MdmConfig, SamplingDefaults};
 use lamogen_motion::{FeatureGroup, Normalization, POSE_FEATURES};
 
 use super::text_encoder::TextEncoderFiles;
-use super::{folder_contents, statistics_path};
+use super::{folder_contents, load_known_words, statistics_path};
 use crate::error::LoadError;
 use crate::generation::LaMoGen;
+use crate::licence::Licence;
 
 /// The name of the file with the options of the training, by which a folder is known as that of an MDM.
 const ARGUMENTS: &str = "args.json";
+
+/// The name of the weights of a network that lamogen trained.
+const TRAINED_WEIGHTS: &str = "model.safetensors";
+
+/// The preset of an MDM whose `args.json` recommends none.
+const PRESET: Preset = Preset::Fast;
 
 /// The scale of classifier-free guidance that MDM's authors generate with.
 const MDM_TEXT_SCALE: f64 = 2.5;
@@ -34,7 +41,10 @@ impl MdmFiles {
             let folder = path.parent().unwrap_or(Path::new("."));
             return Self::of(folder, path.to_owned()).map(Some);
         }
-        match (path.join(ARGUMENTS).exists(), newest_weights(path)) {
+        let trained = || Some(path.join(TRAINED_WEIGHTS)).filter(|weights| weights.exists());
+        let has_arguments = path.join(ARGUMENTS).exists();
+        let weights = newest_weights(path).or_else(|| trained().filter(|_| has_arguments));
+        match (has_arguments, weights) {
             (true, None) => Err(LoadError::NoMdmWeights {
                 folder: path.to_owned(),
                 found: folder_contents(path),
@@ -76,15 +86,21 @@ impl MdmFiles {
         let files = TextEncoderFiles::find(folder, config.text_encoder_type)?;
         let (text, tokenizer) = files.load(config.text_width, device)?;
         let network = Mdm::load(&weights, &config, text, device)?;
-        let text_scale = match (config.has_text_dropout, network.window()) {
+        let text_scale = match (config.text_dropout > 0.0, network.window()) {
             (false, _) => 1.0,
             (true, None) => MDM_TEXT_SCALE,
             (true, Some(_)) => DIP_TEXT_SCALE,
         };
-        let model = LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
-            .with_preset(Preset::Fast)
-            .with_text_scale(text_scale);
-        Ok(model.expect("the scales are valid"))
+        let sampling = config.sampling.unwrap_or_default();
+        let sampling = SamplingDefaults {
+            preset: { sampling.preset }.or_else(|| Some(PRESET.name().to_owned())),
+            text_scale: sampling.text_scale.or(Some(text_scale)),
+            ..sampling
+        };
+        LaMoGen::new(AnyNetwork::from(network), tokenizer, normalization)
+            .with_licence(Licence::of(&weights))
+            .with_known_words(load_known_words(folder)?)
+            .with_sampling_defaults(sampling, &arguments)
     }
 
     /// Reads HumanML3D's mean and deviation, by which MDM's features are normalised.

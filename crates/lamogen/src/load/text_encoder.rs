@@ -8,7 +8,7 @@ use lamogen_model::{MdmText, TextEncoderKind, Tokenizer};
 use super::folder_contents;
 use crate::error::LoadError;
 
-/// The weights of a text encoder, and the tokenizer of a DistilBERT.
+/// The weights of a text encoder. A tokenizer other than CLIP's own lies beside them.
 pub(super) struct TextEncoderFiles {
     kind: TextEncoderKind,
     weights: PathBuf,
@@ -83,10 +83,16 @@ impl TextEncoderFiles {
         }
         let tokenizer = match self.kind {
             TextEncoderKind::Clip => {
-                let tokenizer = Tokenizer::clip(CLIP_TOKENS.min(text.positions()));
+                let file = self.weights.with_file_name("tokenizer.json");
+                let (vocabulary, positions) = (text.vocab_size(), text.positions());
+                let tokenizer = Tokenizer::clip(CLIP_TOKENS.min(positions));
+                if tokenizer.vocab_size() != vocabulary && file.exists() {
+                    let tokenizer = Tokenizer::from_file(file, vocabulary, positions)?;
+                    return Ok((text, tokenizer));
+                }
                 if tokenizer.vocab_size() != text.vocab_size() {
                     return Err(LoadError::NoTokenizer {
-                        path: self.weights.with_file_name("tokenizer.json"),
+                        path: file,
                         clip: tokenizer.vocab_size(),
                         found: text.vocab_size(),
                     });

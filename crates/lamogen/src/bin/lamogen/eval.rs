@@ -26,6 +26,9 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> Result<(), Failure> 
         let reason = "expected a folder, found a file";
         return Err(Failure::output(&arguments.out, reason));
     }
+    if arguments.dry_run {
+        check_folders(arguments, console)?;
+    }
     let device = open_device(arguments.source.device)?;
     let files = public_files(arguments);
     if let Some(files) = &files {
@@ -105,6 +108,46 @@ fn public_files(arguments: &EvalArguments) -> Option<PublicFiles> {
         .any(|name| arguments.evaluator.join(name).exists());
     let files = PublicFiles::find(&arguments.evaluator);
     (!is_own && files.is_any()).then_some(files)
+}
+
+/// Says which of the folders of a dry run are missing, all at once. Without one of them nothing can be estimated.
+fn check_folders(arguments: &EvalArguments, console: &Console) -> Result<(), Failure> {
+    let model = arguments.source.model.as_deref();
+    let folders = [
+        (
+            model,
+            "model",
+            "MotionDiffuse's and MDM's authors publish theirs, `lamogen train` makes one, and without --model it is the embedded one",
+        ),
+        (
+            Some(&*arguments.data),
+            "data",
+            "HumanML3D's repository says how its own is made, and `lamogen pack` makes one of motion files",
+        ),
+        (
+            Some(&*arguments.evaluator),
+            "evaluator",
+            "HumanML3D's repository links the public one, and `lamogen train --evaluator` makes one",
+        ),
+    ];
+    let missing = { folders.into_iter() }
+        .filter_map(|(folder, name, source)| Some((folder?, name, source)))
+        .filter(|(folder, ..)| !folder.exists());
+    let missing: Vec<_> = missing.collect();
+    for (folder, name, source) in &missing {
+        let folder = folder.display();
+        console.notice(format!("missing: the {name}, {folder}: {source}"));
+    }
+    let names: Vec<String> = { missing.iter() }
+        .map(|(folder, ..)| folder.display().to_string())
+        .collect();
+    match names.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::new(
+            FailureCode::Input,
+            format!("nothing can be estimated without {}", names.join(", ")),
+        )),
+    }
 }
 
 /// Says which files of the public evaluator are missing. Only a dry run, or one that was asked to, goes on without them.

@@ -38,7 +38,7 @@ impl StartModel {
     ) -> Result<StartModel, Failure> {
         let network = model.network().motion_diffuse().ok_or_else(|| {
             let message = format!(
-                "{}: expected a model of the kind that lamogen trains, found an MDM",
+                "{}: expected a network like MotionDiffuse, found an MDM",
                 folder.display()
             );
             Failure::new(FailureCode::Input, message)
