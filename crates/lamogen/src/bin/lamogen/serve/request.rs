@@ -42,7 +42,7 @@ impl ServedRequest {
                 &without_like
             }
         };
-        let line = JsonRequest::parse(text).map_err(|error| invalid_request(error))?;
+        let line = JsonRequest::parse(text).map_err(invalid_request)?;
         let file_fields = [
             ("after", line.after.is_some()),
             ("before", line.before.is_some()),
