@@ -140,14 +140,14 @@ fn a_motion_goes_on_where_another_ends() {
     ] {
         let request = Request::new(sentence).seconds(3.0).seed(seed).after(&walk);
         let generation = model.generate(&request.tag(Tag::Strong)).unwrap();
-        // A strong motion is faster than the clip, half a second after it.
+        // A strong motion becomes faster than the clip.
         for (motion, tolerance) in [(&generation.baseline, 1.0), (&generation.guided, 1.4)] {
             assert_eq!(motion.frames(), 60);
             let joints = [walk.joints(), motion.joints()].concat();
             is_smooth_at(&joints, walk.frames(), tolerance);
         }
-        // Goals set in within half a second.
-        let [change, ..] = changes(&generation, 12..60);
+        // Goals set in within a second.
+        let [change, ..] = changes(&generation, 20..60);
         assert!((change / 1.5 - 1.0).abs() < 0.1, "{sentence}: {change}");
         assert_eq!(generation.target.frames().len(), 60);
     }

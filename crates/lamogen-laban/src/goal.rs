@@ -180,18 +180,24 @@ impl Goal {
 impl GoalTurn {
     /// Leads from a baseline to a target and back.
     fn eased(&self, baseline: &[f32], target: Vec<f32>) -> Vec<f32> {
-        let frames = target.len();
-        let pairs = baseline.iter().zip(target).enumerate();
+        let pairs = baseline.iter().zip(&target);
         pairs
-            .map(|(frame, (baseline, target))| {
-                let distances = [frame + 1, frames - frame];
-                let shares = distances.into_iter().zip(self.ease);
-                let share = shares.fold(1.0, |share: f32, (distance, ease)| {
-                    share.min(distance as f32 / (ease + 1) as f32)
-                });
-                baseline + share * (target - baseline)
-            })
+            .zip(self.shares(target.len()))
+            .map(|((baseline, target), share)| baseline + share * (target - baseline))
             .collect()
+    }
+
+    /// Returns how much the goal counts at each of its frames: 1, and less where it sets in and ends.
+    pub(crate) fn shares(&self, frames: usize) -> impl Iterator<Item = f32> + '_ {
+        (0..frames).map(move |frame| {
+            let distances = [frame + 1, frames - frame];
+            let shares = distances.into_iter().zip(self.ease);
+            let share = shares.fold(1.0, |share: f32, (distance, ease)| {
+                share.min(distance as f32 / (ease + 1) as f32)
+            });
+            // A curve that begins and ends level.
+            share * share * (3.0 - 2.0 * share)
+        })
     }
 }
 

@@ -491,7 +491,8 @@ mod tests {
             .then(8, Goals::anything());
         let terms = goals.terms(&EndEffectors::default());
         let target = terms[0].goals[0].target(Component::Weight, &[1.0; 10]);
-        assert_eq!(target, [1.0, 1.0, 1.25, 1.5, 1.75, 2.0, 2.0, 1.5, 1.0, 1.0]);
+        let eased = [1.0, 1.0, 1.15625, 1.5, 1.84375, 2.0, 2.0, 1.5, 1.0, 1.0];
+        assert_eq!(target, eased);
     }
 
     #[test]

@@ -124,8 +124,13 @@ impl Goal {
             Goal::InTurn(turns) => {
                 let turns = Goal::turns(turns, baseline.len()).into_iter();
                 let weights = turns.flat_map(|(frames, turn)| {
-                    let values = (&baseline[frames.clone()], &target[frames]);
-                    turn.goal.weights(values.0, values.1, divisor, emphasis)
+                    let values = (&baseline[frames.clone()], &target[frames.clone()]);
+                    let weights = turn.goal.weights(values.0, values.1, divisor, emphasis);
+                    let shares = turn.shares(frames.len());
+                    let pairs = weights.into_iter().zip(shares);
+                    pairs
+                        .map(|(weight, share)| weight * share)
+                        .collect::<Vec<f32>>()
                 });
                 return weights.collect();
             }

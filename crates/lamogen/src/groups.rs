@@ -200,8 +200,8 @@ fn joined_goals(goals: Vec<Option<Goals>>, segments: &[JobSegment]) -> Option<Go
         .map(|(goals, _)| goals)
 }
 
-/// The number of frames in which goals set in beside known frames, whose speed they cannot change: half a second.
-const EASE: usize = 10;
+/// The number of frames in which goals set in beside known frames, whose speed they cannot change: one second.
+const EASE: usize = 20;
 
 /// Returns the goals of a motion with known frames around it, which may have any features.
 fn goals_of_kept(goals: Goals, kept: &Range<usize>, frames: usize) -> Goals {
