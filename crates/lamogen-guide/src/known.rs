@@ -213,7 +213,7 @@ mod tests {
         // The first frame beside the known ones goes on as they do, on both sides.
         assert!((motion[5] - 2.5).abs() < 1e-5 && (motion[56] - 4.0).abs() < 1e-5);
         let accelerations = motion.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs());
-        assert!(accelerations.fold(0.0, f32::max) < 0.2, "{motion:?}");
+        assert!(accelerations.fold(0.0, f32::max) < 0.35, "{motion:?}");
         // In the middle there is only what is predicted.
         assert!(motion[25..37].iter().all(|value| *value == -1.0));
     }

@@ -380,7 +380,7 @@ mod tests {
         let values: Vec<f32> = (0..2 * frames).map(|value| value as f32).collect();
         let motion = Tensor::<3>::from_data(TensorData::new(values, [1, frames, 2]), &device);
         let tiles = layout.cut(motion.clone());
-        assert_eq!(tiles.dims(), [4, 168, 2]);
+        assert_eq!(tiles.dims(), [4, 170, 2]);
         let difference = (layout.blend(tiles) - motion)
             .abs()
             .max()
