@@ -26,6 +26,8 @@ pub struct KnownFrames {
     /// The known frames with the noise of each step of a pass, and zeros elsewhere; empty before
     /// [`with_noise`](Self::with_noise).
     noisy: Vec<Tensor<3>>,
+    /// The transitions between known frames and the frames beside them.
+    transitions: Vec<Transition>,
 }
 
 impl KnownFrames {
@@ -60,6 +62,7 @@ impl KnownFrames {
             start: 0..start.len(),
             end: frames - end.len()..frames,
             noisy: Vec::new(),
+            transitions: transitions(start.len(), end.len(), frames, device),
         }
     }
 
@@ -103,32 +106,33 @@ impl KnownFrames {
     /// on from there.
     pub(crate) fn replace(&self, predicted: Tensor<3>) -> Tensor<3> {
         let replaced = predicted * self.unknown.clone() + self.values.clone();
-        let transitions = self.transitions();
-        { transitions.iter() }.fold(replaced.clone(), |motion, transition| {
+        { self.transitions.iter() }.fold(replaced.clone(), |motion, transition| {
             motion + transition.change(&replaced)
         })
     }
+}
 
-    /// Returns the transitions between known frames and the frames beside them.
-    fn transitions(&self) -> Vec<Transition> {
-        let frames = self.end.end;
-        let spread = SPREAD.min(self.end.start - self.start.end);
-        let start = Transition {
-            before: [1, 2].map(|distance| self.start.end.wrapping_sub(distance)),
-            beside: (self.start.end..self.start.end + spread).collect(),
+/// Returns the transitions of a motion with known frames at its start and its end.
+fn transitions(start: usize, end: usize, frames: usize, device: &Device) -> Vec<Transition> {
+    let between = start..frames - end;
+    let spread = SPREAD.min(between.len());
+    let mut all = Vec::new();
+    // A jump of speed needs two frames on either side.
+    if start >= 2 && spread >= 2 {
+        let beside: Vec<usize> = (start..start + spread).collect();
+        all.push(Transition::new(
+            [start - 1, start - 2],
+            &beside,
             frames,
-        };
-        let end = Transition {
-            before: [0, 1].map(|distance| self.end.start + distance),
-            beside: (self.end.start - spread..self.end.start).rev().collect(),
-            frames,
-        };
-        let has_speed = |clip: &Range<usize>| clip.len() >= 2 && spread >= 2;
-        let all = [(&self.start, start), (&self.end, end)].into_iter();
-        all.filter(|(clip, _)| has_speed(clip))
-            .map(|(_, transition)| transition)
-            .collect()
+            device,
+        ));
     }
+    if end >= 2 && spread >= 2 {
+        let beside: Vec<usize> = (between.end - spread..between.end).rev().collect();
+        let before = [between.end, between.end + 1];
+        all.push(Transition::new(before, &beside, frames, device));
+    }
+    all
 }
 
 /// A border between known frames and others. What is left of a jump of values and of their speed is spread over the others, so
@@ -138,43 +142,42 @@ impl KnownFrames {
 struct Transition {
     /// The two known frames at the border, the nearer one first.
     before: [usize; 2],
-    /// The frames over which a jump is spread, the nearest first.
-    beside: Vec<usize>,
-    /// The number of frames of the motion.
-    frames: usize,
+    /// The two frames beside them, the nearer one first.
+    beside: [usize; 2],
+    /// The shares of a jump of values and of a jump of their speed at every frame, `[1, frames, 1]`.
+    shares: [Tensor<3>; 2],
 }
 
 impl Transition {
+    /// Creates a transition. `beside` are the frames over which a jump is spread, the nearest first, and at least two.
+    fn new(before: [usize; 2], beside: &[usize], frames: usize, device: &Device) -> Transition {
+        let spread = beside.len() as f32;
+        // Cubic curves that end level at 0: one begins level at 1, the other at 0 with a slope of 1.
+        let of_jump = |part: f32| 1.0 + part * part * (2.0 * part - 3.0);
+        let of_velocity_jump = |part: f32| spread * part * (1.0 - part) * (1.0 - part);
+        let column = |curve: &dyn Fn(f32) -> f32| {
+            let mut weights = vec![0.0; frames];
+            for (place, frame) in beside.iter().enumerate() {
+                weights[*frame] = curve(place as f32 / spread);
+            }
+            Tensor::from_data(TensorData::new(weights, [1, frames, 1]), device)
+        };
+        Transition {
+            before,
+            beside: [beside[0], beside[1]],
+            shares: [column(&of_jump), column(&of_velocity_jump)],
+        }
+    }
+
     /// Returns the change of a motion, `[1, frames, features]`, of which known frames have been replaced.
     fn change(&self, motion: &Tensor<3>) -> Tensor<3> {
         let frame = |frame: usize| motion.clone().narrow(1, frame, 1);
-        let [near, far] = self.before.map(frame);
+        let ([near, far], [first, second]) = (self.before.map(frame), self.beside.map(frame));
         let speed = near.clone() - far;
-        let [first, second] = [self.beside[0], self.beside[1]].map(frame);
         let velocity_jump = speed.clone() - (second - first.clone());
         let jump = near + speed - first;
-        // Cubic curves that end level at 0: one begins level at 1, the other at 0 with a slope of 1.
-        let spread = self.beside.len() as f32;
-        let part = |place: usize| place as f32 / spread;
-        let of_jump = self.column(motion, |place| {
-            let part = part(place);
-            1.0 + part * part * (2.0 * part - 3.0)
-        });
-        let of_velocity_jump = self.column(motion, |place| {
-            let part = part(place);
-            spread * part * (1.0 - part) * (1.0 - part)
-        });
+        let [of_jump, of_velocity_jump] = self.shares.clone();
         jump * of_jump + velocity_jump * of_velocity_jump
-    }
-
-    /// Returns weights of all frames, `[1, frames, 1]`: those of the frames of the transition, and 0 elsewhere.
-    fn column(&self, motion: &Tensor<3>, weight: impl Fn(usize) -> f32) -> Tensor<3> {
-        let mut weights = vec![0.0; self.frames];
-        for (place, frame) in self.beside.iter().enumerate() {
-            weights[*frame] = weight(place);
-        }
-        let weights = TensorData::new(weights, [1, self.frames, 1]);
-        Tensor::from_data(weights, &motion.device())
     }
 }
 

@@ -21,9 +21,9 @@
 //! [`Sampler`] runs both passes for any [`Denoiser`](lamogen_model::Denoiser). Both are
 //! deterministic: the same noise, at the start and at each step, gives the same motion.
 
+mod arranged;
 mod classifier_free;
 mod error;
-mod frame_selection;
 mod guidance;
 mod guided;
 mod host;
@@ -42,6 +42,7 @@ mod temporal_smoothing;
 mod tiled;
 mod windows;
 
+pub use arranged::Arranged;
 pub use classifier_free::{ClassifierFree, ClassifierFreeContext, feature_scales};
 pub use error::{GuideError, Quantity, StoppedPass};
 pub use guidance::{Body, Finish, Guidance, GuidanceVariable, Preset, PresetError, UpdateTiming};

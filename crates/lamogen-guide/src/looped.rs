@@ -1,13 +1,10 @@
 //! Networks whose motions are loops.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use lamogen_model::{
-    Denoiser, DenoiserInput, FrameMask, LABAN_FEATURES, LinearizedEvaluation, MotionWindow,
-    NoiseSchedule, Prediction, Prompt, SamplingMethod, TokenBatch,
-};
+use lamogen_model::{Denoiser, FrameMask};
 use lamogen_motion::{FeatureGroup, Normalization};
 
-use crate::frame_selection::{select_frames, smooth_step, transpose};
+use crate::arranged::{Arranged, FrameArrangement, select_frames, smooth_step};
 
 /// The number of frames that both ends of a loop share, if the motion and the network leave room for them: one second.
 const OVERLAP: usize = 20;
@@ -22,19 +19,15 @@ const MIN_OVERLAP: usize = 10;
 /// from the first step on.
 ///
 /// Loops are not part of the paper.
-pub struct Looped<'a, D> {
-    network: &'a D,
-    /// `None` if the network evaluates motions as they are.
-    overlaps: Option<Overlaps>,
-}
+pub type Looped<'a, D> = Arranged<'a, D, LoopOverlaps>;
 
 impl<'a, D: Denoiser> Looped<'a, D> {
     /// Wraps a network for a batch of loops of the given lengths, padded to the longest. Without lengths, the result is the
     /// network itself.
     pub fn new(network: &'a D, lengths: Option<&[usize]>) -> Self {
-        let overlaps =
-            lengths.map(|lengths| Overlaps::new(lengths, network.max_frames(), &network.device()));
-        Looped { network, overlaps }
+        let overlaps = lengths
+            .map(|lengths| LoopOverlaps::new(lengths, network.max_frames(), &network.device()));
+        Arranged::with(network, overlaps)
     }
 }
 
@@ -44,7 +37,7 @@ pub fn longest_loop(max_frames: usize) -> usize {
 }
 
 /// The frames that both ends of each motion of a batch share.
-struct Overlaps {
+pub struct LoopOverlaps {
     /// The number of frames of the batch without the repeated ones.
     frames: usize,
     /// The mask of the motions with their repeated frames.
@@ -57,8 +50,8 @@ struct Overlaps {
     share: Tensor<3>,
 }
 
-impl Overlaps {
-    fn new(lengths: &[usize], max_frames: usize, device: &Device) -> Overlaps {
+impl LoopOverlaps {
+    fn new(lengths: &[usize], max_frames: usize, device: &Device) -> LoopOverlaps {
         let frames = lengths.iter().copied().max().unwrap_or(0);
         let overlap = |length: usize| {
             OVERLAP
@@ -84,7 +77,7 @@ impl Overlaps {
             }));
         }
         let batch = lengths.len();
-        Overlaps {
+        LoopOverlaps {
             frames,
             mask: FrameMask::new(&longer, longest, device),
             sources: Tensor::from_data(TensorData::new(sources, [batch, longest]), device),
@@ -92,9 +85,11 @@ impl Overlaps {
             share: Tensor::from_data(TensorData::new(share, [batch, frames, 1]), device),
         }
     }
+}
 
+impl FrameArrangement for LoopOverlaps {
     /// Returns motions, `[batch, frames, features]`, with their first frames repeated after their ends.
-    fn extend(&self, motions: Tensor<3>) -> Tensor<3> {
+    fn arrange(&self, motions: Tensor<3>) -> Tensor<3> {
         select_frames(motions, &self.sources)
     }
 
@@ -105,134 +100,12 @@ impl Overlaps {
         repeated.clone() + (own - repeated) * self.share.clone()
     }
 
-    /// Returns the input of the network for the longer motions.
-    fn input(&self, input: DenoiserInput) -> DenoiserInput {
-        DenoiserInput {
-            x_t: self.extend(input.x_t),
-            mask: self.mask.clone(),
-            ..input
-        }
-    }
-}
-
-impl<D: Denoiser> Denoiser for Looped<'_, D> {
-    type Context = D::Context;
-
-    fn prediction(&self) -> Prediction {
-        self.network.prediction()
+    fn mask(&self) -> &FrameMask {
+        &self.mask
     }
 
-    fn pose_features(&self) -> usize {
-        self.network.pose_features()
-    }
-
-    fn max_frames(&self) -> usize {
-        match self.overlaps {
-            Some(_) => longest_loop(self.network.max_frames()),
-            None => self.network.max_frames(),
-        }
-    }
-
-    fn min_frames(&self) -> usize {
-        self.network.min_frames()
-    }
-
-    fn device(&self) -> Device {
-        self.network.device()
-    }
-
-    fn noise_schedule(&self) -> NoiseSchedule {
-        self.network.noise_schedule()
-    }
-
-    fn sampling_method(&self) -> SamplingMethod {
-        self.network.sampling_method()
-    }
-
-    fn window(&self) -> Option<MotionWindow> {
-        self.network.window()
-    }
-
-    fn encode(&self, tokens: &TokenBatch) -> Prompt<Self::Context> {
-        self.network.encode(tokens)
-    }
-
-    fn unconditional(
-        &self,
-        prompts: &Prompt<Self::Context>,
-        wordless: &TokenBatch,
-    ) -> Prompt<Self::Context> {
-        self.network.unconditional(prompts, wordless)
-    }
-
-    fn text_scales(&self, scale: f64) -> Vec<f32> {
-        self.network.text_scales(scale)
-    }
-
-    fn with_prefix(&self, context: Self::Context, prefix: Tensor<3>) -> Self::Context {
-        self.network.with_prefix(context, prefix)
-    }
-
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        self.network.embed_timesteps(timesteps)
-    }
-
-    fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
-        self.network.embed_laban(means)
-    }
-
-    fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        match &self.overlaps {
-            Some(overlaps) => overlaps.blend(self.network.denoise(overlaps.input(input), context)),
-            None => self.network.denoise(input, context),
-        }
-    }
-
-    fn linearize<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a Self::Context,
-    ) -> LinearizedEvaluation<'a> {
-        let Some(overlaps) = &self.overlaps else {
-            return self.network.linearize(input, context);
-        };
-        let evaluation = self.network.linearize(overlaps.input(input), context);
-        let shape = evaluation.output.dims();
-        let output = overlaps.blend(evaluation.output.clone());
-        LinearizedEvaluation::new(output, move |gradient| {
-            evaluation.pull(transpose(
-                |predictions| overlaps.blend(predictions),
-                shape,
-                gradient,
-            ))
-        })
-    }
-
-    fn modulation_width(&self) -> usize {
-        self.network.modulation_width()
-    }
-
-    fn token_offset_width(&self) -> usize {
-        self.network.token_offset_width()
-    }
-
-    fn linearize_motion<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a Self::Context,
-    ) -> LinearizedEvaluation<'a, 3> {
-        let Some(overlaps) = &self.overlaps else {
-            return self.network.linearize_motion(input, context);
-        };
-        let input_shape = input.x_t.dims();
-        let evaluation = { self.network }.linearize_motion(overlaps.input(input), context);
-        let shape = evaluation.output.dims();
-        let output = overlaps.blend(evaluation.output.clone());
-        LinearizedEvaluation::new(output, move |gradient| {
-            let gradient = transpose(|x| overlaps.blend(x), shape, gradient);
-            let gradient = evaluation.pull(gradient);
-            transpose(|x| overlaps.extend(x), input_shape, gradient)
-        })
+    fn longest(&self, max_frames: usize) -> usize {
+        longest_loop(max_frames)
     }
 }
 

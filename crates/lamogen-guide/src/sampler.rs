@@ -376,6 +376,14 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         }
     }
 
+    /// Returns whether [`clean_motion`](Self::clean_motion) changes what the network predicts at a step.
+    fn changes_predictions(&self, state: &SamplerState<'_, D::Context>, step: &DdimStep) -> bool {
+        state.heading_closure.is_some()
+            || state.known.is_some()
+            || self.root_plan.is_some()
+            || self.smoothing_window(state, step).is_some()
+    }
+
     /// Computes the noise from the network's output, so that `x` is the sum of the clean motion and this noise, each
     /// times its coefficient.
     pub(crate) fn predicted_noise(
@@ -389,11 +397,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         let (signal_scale, noise_scale) = coefficients(step.alpha_cumprod);
         match self.model.prediction() {
             // The clean motion has been changed, so the noise is the rest of x.
-            _ if state.heading_closure.is_some()
-                || state.known.is_some()
-                || self.root_plan.is_some()
-                || self.smoothing_window(state, step).is_some() =>
-            {
+            _ if self.changes_predictions(state, step) => {
                 (x - clean.clone() * signal_scale) / noise_scale
             }
             Prediction::Epsilon => output,

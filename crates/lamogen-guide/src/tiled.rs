@@ -11,12 +11,9 @@
 use std::ops::Range;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use lamogen_model::{
-    Denoiser, DenoiserInput, FrameMask, LABAN_FEATURES, LinearizedEvaluation, MotionWindow,
-    NoiseSchedule, Prediction, Prompt, SamplingMethod, TokenBatch,
-};
+use lamogen_model::{Denoiser, FrameMask};
 
-use crate::frame_selection::{smooth_step, transpose};
+use crate::arranged::{Arranged, FrameArrangement, smooth_step};
 
 /// The number of frames that neighbouring tiles share, if the network's motions are long enough: one second.
 const OVERLAP: usize = 20;
@@ -121,25 +118,19 @@ fn overlap(longest: usize) -> usize {
 ///
 /// A batch is a single motion, and its prompts, embeddings and offsets have a row for each tile. Motions of several sentences
 /// are not part of the paper.
-pub struct Tiled<'a, D> {
-    network: &'a D,
-    /// `None` if the network evaluates motions as they are.
-    layout: Option<Layout>,
-}
+pub type Tiled<'a, D> = Arranged<'a, D, TileLayout>;
 
 impl<'a, D: Denoiser> Tiled<'a, D> {
     /// Wraps a network for one motion. Without a tiling, or with one of a single tile, the result is the network itself.
     pub fn new(network: &'a D, tiling: Option<&Tiling>) -> Self {
         let tiling = tiling.filter(|tiling| !tiling.is_whole());
-        Tiled {
-            network,
-            layout: tiling.map(|tiling| Layout::new(tiling, &network.device())),
-        }
+        let layout = tiling.map(|tiling| TileLayout::new(tiling, &network.device()));
+        Arranged::with(network, layout)
     }
 }
 
 /// Where the frames of a motion lie in its tiles.
-struct Layout {
+pub struct TileLayout {
     /// The numbers of tiles and of frames of the longest one.
     shape: [usize; 2],
     /// The mask of the tiles.
@@ -154,8 +145,8 @@ struct Layout {
     share: Tensor<3>,
 }
 
-impl Layout {
-    fn new(tiling: &Tiling, device: &Device) -> Layout {
+impl TileLayout {
+    fn new(tiling: &Tiling, device: &Device) -> TileLayout {
         let tiles = tiling.tiles();
         let lengths: Vec<usize> = tiles.iter().map(|tile| tile.frames.len()).collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
@@ -187,7 +178,7 @@ impl Layout {
             let count = values.len();
             Tensor::from_data(TensorData::new(values, [count]), device)
         };
-        Layout {
+        TileLayout {
             shape: [tiles.len(), longest],
             mask: FrameMask::new(&lengths, longest, device),
             sources: index(sources),
@@ -196,9 +187,11 @@ impl Layout {
             share: Tensor::from_data(TensorData::new(share, [1, frames, 1]), device),
         }
     }
+}
 
+impl FrameArrangement for TileLayout {
     /// Cuts a motion, `[1, frames, features]`, into tiles, `[tiles, longest, features]`.
-    fn cut(&self, motion: Tensor<3>) -> Tensor<3> {
+    fn arrange(&self, motion: Tensor<3>) -> Tensor<3> {
         let [_, frames, features] = motion.dims();
         let [tiles, longest] = self.shape;
         let rows = motion.reshape([frames, features]);
@@ -215,130 +208,12 @@ impl Layout {
         earlier.clone() + (later - earlier) * self.share.clone()
     }
 
-    /// Returns the input of the network for the tiles.
-    fn input(&self, input: DenoiserInput) -> DenoiserInput {
-        DenoiserInput {
-            x_t: self.cut(input.x_t),
-            mask: self.mask.clone(),
-            ..input
-        }
-    }
-}
-
-impl<D: Denoiser> Denoiser for Tiled<'_, D> {
-    type Context = D::Context;
-
-    fn prediction(&self) -> Prediction {
-        self.network.prediction()
+    fn mask(&self) -> &FrameMask {
+        &self.mask
     }
 
-    fn pose_features(&self) -> usize {
-        self.network.pose_features()
-    }
-
-    fn max_frames(&self) -> usize {
-        match self.layout {
-            Some(_) => usize::MAX,
-            None => self.network.max_frames(),
-        }
-    }
-
-    fn min_frames(&self) -> usize {
-        self.network.min_frames()
-    }
-
-    fn device(&self) -> Device {
-        self.network.device()
-    }
-
-    fn noise_schedule(&self) -> NoiseSchedule {
-        self.network.noise_schedule()
-    }
-
-    fn sampling_method(&self) -> SamplingMethod {
-        self.network.sampling_method()
-    }
-
-    fn window(&self) -> Option<MotionWindow> {
-        self.network.window()
-    }
-
-    fn encode(&self, tokens: &TokenBatch) -> Prompt<Self::Context> {
-        self.network.encode(tokens)
-    }
-
-    fn unconditional(
-        &self,
-        prompts: &Prompt<Self::Context>,
-        wordless: &TokenBatch,
-    ) -> Prompt<Self::Context> {
-        self.network.unconditional(prompts, wordless)
-    }
-
-    fn text_scales(&self, scale: f64) -> Vec<f32> {
-        self.network.text_scales(scale)
-    }
-
-    fn with_prefix(&self, context: Self::Context, prefix: Tensor<3>) -> Self::Context {
-        self.network.with_prefix(context, prefix)
-    }
-
-    fn embed_timesteps(&self, timesteps: &[usize]) -> Tensor<2> {
-        self.network.embed_timesteps(timesteps)
-    }
-
-    fn embed_laban(&self, means: &[[Option<f32>; LABAN_FEATURES]]) -> Option<Tensor<2>> {
-        self.network.embed_laban(means)
-    }
-
-    fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        match &self.layout {
-            Some(layout) => layout.blend(self.network.denoise(layout.input(input), context)),
-            None => self.network.denoise(input, context),
-        }
-    }
-
-    fn linearize<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a Self::Context,
-    ) -> LinearizedEvaluation<'a> {
-        let Some(layout) = &self.layout else {
-            return self.network.linearize(input, context);
-        };
-        let evaluation = self.network.linearize(layout.input(input), context);
-        let shape = evaluation.output.dims();
-        let output = layout.blend(evaluation.output.clone());
-        LinearizedEvaluation::new(output, move |gradient| {
-            evaluation.pull(transpose(|tiles| layout.blend(tiles), shape, gradient))
-        })
-    }
-
-    fn modulation_width(&self) -> usize {
-        self.network.modulation_width()
-    }
-
-    fn token_offset_width(&self) -> usize {
-        self.network.token_offset_width()
-    }
-
-    fn linearize_motion<'a>(
-        &'a self,
-        input: DenoiserInput,
-        context: &'a Self::Context,
-    ) -> LinearizedEvaluation<'a, 3> {
-        let Some(layout) = &self.layout else {
-            return self.network.linearize_motion(input, context);
-        };
-        let motion_shape = input.x_t.dims();
-        let evaluation = { self.network }.linearize_motion(layout.input(input), context);
-        let shape = evaluation.output.dims();
-        let output = layout.blend(evaluation.output.clone());
-        LinearizedEvaluation::new(output, move |gradient| {
-            let gradient = transpose(|tiles| layout.blend(tiles), shape, gradient);
-            let gradient = evaluation.pull(gradient);
-            transpose(|motion| layout.cut(motion), motion_shape, gradient)
-        })
+    fn longest(&self, _: usize) -> usize {
+        usize::MAX
     }
 }
 
@@ -375,11 +250,11 @@ mod tests {
     fn a_motion_that_is_cut_and_blended_is_itself() {
         let device = Device::flex();
         let tiling = Tiling::new(&[60, 45, 300], 196);
-        let layout = Layout::new(&tiling, &device);
+        let layout = TileLayout::new(&tiling, &device);
         let frames = tiling.frames();
         let values: Vec<f32> = (0..2 * frames).map(|value| value as f32).collect();
         let motion = Tensor::<3>::from_data(TensorData::new(values, [1, frames, 2]), &device);
-        let tiles = layout.cut(motion.clone());
+        let tiles = layout.arrange(motion.clone());
         assert_eq!(tiles.dims(), [4, 170, 2]);
         let difference = (layout.blend(tiles) - motion)
             .abs()
@@ -392,7 +267,7 @@ mod tests {
     fn shared_frames_pass_from_one_tile_to_the_next() {
         let device = Device::flex();
         let tiling = Tiling::new(&[60, 40], 196);
-        let layout = Layout::new(&tiling, &device);
+        let layout = TileLayout::new(&tiling, &device);
         let [tiles, longest] = layout.shape;
         let values = (0..tiles * longest).map(|place| (place / longest) as f32);
         let data = TensorData::new(values.collect::<Vec<f32>>(), [tiles, longest, 1]);

@@ -33,17 +33,20 @@ fn to_canonical(mut poses: Vec<[DVec3; JOINTS]>) -> Vec<[DVec3; JOINTS]> {
     let lowest = poses.as_flattened().iter().map(|point| point.y);
     let start = first[Joint::Pelvis.index()];
     let origin = DVec3::new(start.x, lowest.fold(f64::INFINITY, f64::min), start.z);
-    let across = right_to_left(first, Joint::LeftHip, Joint::RightHip)
-        + right_to_left(first, Joint::LeftShoulder, Joint::RightShoulder);
-    let facing = across
-        .normalize_or_zero()
-        .cross(DVec3::Y)
-        .normalize_or_zero();
+    let facing = facing(first);
     let turn = DQuat::from_rotation_y(-facing.x.atan2(facing.z));
     for point in poses.as_flattened_mut() {
         *point = turn * (*point - origin);
     }
     poses
+}
+
+/// Returns the direction along the ground that a pose faces, from hips and shoulders.
+pub(crate) fn facing(pose: &[DVec3; JOINTS]) -> DVec3 {
+    let across = right_to_left(pose, Joint::LeftHip, Joint::RightHip)
+        + right_to_left(pose, Joint::LeftShoulder, Joint::RightShoulder);
+    let facing = across.normalize_or_zero().cross(DVec3::Y);
+    facing.normalize_or_zero()
 }
 
 /// Computes the pose features of joint positions (Guo et al. 2022, section 5).

@@ -2,9 +2,10 @@
 
 use glam::{DQuat, DVec3};
 
+use crate::encode::facing;
 use crate::precise::{points, vector};
 use crate::rotations::Rotations;
-use crate::skeleton::{JOINTS, Joint};
+use crate::skeleton::JOINTS;
 
 /// The place of a body on the ground and the direction that it faces, taken from hips and shoulders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,10 +26,7 @@ impl Placement {
     /// Returns the placement of a pose, whose joint positions are in metres.
     pub fn of(pose: &[[f32; 3]; JOINTS]) -> Placement {
         let pose = points(pose);
-        let across = |left: Joint, right: Joint| pose[left.index()] - pose[right.index()];
-        let across = across(Joint::LeftHip, Joint::RightHip)
-            + across(Joint::LeftShoulder, Joint::RightShoulder);
-        let facing = across.cross(DVec3::Y);
+        let facing = facing(&pose);
         Placement {
             place: pose[0] * DVec3::new(1.0, 0.0, 1.0),
             heading: facing.x.atan2(facing.z),

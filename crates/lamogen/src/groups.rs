@@ -233,6 +233,28 @@ struct RequestedSentences<'a> {
 }
 
 impl RequestedSentences<'_> {
+    /// Checks all sentences of a request.
+    fn check_all(
+        &self,
+        request: &Request,
+    ) -> Result<(Vec<JobSegment>, Vec<Option<Goals>>), RequestError> {
+        let checked = request.sentences().enumerate().map(|(place, segment)| {
+            let checked = match place > 0 && !segment.is_segment() {
+                true => Err(RequestError::SegmentOptions),
+                false => self.check(segment),
+            };
+            checked.map_err(|reason| match request.following.is_empty() {
+                true => reason,
+                false => RequestError::Segment {
+                    place: place + 1,
+                    reason: Box::new(reason),
+                },
+            })
+        });
+        let checked: Vec<_> = checked.collect::<Result<_, _>>()?;
+        Ok(checked.into_iter().unzip())
+    }
+
     /// Checks a sentence with its length and its goals.
     fn check(&self, request: &Request) -> Result<(JobSegment, Option<Goals>), RequestError> {
         check_prompt(&request.prompt)?;
@@ -246,6 +268,31 @@ impl RequestedSentences<'_> {
         }
         Ok((JobSegment { tokens, frames }, goals))
     }
+}
+
+/// Checks whether a request of a loop can be one, with a model with such windows.
+fn check_loop(request: &Request, window: Option<MotionWindow>) -> Result<(), RequestError> {
+    if request.after.is_some() || request.before.is_some() {
+        return Err(RequestError::LoopOfNeighbours);
+    }
+    if window.is_some() {
+        return Err(RequestError::LoopOfWindows);
+    }
+    match request.following.is_empty() {
+        true => Ok(()),
+        false => Err(RequestError::LoopOfSentences),
+    }
+}
+
+/// Cuts a motion of sentences, with known frames before and after it, into tiles. Returns `None` if a network makes it whole.
+fn tiling(segments: &[JobSegment], [before, after]: [usize; 2], longest: usize) -> Option<Tiling> {
+    let mut lengths: Vec<usize> = segments.iter().map(|segment| segment.frames).collect();
+    lengths[0] += before;
+    if let Some(last) = lengths.last_mut() {
+        *last += after;
+    }
+    let tiling = Tiling::new(&lengths, longest);
+    (!tiling.is_whole()).then_some(tiling)
 }
 
 /// Returns the lengths that the sentences of a request may have, in frames. `lengths` are those of the model's motions.
@@ -285,14 +332,8 @@ pub(crate) fn assign_to_group(
     guidance.check()?;
     let (start, end) = known_frames(request, model.window())?;
     let is_looped = request.is_looped;
-    if is_looped && (start.is_some() || !end.is_empty()) {
-        return Err(RequestError::LoopOfNeighbours);
-    }
-    if is_looped && model.window().is_some() {
-        return Err(RequestError::LoopOfWindows);
-    }
-    if is_looped && !request.following.is_empty() {
-        return Err(RequestError::LoopOfSentences);
+    if is_looped {
+        check_loop(request, model.window())?;
     }
     let sentences = RequestedSentences {
         lengths: segment_lengths(request, (model, lengths)),
@@ -300,26 +341,7 @@ pub(crate) fn assign_to_group(
         tokenizer,
         stand_in,
     };
-    let mut segments = Vec::new();
-    let mut goals = Vec::new();
-    for (place, segment) in request.sentences().enumerate() {
-        let checked = match place {
-            0 => sentences.check(segment),
-            _ if !segment.is_segment() => Err(RequestError::SegmentOptions),
-            _ => sentences.check(segment),
-        };
-        let (job_segment, segment_goals) = match (checked, request.following.is_empty()) {
-            (Err(reason), false) => {
-                return Err(RequestError::Segment {
-                    place: place + 1,
-                    reason: Box::new(reason),
-                });
-            }
-            (checked, _) => checked?,
-        };
-        segments.push(job_segment);
-        goals.push(segment_goals);
-    }
+    let (segments, goals) = sentences.check_all(request)?;
     let requested: usize = segments.iter().map(|segment| segment.frames).sum();
     if requested > Request::LONGEST_MOTION {
         return Err(RequestError::LongMotion { found: requested });
@@ -333,16 +355,10 @@ pub(crate) fn assign_to_group(
     let frames = kept.end + end.len();
     let requested_goals = joined_goals(goals, &segments);
     let goals = { requested_goals.clone() }.map(|goals| goals_of_kept(goals, &kept, frames));
-    let tiling = (model.window().is_none() && !is_looped).then(|| {
-        let mut lengths_of_tiles: Vec<usize> =
-            segments.iter().map(|segment| segment.frames).collect();
-        lengths_of_tiles[0] += before;
-        if let Some(last) = lengths_of_tiles.last_mut() {
-            *last += end.len();
-        }
-        Tiling::new(&lengths_of_tiles, *lengths.end())
-    });
-    let tiling = tiling.filter(|tiling| !tiling.is_whole());
+    let tiling = match model.window().is_none() && !is_looped {
+        true => tiling(&segments, [before, end.len()], *lengths.end()),
+        false => None,
+    };
     guidance.places.check(frames)?;
     if !guidance.places.is_empty() && kept != (0..frames) {
         return Err(RequestError::PlacesBesideMotion);

@@ -40,23 +40,17 @@ impl KnownStart {
         let known = all - frames.min(all)..all;
         let features = features[known.clone()].to_vec();
         let rotations = rotations.between(known);
-        let last = |poses: Vec<[[f32; 3]; JOINTS]>| poses.last().map(Placement::of);
-        let own = last(rotations.joints());
-        let decoded = Motion::from_pose_features(features.clone())
-            .ok()
-            .and_then(|motion| last(motion.joints().to_vec()));
-        let (Some(own), Some(decoded), Some(placement)) =
-            (own, decoded, last(clip.joints().to_vec()))
-        else {
-            return Err(RequestError::Prefix {
-                expected: least,
-                found: clip.frames(),
-            });
-        };
+        let decoded = Motion::from_pose_features(features.clone());
+        let decoded = decoded.map_err(|_| RequestError::Prefix {
+            expected: least,
+            found: clip.frames(),
+        })?;
+        let last = |poses: &[[[f32; 3]; JOINTS]]| Placement::of(&poses[poses.len() - 1]);
+        let own = last(&rotations.joints());
         Ok(KnownStart {
-            rotations: own.to(&decoded).of_rotations(&rotations),
+            rotations: own.to(&last(decoded.joints())).of_rotations(&rotations),
             features,
-            placement,
+            placement: last(clip.joints()),
         })
     }
 

@@ -1,15 +1,19 @@
 //! Running one batch: from start noise to finished motions.
 
+mod body_fitter;
+
 use std::ops::ControlFlow;
 
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
-    Batch, ClassifierFree, Continuation, FitProgress, GuideError, GuidedMotions, KnownFrames,
-    LabanComparison, Looped, Pass, Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
+    Batch, ClassifierFree, Continuation, GuideError, KnownFrames, LabanComparison, Looped, Pass,
+    Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch, Tokens};
 use lamogen_motion::{Motion, MotionError, Rotations, close_path};
+
+use body_fitter::{BodyFitter, FinalMotions};
 
 use crate::baseline_cache::{Baseline, BaselineKey};
 use crate::error::{
@@ -51,7 +55,6 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let LaMoGen {
             network,
             tokenizer,
-            normalization,
             text_scale,
             ..
         } = self.model;
@@ -64,10 +67,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let whole_network = &network;
         let network = Tiled::new(whole_network, tiling);
         let batch = self.batch(&network);
-        let sampler = Sampler::new(&network, normalization, self.group.steps)
-            .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
-            .map_err(|error| self.interrupted(error, &[]))?
-            .with_loops(self.group.is_looped);
+        let sampler = self.sampler(&network)?.with_loops(self.group.is_looped);
         let batch = match batch.known.clone() {
             Some(known) => Batch {
                 known: Some(self.with_noise(known, whole_network, &wordless)?),
@@ -342,6 +342,13 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         ))
     }
 
+    /// Makes the sampler of a network with the model's habits.
+    fn sampler<'n, N: Denoiser>(&'n self, network: &'n N) -> Result<Sampler<'n, N>, Error> {
+        Sampler::new(network, &self.model.normalization, self.group.steps)
+            .and_then(|sampler| sampler.with_temporal_smoothing(self.model.temporal_smoothing))
+            .map_err(|error| self.interrupted(error, &[]))
+    }
+
     /// Adds to known frames the noise that the network makes them of, for a text without words.
     fn with_noise<N: Denoiser>(
         &self,
@@ -349,14 +356,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         network: &N,
         wordless: &Tokens,
     ) -> Result<KnownFrames, Error> {
-        let LaMoGen {
-            normalization,
-            temporal_smoothing,
-            ..
-        } = self.model;
-        let sampler = Sampler::new(network, normalization, self.group.steps)
-            .and_then(|sampler| sampler.with_temporal_smoothing(*temporal_smoothing))
-            .map_err(|error| self.interrupted(error, &[]))?;
+        let sampler = self.sampler(network)?;
         let device = self.model.network.device();
         let noisy = known.clips().map(|clip| {
             let clip = clip?;
@@ -586,126 +586,5 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             finished: Vec::new(),
             unfinished: unfinished.collect(),
         }
-    }
-}
-
-/// Fits the motions of each pass of the network to a rigid body, if the guidance options say so.
-struct BodyFitter<'r, 'o, D> {
-    run: &'r BatchRun<'r, D>,
-    rig: Rig<'r>,
-    embedding: &'r Tensor<2>,
-    observer: StepObserver<'o>,
-}
-
-/// The guided motions of a batch, and their Laban features beside the baseline's and the target.
-struct FinalMotions {
-    motions: Vec<Motion>,
-    /// Features of the whole body.
-    whole: LabanComparison,
-    /// Features of each part of the body that has goals of its own.
-    parts: Vec<LabanComparison>,
-    terms: Vec<TermComparison>,
-}
-
-impl<D: Denoiser> BodyFitter<'_, '_, D> {
-    /// Fits the motions of the first pass. `normalized` are the pose features of these motions.
-    fn baselines(
-        &mut self,
-        network_motions: &[Motion],
-        normalized: &Tensor<3>,
-    ) -> Result<Vec<Motion>, Error> {
-        if !self.run.group.is_rigid() {
-            return Ok(network_motions.to_vec());
-        }
-        let mut last_step = 0;
-        let mut observer = fit_observer(
-            self.embedding,
-            normalized,
-            &mut self.observer,
-            &mut last_step,
-        );
-        let (rotations, is_stopped) = self.rig.fit(network_motions, &mut observer);
-        drop(observer);
-        let motions = self.run.rigid_motions(rotations, Pass::Baseline, &[])?;
-        match is_stopped {
-            true => {
-                let steps = self.run.group.guidance.fit.allowed(false);
-                let position = (Pass::Body, last_step, steps);
-                Err(self.run.stopped(position, &motions, &[], |_| None))
-            }
-            false => Ok(motions),
-        }
-    }
-
-    /// Fits and guides the motions of the second pass.
-    fn guided(
-        &mut self,
-        network_motions: &[Motion],
-        baselines: &[Motion],
-        goals: &[Goals],
-        guided: &GuidedMotions,
-    ) -> Result<FinalMotions, Error> {
-        if !self.run.group.is_rigid() {
-            return Ok(FinalMotions {
-                motions: network_motions.to_vec(),
-                whole: guided.whole.clone(),
-                parts: guided.parts.clone(),
-                terms: guided.terms.clone(),
-            });
-        }
-        let mut last_step = 0;
-        let mut observer = fit_observer(
-            self.embedding,
-            &guided.motion,
-            &mut self.observer,
-            &mut last_step,
-        );
-        let rigid = self
-            .rig
-            .guide(network_motions, baselines, goals, &mut observer);
-        drop(observer);
-        let rigid = rigid.map_err(|error| self.run.interrupted(error, baselines))?;
-        let motions = self
-            .run
-            .rigid_motions(rigid.rotations, Pass::Guided, baselines)?;
-        match rigid.is_stopped {
-            true => {
-                let steps = self.run.group.guidance.fit.allowed(true);
-                let position = (Pass::Body, last_step, steps);
-                let prediction = |index: usize| motions.get(index).cloned();
-                Err(self
-                    .run
-                    .stopped(position, baselines, &guided.loss, prediction))
-            }
-            false => Ok(FinalMotions {
-                motions,
-                whole: rigid.whole,
-                parts: rigid.parts,
-                terms: rigid.terms,
-            }),
-        }
-    }
-}
-
-/// Makes an observer of a fit that passes the progress on as steps of a run. It writes the number of the last finished
-/// step into `last_step`.
-fn fit_observer<'s>(
-    embedding: &'s Tensor<2>,
-    prediction: &'s Tensor<3>,
-    observer: &'s mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
-    last_step: &'s mut usize,
-) -> impl FnMut(FitProgress) -> ControlFlow<()> + 's {
-    move |progress| {
-        *last_step = progress.done - 1;
-        observer(&Step {
-            pass: Pass::Body,
-            index: progress.done - 1,
-            steps: progress.total,
-            timestep: 0,
-            loss: None,
-            gradient: None,
-            embedding,
-            prediction,
-        })
     }
 }

@@ -27,7 +27,7 @@ const STEPLESS_REACH: f64 = 0.3;
 const KEPT_FRAMES: usize = 10;
 
 /// The direction of a path at every frame.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Directions {
     /// Radians to the left of how the body stands at the start.
     pub(super) angles: Vec<f64>,
@@ -222,16 +222,16 @@ impl RootTrack {
     }
 
     /// Returns a track that passes the places of a path with the sway of this one. After the last place it returns to
-    /// the speed of this one.
+    /// the speed of this one. `directions` are those of the path; without them the body faces as in this track.
     // Frames and axes are indices into several tables at once.
     #[allow(clippy::needless_range_loop)]
-    fn along(&self, path: &GroundPath, facing: Facing) -> RootTrack {
+    fn along(&self, path: &GroundPath, directions: Option<&Directions>) -> RootTrack {
         let frames = self.places.len();
         let sway = self.sway();
-        let knots_without_sway = knots(path, frames, |_| [0.0; 2]);
-        let last = knots_without_sway.last().map_or(0, |knot| knot.0 as usize);
-        let mut headings = match directions(path, facing, frames) {
-            Some(directions) => directions.angles,
+        let last = path.waypoints().last();
+        let last = last.map_or(0, |point| frame_at(point.seconds, frames));
+        let mut headings = match directions {
+            Some(directions) => directions.angles.clone(),
             None => self.headings.clone(),
         };
         for t in last + 1..frames {
@@ -282,6 +282,8 @@ impl RootTrack {
 pub(crate) struct RootPlan {
     places: Places,
     lengths: Vec<usize>,
+    /// Where each motion faces on the path, if that is decided.
+    directions: Vec<Option<Directions>>,
     means: Vec<f32>,
     deviations: Vec<f32>,
 }
@@ -293,8 +295,13 @@ impl RootPlan {
         lengths: &[usize],
         normalization: &Normalization,
     ) -> Option<RootPlan> {
+        if places.is_empty() {
+            return None;
+        }
         let [means, deviations] = normalization.values();
-        (!places.is_empty()).then(|| RootPlan {
+        let of_length = |&frames: &usize| directions(places.path.as_ref()?, places.facing, frames);
+        Some(RootPlan {
+            directions: lengths.iter().map(of_length).collect(),
             places: places.clone(),
             lengths: lengths.to_vec(),
             means,
@@ -322,7 +329,7 @@ impl RootPlan {
             if track.places.iter().flatten().any(|x| !x.is_finite()) {
                 continue;
             }
-            let track = self.plan(track, &value).encode();
+            let track = self.plan(motion, track, &value).encode();
             for (t, row) in track.into_iter().enumerate() {
                 for (feature, value) in ROOT_FEATURES.into_iter().zip(row) {
                     let at = (motion * frames + t) * features + feature;
@@ -345,10 +352,15 @@ impl RootPlan {
     }
 
     /// Plans the track of one motion. `value` returns a feature at a frame.
-    fn plan(&self, track: RootTrack, value: &dyn Fn(usize, usize) -> f64) -> RootTrack {
+    fn plan(
+        &self,
+        motion: usize,
+        track: RootTrack,
+        value: &dyn Fn(usize, usize) -> f64,
+    ) -> RootTrack {
         let frames = track.places.len();
         if let Some(path) = &self.places.path {
-            return track.along(path, self.places.facing);
+            return track.along(path, self.directions[motion].as_ref());
         }
         let mut offsets: Vec<(usize, [f64; 2])> = { self.places.reaches.iter() }
             .map(|reach| {
@@ -415,7 +427,7 @@ mod tests {
     #[test]
     fn tracks_are_encoded_as_pose_features_have_them() {
         let path: GroundPath = "1:1,1 2:0,2".parse().unwrap();
-        let track = walk(60).along(&path, Facing::Path);
+        let track = walk(60).along(&path, directions(&path, Facing::Path, 60).as_ref());
         let rows = track.encode().into_iter();
         let again = RootTrack::decode(rows.map(|[yaw, x, z, ..]| [yaw, x, z]));
         for (own, again) in track.places.iter().zip(&again.places) {
@@ -438,7 +450,7 @@ mod tests {
     #[test]
     fn a_track_passes_its_places_facing_along_the_path_with_the_sway_of_its_steps() {
         let path: GroundPath = "0:0,0 2:1,0 4:1,2".parse().unwrap();
-        let track = walk(80).along(&path, Facing::Path);
+        let track = walk(80).along(&path, directions(&path, Facing::Path, 80).as_ref());
         for (frame, place) in [(0, [0.0, 0.0]), (40, [1.0, 0.0]), (79, [1.0, 2.0])] {
             for (own, asked) in track.places[frame].into_iter().zip(place) {
                 let off: f64 = own - asked;
@@ -458,7 +470,7 @@ mod tests {
     #[test]
     fn a_track_goes_on_at_its_own_speed_after_its_last_place() {
         let path: GroundPath = "1:0.5,0".parse().unwrap();
-        let track = walk(100).along(&path, Facing::Path);
+        let track = walk(100).along(&path, directions(&path, Facing::Path, 100).as_ref());
         let speed = |t: usize| {
             let [from, to] = [track.places[t - 10], track.places[t + 10]];
             (to[0] - from[0]).hypot(to[1] - from[1])

@@ -407,13 +407,7 @@ impl BatchRunner<'_> {
     /// Writes the files of a motion.
     fn write(&self, item: &BatchItem, generation: Generation) -> Result<(), Failure> {
         let pass = item.pass(&self.options.pass);
-        let mut facts = generation_facts(
-            &item.line.prompt,
-            item.seed(),
-            &generation,
-            &pass,
-            self.source,
-        );
+        let mut facts = generation_facts(item.seed(), &generation, &pass, self.source);
         facts.insert("id".into(), item.id.as_str().into());
         facts.insert("batch".into(), self.identity(item));
         let scene = Scene::from_generation(generation, facts);

@@ -105,13 +105,7 @@ impl Sample<'_> {
         if let Some(notice) = unseen_words_notice(&generation) {
             console.notice(notice);
         }
-        let facts = generation_facts(
-            &options.prompt,
-            self.seed,
-            &generation,
-            &options.pass,
-            source,
-        );
+        let facts = generation_facts(self.seed, &generation, &options.pass, source);
         let scene = Scene::from_generation(generation, facts);
         for output in self.outputs {
             output.write(&scene, &options.writing, console)?;
@@ -155,7 +149,6 @@ fn seeds(options: &GenerateArguments) -> Result<Vec<u64>, Failure> {
 
 /// Returns the facts about the generation of a motion that its files contain.
 pub fn generation_facts(
-    prompt: &str,
     seed: u64,
     generation: &Generation,
     pass: &PassArguments,
@@ -164,7 +157,7 @@ pub fn generation_facts(
     let preset = { pass.preset }.map_or(source.model.preset(), PresetName::preset);
     let licence = source.model.licence().map(ToString::to_string);
     let facts = json!({
-        "prompt": prompt,
+        "prompt": generation.sentences[0].prompt,
         "seed": seed,
         "seconds": generation.guided.seconds(),
         "goals": generation.goals.to_string(),

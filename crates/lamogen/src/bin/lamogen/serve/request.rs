@@ -66,11 +66,6 @@ impl ServedRequest {
         Ok(ServedRequest { line, like })
     }
 
-    /// Returns the sentence.
-    pub fn prompt(&self) -> &str {
-        &self.line.prompt
-    }
-
     /// Returns the seed of the start noise.
     pub fn seed(&self) -> u64 {
         self.line.seed.unwrap_or(0)

@@ -122,13 +122,7 @@ impl MotionService for CommandService {
             _ => WorkError::Failed(run_problem(&error)),
         })?;
         let pass = served.pass();
-        let facts = generation_facts(
-            served.prompt(),
-            served.seed(),
-            &generation,
-            &pass,
-            &self.source,
-        );
+        let facts = generation_facts(served.seed(), &generation, &pass, &self.source);
         let scene = Scene::from_generation(generation, facts);
         let format = format_of(media_type);
         let file = OutputFile {
