@@ -82,6 +82,26 @@ pub struct TrainingGradients {
     pub gradients: GradientsParams,
 }
 
+impl TrainingGradients {
+    /// Computes the gradients of a network's weights by autodiff. `sentences` are the loss of sentences, not tracked and not
+    /// weighted, and the one that is added to `loss`.
+    pub(crate) fn by_autodiff(
+        loss: Tensor<1>,
+        (sentence_loss, sentences): (Option<Tensor<1>>, Option<Tensor<1>>),
+        network: &impl Module,
+    ) -> TrainingGradients {
+        let gradients = match sentences {
+            Some(sentences) => (loss.clone() + sentences).backward(),
+            None => loss.clone().backward(),
+        };
+        TrainingGradients {
+            loss: loss.inner(),
+            sentence_loss,
+            gradients: GradientsParams::from_grads(gradients, network),
+        }
+    }
+}
+
 impl SentenceSimilarity {
     /// Computes the mean squared difference, over all pairs of sentences, between the cosines of a text encoder's features,
     /// `[sentences, width]`, and the given ones.

@@ -1,8 +1,8 @@
 //! Tests of the CPU's kernels against the same network in tensor operations.
 
-use std::collections::BTreeMap;
+mod gradients;
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
@@ -11,6 +11,8 @@ use lamogen_model::{
 };
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
+
+use gradients::by_path;
 
 const LENGTHS: [usize; 4] = [61, 1, 130, 50];
 const FRAMES: usize = 130;
@@ -255,37 +257,6 @@ fn batch() -> TrainingBatch {
 fn loss(output: Tensor<3>, mask: &FrameMask) -> Tensor<1> {
     let target = numbers([4, FRAMES, 37], 0.377);
     ((output - target).square() * mask.keep().unwrap()).sum() / 1000.0
-}
-
-/// Collects gradients by the paths of their parameters.
-fn by_path(model: &MotionDiffuse, gradients: GradientsParams) -> BTreeMap<String, Vec<f32>> {
-    struct GradientCollector {
-        path: Vec<String>,
-        gradients: GradientsParams,
-        found: BTreeMap<String, Vec<f32>>,
-    }
-    impl ModuleVisitor for GradientCollector {
-        fn enter_module(&mut self, name: &str, _: &str) {
-            self.path.push(name.to_owned());
-        }
-        fn exit_module(&mut self, _: &str, _: &str) {
-            self.path.pop();
-        }
-        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-            let path = self.path.join(".");
-            let gradient = self.gradients.get::<D>(param.id);
-            let gradient = gradient.unwrap_or_else(|| panic!("{path} has no gradient"));
-            assert_eq!(gradient.dims(), param.val().dims(), "{path}");
-            self.found.insert(path, to_vec(gradient));
-        }
-    }
-    let mut collect = GradientCollector {
-        path: Vec::new(),
-        gradients,
-        found: BTreeMap::new(),
-    };
-    model.visit(&mut collect);
-    collect.found
 }
 
 #[test]

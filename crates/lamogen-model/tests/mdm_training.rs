@@ -1,14 +1,16 @@
 //! The gradients of MDM's weights, by the CPU's kernels and by autodiff.
 
-use std::collections::BTreeMap;
+mod gradients;
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
     ClipTextConfig, Denoiser, DenoiserInput, FrameMask, Mdm, MdmArchitecture, MdmConfig, MdmText,
     MdmTextConfig, TrainableDenoiser, TrainingBatch, initialize,
 };
+
+use gradients::by_path;
 
 const FEATURES: usize = 7;
 /// Motions of one chunk and of several, one of them padded.
@@ -68,38 +70,6 @@ fn loss(output: Tensor<3>) -> Tensor<1> {
     let weights = TensorData::new(weights.collect::<Vec<f32>>(), [motions, frames, features]);
     let weights = Tensor::<3>::from_data(weights, &Device::flex());
     ((output.clone() * weights + output.square()) * mask).sum()
-}
-
-/// Returns the gradient of each weight by the weight's path.
-fn by_path(network: &Mdm, gradients: GradientsParams) -> BTreeMap<String, Vec<f32>> {
-    struct Collector {
-        path: Vec<String>,
-        gradients: GradientsParams,
-        found: BTreeMap<String, Vec<f32>>,
-    }
-    impl ModuleVisitor for Collector {
-        fn enter_module(&mut self, name: &str, _: &str) {
-            self.path.push(name.to_owned());
-        }
-        fn exit_module(&mut self, _: &str, _: &str) {
-            self.path.pop();
-        }
-        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-            let path = self.path.join(".");
-            let gradient = self.gradients.get::<D>(param.id);
-            let gradient = gradient.unwrap_or_else(|| panic!("{path} has no gradient"));
-            assert_eq!(gradient.dims(), param.val().dims(), "{path}");
-            let numbers = gradient.try_into_vec_as().unwrap();
-            self.found.insert(path, numbers);
-        }
-    }
-    let mut collector = Collector {
-        path: Vec::new(),
-        gradients,
-        found: BTreeMap::new(),
-    };
-    network.visit(&mut collector);
-    collector.found
 }
 
 #[test]

@@ -146,15 +146,7 @@ impl TrainableDenoiser for Mdm {
             };
         }
         let loss = loss(self.forward(input, &context));
-        let gradients = match sentences {
-            Some(sentences) => (loss.clone() + sentences).backward(),
-            None => loss.clone().backward(),
-        };
-        TrainingGradients {
-            loss: loss.inner(),
-            sentence_loss,
-            gradients: GradientsParams::from_grads(gradients, self),
-        }
+        TrainingGradients::by_autodiff(loss, (sentence_loss, sentences), self)
     }
 
     fn predict(&self, batch: TrainingBatch) -> Tensor<3> {
