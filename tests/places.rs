@@ -217,3 +217,51 @@ fn places_that_a_request_cannot_have_are_refused() {
         }
     }
 }
+
+#[test]
+fn a_body_takes_the_poses_of_other_motions() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    let clip = |sentence: &str| {
+        let request = Request::new(sentence).seconds(3.0).seed(1);
+        model.generate(&request).unwrap().guided
+    };
+    let (squat, wave) = (clip("a person squats"), clip("a person raises both hands"));
+    let request = Request::new("a person stands and moves")
+        .seconds(4.0)
+        .seed(2)
+        .pose(1.5, &squat, 25)
+        .unwrap()
+        .pose(3.0, &wave, 30)
+        .unwrap();
+    let generation = model.generate(&request).unwrap();
+    // The frames of a file, read back.
+    let joints = Motion::from_joints(generation.guided.joints().to_vec()).unwrap();
+    for (seconds, source, frame) in [(1.5, &squat, 25), (3.0, &wave, 30)] {
+        let pose = lamogen::KeyPose::new(seconds, source.joints()[frame]).unwrap();
+        let distances = pose.distances(&joints.joints()[(seconds * 20.0) as usize]);
+        let mean = distances.iter().sum::<f32>() / 22.0;
+        assert!(mean < 0.03, "{mean} m at {seconds} s");
+    }
+    let outcomes = &generation.places;
+    assert_eq!(outcomes.len(), 2);
+    assert!(
+        outcomes[0]
+            .to_string()
+            .starts_with("pose at 1.5 s: joints ")
+    );
+    assert!(outcomes.iter().all(|outcome| outcome.distance() < 0.03));
+    let request = Request::new("a person stands").seconds(2.0);
+    for (request, part) in [
+        (request.clone().pose(2.5, &squat, 0).unwrap(), "2.5 s"),
+        (
+            request
+                .pose(1.0, &squat, 0)
+                .and_then(|request| request.pose(1.01, &squat, 5))
+                .unwrap(),
+            "same frame",
+        ),
+    ] {
+        let error = model.generate(&request).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}

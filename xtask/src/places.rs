@@ -152,6 +152,7 @@ impl Case {
                 .transpose()?,
             facing: self.facing.parse::<Facing>()?,
             reaches: reaches?,
+            ..Places::default()
         })
     }
 }

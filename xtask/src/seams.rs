@@ -1,8 +1,10 @@
-//! Measures where a motion goes from one sentence to the next, beside separate clips that are cross-faded.
+//! Measures where a motion goes from one sentence to the next: as one motion, as a motion that continues another, and as separate
+//! clips that are cross-faded.
 //!
 //! ```text
-//! pairs of sentences ──▶ one motion of both          ──▶ steps at the join, steps elsewhere
-//!                    └─▶ a motion of each, cross-faded ──▶ the same
+//! pairs of sentences ──▶ one motion of both                  ──▶ steps at the join, steps elsewhere
+//!                    ├─▶ a motion, and one that continues it ──▶ the same
+//!                    └─▶ a motion of each, cross-faded         ──▶ the same
 //! ```
 
 use std::error::Error;
@@ -63,7 +65,7 @@ pub fn run(
     let model = options.subject.open(device)?;
     let suite = sentences();
     let mut random = ChaCha8Rng::seed_from_u64(0);
-    let (mut rows, mut faded) = (Vec::new(), Vec::new());
+    let mut seams: [Vec<Seam>; 3] = Default::default();
     for seed in 0..options.pairs {
         let pair: Vec<_> = suite.sample(&mut random, 2).collect();
         let request = |sentence: usize, frames: usize| {
@@ -75,6 +77,10 @@ pub fn run(
         };
         let whole = request(0, FRAMES).then(request(1, FRAMES)).seed(seed);
         let whole = model.generate(&whole)?.guided;
+        let first = model.generate(&request(0, FRAMES).seed(seed))?.guided;
+        let next = request(1, FRAMES).seed(seed + options.pairs).after(&first);
+        let next = model.generate(&next)?.guided;
+        let continued = Motion::from_joints([first.joints(), next.joints()].concat())?;
         let clips = [0, 1].map(|sentence| {
             // A clip reaches as far into the other as a tile does.
             let request = request(sentence, FRAMES + FADE / 2);
@@ -82,15 +88,19 @@ pub fn run(
         });
         let [first, second] = clips.map(|request| model.generate(&request));
         let fade = cross_fade(&first?.guided, &second?.guided)?;
-        rows.push(Seam::of(&whole)?);
-        faded.push(Seam::of(&fade)?);
-        let last = [&rows, &faded].map(|seams| seams[seams.len() - 1].ratios[1]);
+        let motions = [whole, continued, fade];
+        for (seams, motion) in seams.iter_mut().zip(&motions) {
+            seams.push(Seam::of(motion)?);
+        }
+        let [whole, continued, faded] = seams
+            .each_ref()
+            .map(|seams| seams[seams.len() - 1].ratios[1]);
         progress(format!(
-            "{} | {}: jerk {:.2}, cross-faded {:.2}",
-            pair[0].text, pair[1].text, last[0], last[1]
+            "{} | {}: jerk {whole:.2}, continued {continued:.2}, cross-faded {faded:.2}",
+            pair[0].text, pair[1].text
         ));
     }
-    Ok(table(&rows, &faded))
+    Ok(table(&seams))
 }
 
 /// Fades two clips into each other over the frames that they share. The second is placed where the first is in the middle of
@@ -176,10 +186,13 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
     values[(share * (values.len() - 1) as f64).round() as usize]
 }
 
-/// Formats what was measured.
-fn table(rows: &[Seam], faded: &[Seam]) -> String {
+/// The motions that are measured, in the order of the results.
+const MOTIONS: [&str; 3] = ["one motion", "continued", "cross-faded"];
+
+/// Formats what was measured of each kind of motion.
+fn table(seams: &[Vec<Seam>; 3]) -> String {
     let mut text = String::from(
-        "| at the join | one motion: median | 90 % | worst | pairs within | cross-faded: median | 90 % | worst | pairs within |\n|---|---|---|---|---|---|---|---|---|\n",
+        "| at the join | motion | median | 90 % | worst | pairs within |\n|---|---|---|---|---|---|\n",
     );
     type Value = fn(&Seam) -> f64;
     let values: [(&str, Value); 3] = [
@@ -196,34 +209,34 @@ fn table(rows: &[Seam], faded: &[Seam]) -> String {
         ),
     ];
     for (name, value) in values {
-        write!(text, "| {name} |").expect("a string takes all");
-        for seams in [rows, faded] {
+        for (motion, seams) in MOTIONS.iter().zip(seams) {
             let values: Vec<f64> = seams.iter().map(value).collect();
             let within = values.iter().filter(|value| **value <= 1.0).count();
             let [median, high, worst] =
                 [0.5, 0.9, 1.0].map(|share| percentile(values.clone(), share));
-            write!(
+            writeln!(
                 text,
-                " {median:.2} | {high:.2} | {worst:.2} | {within} of {} |",
+                "| {name} | {motion} | {median:.2} | {high:.2} | {worst:.2} | {within} of {} |",
                 values.len()
             )
             .expect("a string takes all");
         }
-        text.push('\n');
     }
-    let mean = |seams: &[Seam], place: usize| {
-        seams.iter().map(|seam| seam.sliding[place]).sum::<f64>() / seams.len() as f64
-    };
-    writeln!(
-        text,
-        "\nStanding feet slide {:.3} m/s at the join and {:.3} m/s elsewhere, those of cross-faded clips {:.3} and {:.3} m/s. The join is {:.1} s.",
-        mean(rows, 0),
-        mean(rows, 1),
-        mean(faded, 0),
-        mean(faded, 1),
-        2.0 * REACH as f32 / FRAMES_PER_SECOND
-    )
-    .expect("a string takes all");
+    for (name, place) in [("at the join", 0), ("elsewhere", 1)] {
+        for (motion, seams) in MOTIONS.iter().zip(seams) {
+            let speeds: Vec<f64> = seams.iter().map(|seam| seam.sliding[place]).collect();
+            let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+            let [median, high, worst] =
+                [0.5, 0.9, 1.0].map(|share| percentile(speeds.clone(), share));
+            writeln!(
+                text,
+                "| speed of standing feet {name}, m/s (mean {mean:.3}) | {motion} | {median:.3} | {high:.3} | {worst:.3} | |"
+            )
+            .expect("a string takes all");
+        }
+    }
+    let seconds = 2.0 * REACH as f32 / FRAMES_PER_SECOND;
+    writeln!(text, "\nThe join is {seconds:.1} s.").expect("a string takes all");
     text
 }
 

@@ -1,6 +1,7 @@
 //! A factor on one Laban component, constant or over time.
 
 use std::fmt;
+use std::ops::Range;
 
 use lamogen_motion::FRAMES_PER_SECOND;
 
@@ -221,6 +222,42 @@ impl Factor {
         (0..frames).map(|frame| self.at(frame as f32 / FRAMES_PER_SECOND))
     }
 
+    /// Returns the factor of some of a motion's frames, as if these were a motion of their own.
+    pub(crate) fn section(&self, frames: &Range<usize>) -> Factor {
+        let [start, last] = [frames.start, frames.end.saturating_sub(1)]
+            .map(|frame| frame as f32 / FRAMES_PER_SECOND);
+        let mut keys: Vec<FactorKeyframe> = Vec::new();
+        let next = self.keys.partition_point(|key| key.seconds <= start);
+        if let Some(key) = next.checked_sub(1).map(|last| self.keys[last]) {
+            keys.push(FactorKeyframe {
+                seconds: start,
+                factor: self.at(start),
+                ..key
+            });
+        }
+        let within = self.keys[next..].iter();
+        keys.extend(within.take_while(|key| key.seconds <= last));
+        // A slide to a key after these frames ends with the last one.
+        if let Some(key) = keys.last_mut()
+            && key.interpolation == Interpolation::Linear
+        {
+            match key.seconds < last {
+                true => keys.push(FactorKeyframe::hold(last, self.at(last))),
+                false => key.interpolation = Interpolation::Hold,
+            }
+        }
+        for key in &mut keys {
+            key.seconds -= start;
+        }
+        match keys[..] {
+            [only] if only.seconds == 0.0 => Factor::unchecked(only.factor),
+            _ => Factor {
+                start: self.start,
+                keys,
+            },
+        }
+    }
+
     /// Returns the keys in order of time; there are none if the factor is constant.
     pub fn keys(&self) -> &[FactorKeyframe] {
         &self.keys
@@ -404,5 +441,27 @@ mod tests {
             assert_eq!(weight(text).unwrap().changes(), changes, "{text}");
         }
         assert!(weight("0:1 2:1.5 3:1").unwrap().changes());
+    }
+
+    #[test]
+    fn a_section_has_the_factors_of_its_frames() {
+        for text in [
+            "1.5",
+            "1:strong ~ 3:light 4:2",
+            "0.5:0.5 ~ 4.5:2",
+            "0:2 2:0.5",
+        ] {
+            let factor = Factor::parse(Component::Weight, text).unwrap();
+            let whole: Vec<f32> = factor.frames(100).collect();
+            for section in [0..100, 0..30, 15..41, 40..100, 60..61, 99..100] {
+                let own = factor.section(&section);
+                let found: Vec<f32> = own.frames(section.len()).collect();
+                let pairs = found.iter().zip(&whole[section.clone()]);
+                let largest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(largest < 1e-5, "{text} at {section:?}: {found:?}");
+                let last = own.keys().last().map_or(0.0, |key| key.seconds);
+                assert!(last * FRAMES_PER_SECOND <= section.len() as f32 - 0.99);
+            }
+        }
     }
 }

@@ -134,6 +134,58 @@ impl Goal {
         }
     }
 
+    /// Returns the goal of some of a motion's `frames` frames, as if these were a motion of their own. Peaks and means stay as
+    /// they are.
+    pub(crate) fn section(
+        &self,
+        component: Component,
+        section: &Range<usize>,
+        frames: usize,
+    ) -> Goal {
+        match self {
+            Goal::Factor(factor) => Goal::Factor(factor.section(section)),
+            Goal::Series(_) => {
+                // The first values of a series are skipped, as those of frames without differences.
+                let skipped = component.first_frame().min(section.start);
+                let stretched = self.target(component, &vec![0.0; frames]);
+                Goal::Series(stretched[section.start - skipped..section.end].to_vec())
+            }
+            Goal::InTurn(turns) => {
+                let turns = Goal::turns(turns, frames).into_iter();
+                let turns =
+                    turns.filter(|(turn, _)| turn.start < section.end && section.start < turn.end);
+                Goal::InTurn(
+                    turns
+                        .map(|(own, turn)| {
+                            let from = own.start.max(section.start);
+                            let until = own.end.min(section.end);
+                            let within = from - own.start..until - own.start;
+                            let ends = [from == own.start, until == own.end];
+                            let ease = ends.into_iter().zip(turn.ease);
+                            let mut ease = ease.map(|(is_end, ease)| if is_end { ease } else { 0 });
+                            GoalTurn {
+                                start: from - section.start,
+                                ease: std::array::from_fn(|_| ease.next().unwrap_or(0)),
+                                goal: turn.goal.section(component, &within, own.len()),
+                            }
+                        })
+                        .collect(),
+                )
+            }
+            Goal::Peak(_) | Goal::Mean(_) | Goal::Any => self.clone(),
+        }
+    }
+
+    /// Turns a peak or a mean into the factor that it means for a baseline.
+    pub(crate) fn for_baseline(&self, baseline: &[f32]) -> Goal {
+        let (requested, measured) = match self {
+            Goal::Peak(peak) => (*peak, baseline.iter().copied().fold(0.0, f32::max)),
+            Goal::Mean(requested) => (*requested, mean(baseline.iter().copied())),
+            _ => return self.clone(),
+        };
+        Goal::Factor(Factor::unchecked(ratio(requested, measured)))
+    }
+
     /// Returns the value to reach at each frame, for a baseline.
     pub(crate) fn target(&self, component: Component, baseline: &[f32]) -> Vec<f32> {
         self.target_after(component, component.first_frame(), baseline)
@@ -142,11 +194,7 @@ impl Goal {
     /// Returns the value to reach at each frame of a baseline whose first `without` frames have no differences.
     fn target_after(&self, component: Component, without: usize, baseline: &[f32]) -> Vec<f32> {
         let scaled = |requested: f32, measured: f32| {
-            let factor = if measured > 0.0 {
-                requested / measured
-            } else {
-                1.0
-            };
+            let factor = ratio(requested, measured);
             baseline.iter().map(|value| value * factor).collect()
         };
         match self {
@@ -198,6 +246,14 @@ impl GoalTurn {
             // A curve that begins and ends level.
             share * share * (3.0 - 2.0 * share)
         })
+    }
+}
+
+/// Returns the factor that scales a measured value to a requested one. A body at rest stays at rest.
+fn ratio(requested: f32, measured: f32) -> f32 {
+    match measured > 0.0 {
+        true => requested / measured,
+        false => 1.0,
     }
 }
 
@@ -306,5 +362,43 @@ mod tests {
                 .to_string();
             assert!(message.contains(part), "{text}: {message}");
         }
+    }
+
+    #[test]
+    fn a_section_asks_for_the_values_of_its_frames() {
+        let values: Vec<f32> = (0..50)
+            .map(|value| (value as f32 * 0.3).sin() + 1.0)
+            .collect();
+        let turns = vec![
+            GoalTurn {
+                start: 0,
+                ease: [5, 0],
+                goal: Goal::parse(Component::Weight, "0:1 ~ 1:2").unwrap(),
+            },
+            GoalTurn {
+                start: 30,
+                ease: [0, 0],
+                goal: Goal::parse(Component::Weight, "0.5").unwrap(),
+            },
+        ];
+        let baseline: Vec<f32> = (0..60).map(|value| 1.0 + value as f32).collect();
+        for component in [Component::Weight, Component::Flow] {
+            for goal in [Goal::Series(values.clone()), Goal::InTurn(turns.clone())] {
+                let whole = goal.target(component, &baseline);
+                let first = goal.section(component, &(0..20), 60);
+                let later = goal.section(component, &(20..60), 60);
+                let mut found = first.target(component, &baseline[..20]);
+                // The frames before a later section are known, so that it has differences from its first frame on.
+                found.extend(later.target_after(component, 0, &baseline[20..]));
+                for (frame, (found, expected)) in found.iter().zip(&whole).enumerate() {
+                    assert!((found - expected).abs() < 1e-4, "{goal}: frame {frame}");
+                }
+            }
+        }
+        let peak = Goal::Peak(2.0).for_baseline(&BASELINE);
+        assert_eq!(target(peak), target(Goal::Peak(2.0)));
+        let mean = Goal::Mean(4.0).for_baseline(&BASELINE);
+        assert_eq!(target(mean), target(Goal::Mean(4.0)));
+        assert_eq!(Goal::Any.for_baseline(&BASELINE), Goal::Any);
     }
 }

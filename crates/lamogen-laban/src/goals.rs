@@ -1,6 +1,7 @@
 //! The goals of a motion: those of the whole body, and those of its parts.
 
 use std::fmt;
+use std::ops::Range;
 
 use lamogen_motion::FRAMES_PER_SECOND;
 
@@ -111,6 +112,79 @@ impl Goals {
             None => self.ease[1] = end,
         }
         self
+    }
+
+    /// Returns the goals of some of a motion's `frames` frames, as if these were a motion of their own. Peaks and means stay as they
+    /// are: see [`for_baseline`](Self::for_baseline).
+    ///
+    /// # Panics
+    ///
+    /// If the section is empty or reaches beyond the frames.
+    pub fn section(&self, section: Range<usize>, frames: usize) -> Goals {
+        assert!(!section.is_empty() && section.end <= frames);
+        let segments = self.segments_within(frames).into_iter();
+        let within = segments.filter(|(own, _)| own.start < section.end && section.start < own.end);
+        let sections = within.map(|(own, goals)| {
+            let frames = own.start.max(section.start)..own.end.min(section.end);
+            let eases = [frames.start == own.start, frames.end == own.end];
+            let place = frames.start - section.start;
+            let frames = frames.start - own.start..frames.end - own.start;
+            (place, goals.segment_section(&frames, own.len(), eases))
+        });
+        Goals::in_turn(sections)
+    }
+
+    /// Returns the first goals for some of the frames for which they hold. They set in or end gradually where these frames begin or
+    /// end as those do.
+    fn segment_section(&self, section: &Range<usize>, frames: usize, eases: [bool; 2]) -> Goals {
+        let goal = |component: Component| {
+            self.whole[component.index()].section(component, section, frames)
+        };
+        let ease = |end: usize| if eases[end] { self.ease[end] } else { 0 };
+        Goals {
+            whole: Component::ALL.map(goal),
+            parts: { self.parts.iter() }
+                .map(|part| part.section(section))
+                .collect(),
+            later: Vec::new(),
+            ease: [ease(0), ease(1)],
+        }
+    }
+
+    /// Turns peaks and means into the factors that they mean for a baseline, so that they hold for sections of it.
+    pub fn for_baseline(&self, baseline: &LabanSeries) -> Goals {
+        let segments = self.segments_within(baseline.frames().len()).into_iter();
+        Goals::in_turn(segments.map(|(frames, goals)| {
+            let start = frames.start;
+            let baseline = baseline.section(frames);
+            let goal = |component: Component| {
+                let values: Vec<f32> = baseline.component(component).collect();
+                goals.whole[component.index()].for_baseline(&values)
+            };
+            let goals = Goals {
+                whole: Component::ALL.map(goal),
+                later: Vec::new(),
+                ..goals.clone()
+            };
+            (start, goals)
+        }))
+    }
+
+    /// Returns the goals that hold one after another in a motion of `frames` frames, each with its frames.
+    fn segments_within(&self, frames: usize) -> Vec<(Range<usize>, &Goals)> {
+        let ends = self.later.iter().map(|(start, _)| *start).chain([frames]);
+        let segments = self.segments().zip(ends);
+        segments
+            .map(|((start, goals), end)| (start.min(frames)..end.min(frames), goals))
+            .collect()
+    }
+
+    /// Joins goals that hold one after another, each from a frame on; the first from frame 0.
+    fn in_turn(goals: impl Iterator<Item = (usize, Goals)>) -> Goals {
+        { goals }
+            .reduce(|(_, first), (start, goals)| (0, first.then(start, goals)))
+            .map(|(_, goals)| goals)
+            .unwrap_or_default()
     }
 
     /// Returns the goals that hold one after another, each with its first frame.
@@ -503,5 +577,32 @@ mod tests {
         let target =
             goals.terms(&EndEffectors::default())[0].goals[0].target(Component::Weight, &[1.0; 8]);
         assert_eq!(target, [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
+    }
+
+    #[test]
+    fn sections_of_goals_are_those_of_their_frames() {
+        let strong = Goals::from(Scale::from_tags(&[Tag::Strong]).unwrap());
+        let far = Goals::default()
+            .with(Component::Shape, Goal::Peak(2.0))
+            .with_part(PartScale::new(BodyPart::Arms).tag(Tag::Light).unwrap());
+        let goals = strong.then(60, far).eased([8, 4]);
+        assert_eq!(goals.section(0..100, 100), goals);
+        let text = |section| goals.section(section, 100).to_string();
+        assert_eq!(text(10..50), "Weight 1.5");
+        assert_eq!(text(70..90), "Shape peak=2, arms Weight 0.5");
+        assert_eq!(
+            text(40..80),
+            "Weight 1.5; from 1 s Shape peak=2, arms Weight 0.5"
+        );
+        assert_eq!(goals.section(0..30, 100).ease, [8, 0]);
+        assert_eq!(goals.section(80..100, 100).ease, [0, 4]);
+        let frames = (0..100).map(|frame| [1.0, 1.0, 1.0, if frame < 60 { 9.0 } else { 0.5 }]);
+        let baseline = LabanSeries::from_frames(frames.collect());
+        let known = goals.for_baseline(&baseline);
+        assert_eq!(
+            known.to_string(),
+            "Weight 1.5; from 3 s Shape 4, arms Weight 0.5"
+        );
+        assert_eq!(known.ease, goals.ease);
     }
 }

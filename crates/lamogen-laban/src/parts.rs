@@ -1,6 +1,7 @@
 //! Factors on parts of the body.
 
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 use crate::curve::ScaleCurve;
@@ -70,6 +71,15 @@ impl PartScale {
     /// Returns the part's factor on a component, if it has one.
     pub fn of(&self, component: Component) -> Option<&Factor> {
         self.factors.get(component.index())?.as_ref()
+    }
+
+    /// Returns the factors of some of a motion's frames, as if these were a motion of their own.
+    pub(crate) fn section(&self, frames: &Range<usize>) -> PartScale {
+        let factor = |factor: &Option<Factor>| factor.as_ref().map(|own| own.section(frames));
+        PartScale {
+            end_effectors: self.end_effectors.clone(),
+            factors: self.factors.each_ref().map(factor),
+        }
     }
 
     /// Returns whether a factor differs from 1 at any time.

@@ -51,6 +51,13 @@ pub struct GroundMove {
 }
 
 impl GroundMove {
+    /// Returns a moved point.
+    pub fn of_point(&self, point: [f32; 3]) -> [f32; 3] {
+        (self.turn * vector(point) + self.shift)
+            .as_vec3()
+            .to_array()
+    }
+
     /// Returns the rotations of the moved body.
     pub fn of_rotations(&self, rotations: &Rotations) -> Rotations {
         let root = rotations.root().iter();

@@ -178,6 +178,10 @@ pub enum RequestError {
     #[error("the prompt has {found} characters; expected at most {most}", most = Request::LONGEST_PROMPT)]
     #[allow(missing_docs)]
     LongPrompt { found: usize },
+    /// The request cannot be made a stretch at a time.
+    #[error("expected a request that can be made a stretch at a time, found {found}")]
+    #[allow(missing_docs)]
+    Stream { found: &'static str },
     /// The model cannot generate motions of this length.
     #[error(
         "expected {shortest} to {longest} frames ({:.1} to {:.1} s), found {}",

@@ -12,6 +12,7 @@ use crate::baseline_cache::BaselineCache;
 use crate::error::{Error, PassError, RequestError, RequestIndex};
 use crate::groups::{JobGroup, assign_to_group, default_steps, split_into_batches};
 use crate::licence::Licence;
+use crate::long_run::LongRun;
 use crate::request::Request;
 use crate::run::BatchRun;
 
@@ -413,7 +414,12 @@ impl<D: Denoiser> LaMoGen<D> {
         };
         let mut finished: Vec<(usize, Generation)> = Vec::new();
         for group in &groups {
-            match BatchRun::new(self, group, requests).generations(&mut observe_step) {
+            let generations = match LongRun::new(self, group, requests) {
+                Some(run) => { run.generation(&mut observe_step) }
+                    .map(|generation| vec![(group.jobs[0].request, generation)]),
+                None => BatchRun::new(self, group, requests).generations(&mut observe_step),
+            };
+            match generations {
                 Ok(generations) => finished.extend(generations),
                 Err(mut error) => {
                     finished.sort_by_key(|&(request, _)| request);
@@ -490,7 +496,7 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     /// Checks all requests and groups them into batches.
-    fn groups(&self, requests: &[Request]) -> Result<Vec<JobGroup>, Error> {
+    pub(crate) fn groups(&self, requests: &[Request]) -> Result<Vec<JobGroup>, Error> {
         let mut groups = Vec::new();
         for (index, request) in requests.iter().enumerate() {
             self.assign(&mut groups, index, request)

@@ -2,14 +2,16 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use lamogen_guide::{Body, Guidance, Preset, Schedule, Tiling, longest_loop};
+use lamogen_guide::{Body, Guidance, Pass, Preset, Schedule, Tiling, longest_loop};
 use lamogen_laban::{EndEffectors, Goals, Scale};
 use lamogen_model::{Denoiser, MotionWindow, Tokenizer, Tokens};
 use lamogen_motion::{POSE_FEATURES, RootMotion};
 
 use crate::error::RequestError;
-use crate::neighbours::{KNOWN_FRAMES, KnownStart, known_end};
+use crate::long_run::LONGEST_STRETCH;
+use crate::neighbours::{KNOWN_FRAMES, KnownStart, KnownStarts, Predecessor, known_end};
 use crate::request::Request;
+use crate::stretches::stretches;
 
 /// A request that has been checked against a model.
 #[derive(Clone, Debug)]
@@ -21,8 +23,8 @@ pub(crate) struct GenerationJob {
     /// How a motion of several sentences, or one longer than the model's longest, is cut into tiles. Such a job runs alone.
     /// `None` for all others.
     pub(crate) tiling: Option<Tiling>,
-    /// The end of the motion that this one continues, if there is one.
-    pub(crate) start: Option<KnownStart>,
+    /// The ends of the motions that this one continues, if there are any.
+    pub(crate) start: Option<KnownStarts>,
     /// The pose features of the first frames of the motion that this one leads to, if there is one.
     pub(crate) end: Vec<[f32; POSE_FEATURES]>,
     /// The number of frames that the network makes, with the known ones.
@@ -57,6 +59,15 @@ impl GenerationJob {
         self.tiling.is_some() || self.kept != (0..self.frames)
     }
 
+    /// Returns the end of the motion that a pass continues, if there is one.
+    pub(crate) fn start_of(&self, pass: Pass) -> Option<&KnownStart> {
+        let starts = self.start.as_ref()?;
+        Some(match pass {
+            Pass::Guided => starts.guided(),
+            _ => &starts.baseline,
+        })
+    }
+
     /// Returns the tokens of the sentence at a frame; past the end of the motion, of the last one.
     pub(crate) fn tokens_at(&self, frame: usize) -> &Tokens {
         let mut end = 0;
@@ -85,6 +96,28 @@ impl JobGroup {
         self.guidance.body == Body::Rig
     }
 
+    /// Whether the motion of the group is so long that it is made a stretch at a time. Terms of the loss that see a motion as a whole
+    /// keep it in one piece.
+    pub(crate) fn is_stretched(&self) -> bool {
+        let [job] = &self.jobs[..] else { return false };
+        job.tiling.is_some()
+            && job.frames > LONGEST_STRETCH
+            && self.is_rigid()
+            && self.guidance.loss_terms.is_empty()
+            && self.guidance.places.is_empty()
+    }
+
+    /// Returns the number of stretches that the motions of the group are made in.
+    fn stretches(&self) -> usize {
+        let lengths = |job: &GenerationJob| -> Vec<usize> {
+            job.segments.iter().map(|segment| segment.frames).collect()
+        };
+        match self.is_stretched() {
+            true => stretches(&lengths(&self.jobs[0]), LONGEST_STRETCH).len(),
+            false => 1,
+        }
+    }
+
     /// Returns the largest number of steps that the group can take with a model that has such windows.
     pub(crate) fn max_steps(&self, window: Option<MotionWindow>) -> usize {
         let frames = self.jobs.iter().map(|job| job.frames).max().unwrap_or(0);
@@ -99,7 +132,7 @@ impl JobGroup {
             (true, false) => self.guidance.fit.allowed(false),
             (true, true) => self.guidance.fit.allowed(false) + self.guidance.fit.allowed(true),
         };
-        steps + guided + fits
+        self.stretches() * (steps + guided + fits)
     }
 }
 
@@ -153,12 +186,12 @@ fn encode(tokenizer: &Tokenizer, prompt: &str) -> Result<Tokens, RequestError> {
 fn known_frames(
     request: &Request,
     window: Option<MotionWindow>,
-) -> Result<(Option<KnownStart>, Vec<[f32; POSE_FEATURES]>), RequestError> {
+) -> Result<(Option<KnownStarts>, Vec<[f32; POSE_FEATURES]>), RequestError> {
     let (frames, least) = match window {
         Some(window) => (window.prefix, window.prefix),
         None => (KNOWN_FRAMES, 2),
     };
-    let start = { request.after.as_deref() }.map(|clip| KnownStart::of(clip, frames, least));
+    let start = { request.after.as_ref() }.map(|motion| KnownStarts::of(motion, frames, least));
     let end = match (&request.before, window) {
         (Some(_), Some(_)) => return Err(RequestError::BeforeOfWindows),
         (Some(clip), None) => known_end(clip, frames)?,
@@ -168,7 +201,7 @@ fn known_frames(
 }
 
 /// Returns the goals that a request states, if it does.
-fn requested_goals(request: &Request) -> Result<Option<Goals>, RequestError> {
+pub(crate) fn requested_goals(request: &Request) -> Result<Option<Goals>, RequestError> {
     let goals = match (&request.tags[..], &request.goals) {
         ([], goals) => goals.clone(),
         (tags, None) => Some(Scale::from_tags(tags)?.into()),
@@ -203,10 +236,20 @@ fn joined_goals(goals: Vec<Option<Goals>>, segments: &[JobSegment]) -> Option<Go
 /// The number of frames in which goals set in beside known frames, whose speed they cannot change: one second.
 const EASE: usize = 20;
 
-/// Returns the goals of a motion with known frames around it, which may have any features.
-fn goals_of_kept(goals: Goals, kept: &Range<usize>, frames: usize) -> Goals {
-    let ease = |has_known: bool| if has_known { EASE } else { 0 };
-    let goals = goals.eased([ease(kept.start > 0), ease(kept.end < frames)]);
+/// Returns the goals of a motion with known frames around it, which may have any features. With the stretch before of the same
+/// motion, goals that go on as they were need not set in.
+fn goals_of_kept(
+    goals: Goals,
+    kept: &Range<usize>,
+    frames: usize,
+    after: Option<&Predecessor>,
+) -> Goals {
+    let sets_in = match after {
+        Some(Predecessor::Stretch(end)) => end.changes_goals,
+        _ => kept.start > 0,
+    };
+    let ease = |eases: bool| if eases { EASE } else { 0 };
+    let goals = goals.eased([ease(sets_in), ease(kept.end < frames)]);
     let goals = match kept.start {
         0 => goals,
         start => Goals::anything().then(start, goals),
@@ -310,6 +353,18 @@ fn segment_lengths(
     }
 }
 
+/// Returns the options of the guided pass of a request, with its loss terms and its places.
+pub(crate) fn requested_guidance(request: &Request, default: Preset) -> Guidance {
+    let preset = request.preset.unwrap_or(default);
+    let mut guidance = request.guidance.clone().unwrap_or(preset.guidance());
+    let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
+    guidance.loss_terms = terms.cloned().collect();
+    if !request.places.is_empty() {
+        guidance.places = request.places.clone();
+    }
+    guidance
+}
+
 /// Checks a request and adds it to the group that has the same options, or to a new one. If there is a sentence that
 /// stands in for a prompt, the model reads that sentence. `lengths` are those of motions in frames.
 pub(crate) fn assign_to_group(
@@ -323,12 +378,7 @@ pub(crate) fn assign_to_group(
     let preset = request.preset.unwrap_or(default);
     let steps = request.steps.unwrap_or(default_steps(preset, model));
     Schedule::new(model.noise_schedule()).ddim(steps)?;
-    let mut guidance = request.guidance.clone().unwrap_or(preset.guidance());
-    let terms = guidance.loss_terms.iter().chain(request.loss_terms.iter());
-    guidance.loss_terms = terms.cloned().collect();
-    if !request.places.is_empty() {
-        guidance.places = request.places.clone();
-    }
+    let guidance = requested_guidance(request, default);
     guidance.check()?;
     let (start, end) = known_frames(request, model.window())?;
     let is_looped = request.is_looped;
@@ -349,12 +399,15 @@ pub(crate) fn assign_to_group(
     // Networks with windows do not make the known frames again.
     let before = match model.window() {
         Some(_) => 0,
-        None => start.as_ref().map_or(0, |start| start.features.len()),
+        None => start
+            .as_ref()
+            .map_or(0, |start| start.baseline.features.len()),
     };
     let kept = before..before + requested;
     let frames = kept.end + end.len();
     let requested_goals = joined_goals(goals, &segments);
-    let goals = { requested_goals.clone() }.map(|goals| goals_of_kept(goals, &kept, frames));
+    let goals = { requested_goals.clone() }
+        .map(|goals| goals_of_kept(goals, &kept, frames, request.after.as_ref()));
     let tiling = match model.window().is_none() && !is_looped {
         true => tiling(&segments, [before, end.len()], *lengths.end()),
         false => None,

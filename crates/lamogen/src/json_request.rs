@@ -10,7 +10,7 @@ use lamogen_motion::RootMotion;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::neighbour_files::Neighbours;
+use crate::named_motions::{NamedMotionError, NamedMotions, PoseFile};
 use crate::request::Request;
 use crate::requested_goals::RequestedGoals;
 
@@ -55,6 +55,9 @@ pub struct JsonRequest {
     /// Positions that parts of the body reach.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reach: Vec<Reach>,
+    /// Poses of motion files that the body takes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pose: Vec<PoseFile>,
     /// The length of the motion in seconds; 3 without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f32>,
@@ -108,9 +111,12 @@ pub enum JsonRequestError {
     #[error("{reason}")]
     #[allow(missing_docs)]
     Invalid { reason: String },
-    /// A motion file to be like, to go on from or to lead to cannot be read.
+    /// A motion file to be like cannot be read.
     #[error(transparent)]
-    Motion(#[from] ReadError),
+    Like(#[from] ReadError),
+    /// A motion to go on from, to lead to or to take a pose from cannot be had.
+    #[error(transparent)]
+    Motion(#[from] NamedMotionError),
 }
 
 /// Makes the error of an object that is not valid.
@@ -181,6 +187,7 @@ impl JsonRequest {
             path: None,
             face: None,
             reach: Vec::new(),
+            pose: Vec::new(),
             then: Vec::new(),
             after: None,
             before: None,
@@ -274,14 +281,14 @@ impl JsonRequest {
             .collect()
     }
 
-    /// Reads the motions before and after this one, if the object names any.
+    /// Reads the motions before and after this one, and those with poses, if the object names any.
     ///
     /// # Errors
     ///
-    /// If a file cannot be read.
-    pub fn neighbours(&self) -> Result<Neighbours, JsonRequestError> {
-        let neighbours = Neighbours::read(self.after.as_deref(), self.before.as_deref());
-        neighbours.map_err(JsonRequestError::Motion)
+    /// If a file cannot be read, or has no pose at a moment.
+    pub fn named_motions(&self) -> Result<NamedMotions, JsonRequestError> {
+        let (after, before) = (self.after.as_deref(), self.before.as_deref());
+        Ok(NamedMotions::read(after, before, &self.pose)?)
     }
 
     /// Makes the request. `preset` is that of the model ([`LaMoGen::preset`](crate::LaMoGen::preset)) and holds where the
@@ -292,11 +299,11 @@ impl JsonRequest {
     /// If a motion file cannot be read, or goals are not valid, which [`parse`](Self::parse) has checked.
     pub fn request(&self, preset: Preset, device: &Device) -> Result<Request, JsonRequestError> {
         let request = self.request_with(&self.goals(device)?, preset);
-        Ok(self.neighbours()?.apply(request))
+        Ok(self.named_motions()?.apply(request))
     }
 
     /// Makes the request with other goals than those that the object states, one entry for each sentence; sentences past the
-    /// last entry have none. `preset` is as in [`request`](Self::request). The [motions before and after](Self::neighbours) are not set.
+    /// last entry have none. `preset` is as in [`request`](Self::request). The [motions of files](Self::named_motions) are not set.
     pub fn request_with(&self, goals: &[Option<Goals>], preset: Preset) -> Request {
         let mut sentences = self
             .sentences()
@@ -339,6 +346,7 @@ impl JsonRequest {
             path: self.path.clone(),
             facing: self.face.unwrap_or_default(),
             reaches: self.reach.clone(),
+            poses: Vec::new(),
         }
     }
 

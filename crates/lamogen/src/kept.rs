@@ -7,15 +7,15 @@ use lamogen_laban::{Goals, LabanOptions, LabanSeries};
 use lamogen_motion::Motion;
 
 use crate::generation::{Generation, NetworkMotions, PartLaban, TermValues};
-use crate::neighbours::KnownStart;
+use crate::neighbours::{KnownStart, KnownStarts};
 
 /// What is kept of a generated motion, and where it is put.
 pub(crate) struct KeptFrames<'a> {
     pub(crate) frames: &'a Range<usize>,
     /// The goals of these frames.
     pub(crate) goals: Goals,
-    /// The end of the motion that this one continues, if there is one.
-    pub(crate) start: Option<&'a KnownStart>,
+    /// The ends of the motions that the two passes continue, if there are any.
+    pub(crate) starts: Option<&'a KnownStarts>,
     pub(crate) options: &'a LabanOptions,
     pub(crate) device: &'a Device,
 }
@@ -23,8 +23,13 @@ pub(crate) struct KeptFrames<'a> {
 impl KeptFrames<'_> {
     /// Returns what is kept of a generation. Its features are measured again, as those of a file would be.
     pub(crate) fn of(&self, generation: Generation) -> Generation {
-        let baseline = self.motion(&generation.baseline);
-        let guided = self.motion(&generation.guided);
+        let starts = self.starts;
+        let [of_baseline, of_guided] = [
+            starts.map(|starts| &starts.baseline),
+            starts.map(KnownStarts::guided),
+        ];
+        let baseline = kept_motion(&generation.baseline, self.frames, of_baseline);
+        let guided = kept_motion(&generation.guided, self.frames, of_guided);
         let series = |motion: &Motion| LabanSeries::of(motion, self.options, self.device);
         let parts = generation.parts.iter();
         let terms = generation.terms.iter();
@@ -34,8 +39,8 @@ impl KeptFrames<'_> {
             target: self.series(&generation.target),
             goals: self.goals.clone(),
             network: NetworkMotions {
-                baseline: self.motion(&generation.network.baseline),
-                guided: self.motion(&generation.network.guided),
+                baseline: kept_motion(&generation.network.baseline, self.frames, None),
+                guided: kept_motion(&generation.network.guided, self.frames, None),
             },
             parts: parts.map(|part| self.part(part)).collect(),
             terms: terms.map(|term| self.term(term)).collect(),
@@ -43,23 +48,6 @@ impl KeptFrames<'_> {
             guided,
             ..generation
         }
-    }
-
-    /// Returns the kept frames of a motion. Those of a rigid body go on from where the motion before stands at its end.
-    fn motion(&self, motion: &Motion) -> Motion {
-        let kept = match motion.features() {
-            Some(features) => Motion::from_pose_features(features[self.frames.clone()].to_vec()),
-            None => {
-                let rotations = motion.rotations().between(self.frames.clone());
-                Motion::from_rotations(match self.start {
-                    Some(start) => start.carry_on(&rotations),
-                    None => rotations,
-                })
-            }
-        };
-        kept.expect("the frames of a motion are a motion")
-            .with_copyright(motion.copyright())
-            .with_root_motion(motion.root_motion())
     }
 
     fn series(&self, series: &LabanSeries) -> LabanSeries {
@@ -86,4 +74,25 @@ impl KeptFrames<'_> {
             guided: rows(&term.guided),
         }
     }
+}
+
+/// Returns the kept frames of a motion. Those of a rigid body go on from where the motion before, which ends with `start`, stands.
+pub(crate) fn kept_motion(
+    motion: &Motion,
+    frames: &Range<usize>,
+    start: Option<&KnownStart>,
+) -> Motion {
+    let kept = match motion.features() {
+        Some(features) => Motion::from_pose_features(features[frames.clone()].to_vec()),
+        None => {
+            let rotations = motion.rotations().between(frames.clone());
+            Motion::from_rotations(match start {
+                Some(start) => start.carry_on(&rotations),
+                None => rotations,
+            })
+        }
+    };
+    kept.expect("the frames of a motion are a motion")
+        .with_copyright(motion.copyright())
+        .with_root_motion(motion.root_motion())
 }

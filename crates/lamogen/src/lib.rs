@@ -59,13 +59,16 @@ mod json_request;
 mod kept;
 mod licence;
 mod load;
-mod neighbour_files;
+mod long_run;
+mod named_motions;
 mod neighbours;
 mod request;
 #[cfg(feature = "json")]
 mod requested_goals;
 mod run;
 mod standing;
+mod stream;
+mod stretches;
 
 pub use device::{DeviceError, DeviceName};
 pub use error::{
@@ -78,16 +81,17 @@ pub use generation::{
 #[cfg(feature = "json")]
 pub use json_request::{JsonRequest, JsonRequestError};
 pub use licence::Licence;
-pub use neighbour_files::Neighbours;
+pub use named_motions::{NamedMotionError, NamedMotions, PoseFile, PoseFileError};
 pub use request::{Length, Request};
 #[cfg(feature = "json")]
 pub use requested_goals::RequestedGoals;
+pub use stream::{MotionStream, Stretch};
 
 pub use burn::tensor::{Device, Tensor};
 pub use lamogen_guide::{
     Body, ClassifierFree, Facing, Finish, FitOptions, GroundPath, Guidance, GuidanceVariable,
-    LossTarget, LossTerm, LossTerms, Pass, PlaceError, PlaceOutcome, Places, Preset, Reach,
-    ReachPart, Step, TemporalSmoothing, UpdateTiming, Waypoint,
+    KeyPose, LossTarget, LossTerm, LossTerms, Pass, PlaceError, PlaceOutcome, Places, Preset,
+    Reach, ReachPart, Step, TemporalSmoothing, UpdateTiming, Waypoint,
 };
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKeyframe,

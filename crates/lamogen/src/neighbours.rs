@@ -6,12 +6,72 @@
 //!                                              └──▶ where it stands at its end: where the new motion begins
 //! ```
 
+use std::sync::Arc;
+
 use lamogen_motion::{JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotations, encode};
 
 use crate::error::RequestError;
 
 /// The number of frames of a clip that a network without windows sees: one second.
 pub(crate) const KNOWN_FRAMES: usize = 20;
+
+/// What a generated motion continues.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Predecessor {
+    /// A motion of any body.
+    Clip(Arc<Motion>),
+    /// The stretch before, of the same generated motion.
+    Stretch(Arc<StretchEnd>),
+}
+
+/// The last frames of a stretch of a generated motion, where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct StretchEnd {
+    /// The motion of the text alone.
+    pub(crate) baseline: Motion,
+    /// The guided motion, which may be elsewhere by now.
+    pub(crate) guided: Motion,
+    /// Whether other goals hold from here on, which then set in gradually.
+    pub(crate) changes_goals: bool,
+}
+
+/// The ends of the motions that the two passes continue.
+#[derive(Clone, Debug)]
+pub(crate) struct KnownStarts {
+    pub(crate) baseline: KnownStart,
+    /// The end for the second pass, where it is another one.
+    guided: Option<KnownStart>,
+}
+
+impl KnownStarts {
+    /// Takes the last frames of what is continued: so many, or as many as it has.
+    ///
+    /// # Errors
+    ///
+    /// If it has fewer than `least` frames.
+    pub(crate) fn of(
+        predecessor: &Predecessor,
+        frames: usize,
+        least: usize,
+    ) -> Result<KnownStarts, RequestError> {
+        Ok(match predecessor {
+            Predecessor::Clip(clip) => KnownStarts {
+                baseline: KnownStart::of(clip, None, frames, least)?,
+                guided: None,
+            },
+            // A generated motion is on the ground at height 0, also in the middle of a jump.
+            Predecessor::Stretch(end) => KnownStarts {
+                baseline: KnownStart::of(&end.baseline, Some(0.0), frames, least)?,
+                guided: Some(KnownStart::of(&end.guided, Some(0.0), frames, least)?),
+            },
+        })
+    }
+
+    /// Returns the end that the second pass continues.
+    pub(crate) fn guided(&self) -> &KnownStart {
+        self.guided.as_ref().unwrap_or(&self.baseline)
+    }
+}
 
 /// The end of a motion that another one continues.
 #[derive(Clone, Debug)]
@@ -25,17 +85,18 @@ pub(crate) struct KnownStart {
 }
 
 impl KnownStart {
-    /// Takes the last frames of a clip: so many, or as many as it has.
+    /// Takes the last frames of a clip: so many, or as many as it has. Without a height of the ground, it is estimated.
     ///
     /// # Errors
     ///
     /// If the clip has fewer than `least` frames.
-    pub(crate) fn of(
+    fn of(
         clip: &Motion,
+        ground: Option<f64>,
         frames: usize,
         least: usize,
     ) -> Result<KnownStart, RequestError> {
-        let (features, rotations) = features_on_body(clip, least)?;
+        let (features, rotations) = features_on_body(clip, ground, least)?;
         let all = features.len();
         let known = all - frames.min(all)..all;
         let features = features[known.clone()].to_vec();
@@ -71,14 +132,21 @@ pub(crate) fn known_end(
     clip: &Motion,
     frames: usize,
 ) -> Result<Vec<[f32; POSE_FEATURES]>, RequestError> {
-    let (features, _) = features_on_body(clip, 2)?;
+    let (features, _) = features_on_body(clip, None, 2)?;
     Ok(features[..frames.min(features.len())].to_vec())
 }
 
-/// Puts a clip on HumanML3D's body, with the ground at height 0 and the first pose at the origin, facing +Z. Returns its pose
+/// Puts a pose of a clip on HumanML3D's body, on the ground at height 0.
+pub(crate) fn pose_on_body(clip: &Motion, frame: usize) -> [[f32; 3]; JOINTS] {
+    let rotations = on_body(clip, None);
+    rotations.between(frame..frame + 1).joints()[0]
+}
+
+/// Puts a clip on HumanML3D's body, with the ground, whose height is estimated if it is not given, at height 0, and the first pose at the origin, facing +Z. Returns its pose
 /// features, a row for each frame, and its rotations.
 fn features_on_body(
     clip: &Motion,
+    ground: Option<f64>,
     least: usize,
 ) -> Result<(Vec<[f32; POSE_FEATURES]>, Rotations), RequestError> {
     if clip.frames() < least.max(2) {
@@ -87,26 +155,7 @@ fn features_on_body(
             found: clip.frames(),
         });
     }
-    let body = RestPose::humanml3d();
-    let own = clip.rotations();
-    let rotations = match own.rest().leg() > 0.0 {
-        true => own.on(&body),
-        false => Rotations::on_body(clip, &body),
-    };
-    let rotations = rotations.between(0..rotations.frames());
-    let ground = Motion::from_rotations(rotations.clone())
-        .map(|motion| lamogen_body::ground(&motion))
-        .unwrap_or(0.0);
-    let root = rotations.root().iter();
-    let root = root.map(|[x, y, z]| [*x, (f64::from(*y) - ground) as f32, *z]);
-    let rotations = Rotations::new(
-        body,
-        root.collect(),
-        rotations.local().to_vec(),
-        rotations.frames_per_second(),
-    );
-    let first = Placement::of(&rotations.joints()[0]);
-    let rotations = first.to(&Placement::ORIGIN).of_rotations(&rotations);
+    let rotations = on_body(clip, ground);
     let joints = rotations.joints();
     // A row describes a step, and the heading of the first row is special, so the clip gets a frame more at each end.
     let extrapolate = |from: &[[f32; 3]; JOINTS], to: &[[f32; 3]; JOINTS]| {
@@ -119,6 +168,32 @@ fn features_on_body(
     let after = extrapolate(&joints[count - 2], &joints[count - 1]);
     let rows = encode(&[&[before], &joints[..], &[after]].concat());
     Ok((rows[1..=count].to_vec(), rotations))
+}
+
+/// Puts a clip on HumanML3D's body, as [`features_on_body`] does.
+fn on_body(clip: &Motion, ground: Option<f64>) -> Rotations {
+    let body = RestPose::humanml3d();
+    let own = clip.rotations();
+    let rotations = match own.rest().leg() > 0.0 {
+        true => own.on(&body),
+        false => Rotations::on_body(clip, &body),
+    };
+    let rotations = rotations.between(0..rotations.frames());
+    let ground = ground.unwrap_or_else(|| {
+        Motion::from_rotations(rotations.clone())
+            .map(|motion| lamogen_body::ground(&motion))
+            .unwrap_or(0.0)
+    });
+    let root = rotations.root().iter();
+    let root = root.map(|[x, y, z]| [*x, (f64::from(*y) - ground) as f32, *z]);
+    let rotations = Rotations::new(
+        body,
+        root.collect(),
+        rotations.local().to_vec(),
+        rotations.frames_per_second(),
+    );
+    let first = Placement::of(&rotations.joints()[0]);
+    first.to(&Placement::ORIGIN).of_rotations(&rotations)
 }
 
 #[cfg(test)]
@@ -150,7 +225,7 @@ mod tests {
     #[test]
     fn features_and_rotations_of_the_end_are_at_one_place() {
         let clip = clip(50);
-        let start = KnownStart::of(&clip, 20, 2).unwrap();
+        let start = KnownStart::of(&clip, None, 20, 2).unwrap();
         let decoded = Motion::from_pose_features(start.features.clone()).unwrap();
         let rigid = Motion::from_rotations(start.rotations.clone()).unwrap();
         assert_eq!((decoded.frames(), rigid.frames()), (20, 20));
@@ -170,7 +245,9 @@ mod tests {
 
     #[test]
     fn a_single_frame_continues_nothing() {
-        let message = KnownStart::of(&clip(1), 20, 2).unwrap_err().to_string();
+        let message = KnownStart::of(&clip(1), None, 20, 2)
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("at least 2 frames") && message.contains("found 1"));
         assert!(known_end(&clip(1), 20).is_err());
         assert_eq!(known_end(&clip(30), 20).unwrap().len(), 20);

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use lamogen_guide::{Facing, GroundPath, Guidance, LossTerm, LossTerms, Places, Preset, Reach};
+use lamogen_guide::{
+    Facing, GroundPath, Guidance, KeyPose, LossTerm, LossTerms, PlaceError, Places, Preset, Reach,
+};
 use lamogen_laban::{Component, Goal, Goals, LabanSeries, PartScale, Tag};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, RootMotion};
 
 use crate::error::RequestError;
+use crate::neighbours::{Predecessor, pose_on_body};
 
 /// The length of a motion to generate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +49,7 @@ pub struct Request {
     /// The requests that follow this one in the same motion, which have none of their own.
     pub(crate) following: Vec<Request>,
     /// The motion that this one continues.
-    pub(crate) after: Option<Arc<Motion>>,
+    pub(crate) after: Option<Predecessor>,
     /// The motion that this one leads to.
     pub(crate) before: Option<Arc<Motion>>,
 }
@@ -218,7 +221,32 @@ impl Request {
         self
     }
 
-    /// Sets all places at once: the path, where the body faces on it, and the positions that parts of the body reach.
+    /// Adds a pose that the body takes at a moment, in seconds from the start: that of a frame of a motion, on any body. Where the body is then and where
+    /// it faces is not decided by this.
+    ///
+    /// # Errors
+    ///
+    /// If the moment is not a finite number of at least 0, or a position is out of range.
+    ///
+    /// # Panics
+    ///
+    /// If the motion does not have the frame.
+    pub fn pose(self, seconds: f32, motion: &Motion, frame: usize) -> Result<Self, PlaceError> {
+        let frames = motion.frames();
+        assert!(
+            frame < frames,
+            "expected one of {frames} frames, found {frame}"
+        );
+        Ok(self.key_pose(KeyPose::new(seconds, pose_on_body(motion, frame))?))
+    }
+
+    /// Adds a pose that the body takes, on the body of the generated motions; [`pose`](Self::pose) takes one of any body.
+    pub fn key_pose(mut self, pose: KeyPose) -> Self {
+        self.places.poses.push(pose);
+        self
+    }
+
+    /// Sets all places at once: the path, where the body faces on it, the positions that parts of the body reach, and poses.
     pub fn places(self, places: Places) -> Self {
         Request { places, ..self }
     }
@@ -279,7 +307,7 @@ impl Request {
     /// That motion may be of any body; it is continued by the body of all generated motions, on a ground at height 0.
     pub fn after(self, motion: &Motion) -> Self {
         Request {
-            after: Some(Arc::new(motion.clone())),
+            after: Some(Predecessor::Clip(Arc::new(motion.clone()))),
             ..self
         }
     }

@@ -23,13 +23,32 @@ use crate::generation::{
     GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban, TermValues,
 };
 use crate::groups::{GenerationJob, JobGroup};
-use crate::kept::KeptFrames;
+use crate::kept::{KeptFrames, kept_motion};
 use crate::licence::Licence;
 use crate::request::Request;
 use crate::standing::standing;
 
 /// A function that is called after every step and may stop the run.
 type StepObserver<'o> = &'o mut dyn FnMut(&Step<'_>) -> ControlFlow<()>;
+
+/// The motions of a batch after the first pass.
+pub(crate) struct Baselines {
+    /// The normalised pose features of the network, `(motions, frames, features)`.
+    normalized: Tensor<3>,
+    /// The network's motions.
+    network: Vec<Motion>,
+    /// The motions that are measured and guided: those of the rigid body, or the network's.
+    pub(crate) motions: Vec<Motion>,
+}
+
+/// The network of a model as a batch needs it.
+type BatchNetwork<'n, D> = Tiled<'n, Looped<'n, ClassifierFree<'n, D>>>;
+
+/// What a pass needs: the sampler, and the encoded batch.
+struct Sampling<'s, 'n, D: Denoiser> {
+    sampler: Sampler<'s, BatchNetwork<'n, D>>,
+    batch: Batch<<BatchNetwork<'n, D> as Denoiser>::Context>,
+}
 
 /// The run of a model on one batch of requests.
 pub(crate) struct BatchRun<'a, D> {
@@ -50,64 +69,67 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     /// Generates the motions of the batch. Each comes with the place of its request among the requests.
     pub(crate) fn generations(
         &self,
-        mut observer: StepObserver<'_>,
+        observer: StepObserver<'_>,
     ) -> Result<Vec<(usize, Generation)>, Error> {
-        let LaMoGen {
-            network,
-            tokenizer,
-            text_scale,
-            ..
-        } = self.model;
-        let wordless = tokenizer.unconditional();
-        let network = ClassifierFree::new(network, *text_scale, &wordless)
-            .map_err(|error| self.interrupted(error, &[]))?;
-        let lengths = self.group.is_looped.then(|| self.lengths());
-        let network = Looped::new(&network, lengths.as_deref());
-        let tiling = self.group.jobs.iter().find_map(|job| job.tiling.as_ref());
-        let whole_network = &network;
-        let network = Tiled::new(whole_network, tiling);
-        let batch = self.batch(&network);
-        let sampler = self.sampler(&network)?.with_loops(self.group.is_looped);
-        let batch = match batch.known.clone() {
-            Some(known) => Batch {
-                known: Some(self.with_noise(known, whole_network, &wordless)?),
-                ..batch
-            },
-            None => batch,
-        };
-        let key = self.baseline_key();
-        let kept = { key.as_ref() }.and_then(|key| self.model.baseline_cache.get(key));
-        let baseline = match &kept {
-            Some(kept) => kept.normalized.clone(),
-            None => sampler
-                .baseline(&batch, &mut observer)
-                .map_err(|error| self.interrupted(error, &[]))?,
-        };
-        // The baseline is checked before the guided pass, so that an unusable baseline is not reported as an error of
+        // The baselines are checked before the guided pass, so that an unusable baseline is not reported as an error of
         // guidance.
-        let network_baselines = match &kept {
-            Some(kept) => vec![self.labelled(kept.network.clone(), 0)],
-            None => self.motions(&baseline, Pass::Baseline, &[])?,
-        };
-        let embedding = batch.prompt.embedding.clone();
-        let mut fitter = BodyFitter {
-            run: self,
-            rig: Rig::new(&self.group.guidance, &network.device()).with_start(self.held_frames()),
-            embedding: &embedding,
-            observer,
-        };
-        let baselines = match kept {
-            Some(kept) => vec![self.labelled(kept.motion, 0)],
-            None => fitter.baselines(&network_baselines, &baseline)?,
-        };
-        if let (Some(key), [network], [motion]) = (key, &network_baselines[..], &baselines[..]) {
+        let baselines = self.baselines(observer)?;
+        self.generations_from(baselines, observer)
+    }
+
+    /// Makes the first pass.
+    pub(crate) fn baselines(&self, mut observer: StepObserver<'_>) -> Result<Baselines, Error> {
+        let key = self.baseline_key();
+        if let Some(kept) = { key.as_ref() }.and_then(|key| self.model.baseline_cache.get(key)) {
+            return Ok(Baselines {
+                normalized: kept.normalized,
+                network: vec![self.labelled(kept.network, 0)],
+                motions: vec![self.labelled(kept.motion, 0)],
+            });
+        }
+        let baselines = self.with_sampling(Pass::Baseline, |sampling| {
+            let normalized = sampling
+                .sampler
+                .baseline(&sampling.batch, &mut observer)
+                .map_err(|error| self.interrupted(error, &[]))?;
+            let network = self.motions(&normalized, Pass::Baseline, &[])?;
+            let motions = BodyFitter {
+                run: self,
+                rig: self.rig(Pass::Baseline),
+                embedding: &sampling.batch.prompt.embedding,
+                observer,
+            }
+            .baselines(&network, &normalized)?;
+            Ok(Baselines {
+                normalized,
+                network,
+                motions,
+            })
+        })?;
+        if let (Some(key), [network], [motion]) =
+            (key, &baselines.network[..], &baselines.motions[..])
+        {
             let kept = Baseline {
-                normalized: baseline.clone(),
+                normalized: baselines.normalized.clone(),
                 network: network.clone(),
                 motion: motion.clone(),
             };
             self.model.baseline_cache.insert(key, kept);
         }
+        Ok(baselines)
+    }
+
+    /// Makes the second pass, from the motions of the first.
+    pub(crate) fn generations_from(
+        &self,
+        baselines: Baselines,
+        mut observer: StepObserver<'_>,
+    ) -> Result<Vec<(usize, Generation)>, Error> {
+        let Baselines {
+            normalized,
+            network: network_baselines,
+            motions: baselines,
+        } = baselines;
         if !self.group.is_guided {
             let generations = self.text_alone(baselines, network_baselines);
             return Ok(self.kept(generations));
@@ -116,22 +138,33 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         let goals: Vec<Goals> = { jobs }
             .map(|job| job.goals.clone().unwrap_or_else(Goals::anything))
             .collect();
-        let guided = sampler
-            .guided(
-                &batch,
-                baseline,
-                &goals,
-                &self.group.guidance,
-                &mut fitter.observer,
-            )
-            .map_err(|error| self.interrupted(error, &baselines))?;
-        let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
+        let (network_guided, guided, last) = self.with_sampling(Pass::Guided, |sampling| {
+            let guided = sampling
+                .sampler
+                .guided(
+                    &sampling.batch,
+                    normalized,
+                    &goals,
+                    &self.group.guidance,
+                    &mut observer,
+                )
+                .map_err(|error| self.interrupted(error, &baselines))?;
+            let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
+            let last = BodyFitter {
+                run: self,
+                rig: self.rig(Pass::Guided),
+                embedding: &sampling.batch.prompt.embedding,
+                observer,
+            }
+            .guided(&network_guided, &baselines, &goals, &guided)?;
+            Ok((network_guided, guided, last))
+        })?;
         let FinalMotions {
             motions,
             whole,
             parts,
             terms,
-        } = fitter.guided(&network_guided, &baselines, &goals, &guided)?;
+        } = last;
 
         let network_motions = network_baselines.into_iter().zip(network_guided);
         let motions = baselines.into_iter().zip(motions).zip(network_motions);
@@ -162,6 +195,44 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         Ok(self.kept(generations.collect()))
     }
 
+    /// Prepares a pass, and makes it.
+    fn with_sampling<T>(
+        &self,
+        pass: Pass,
+        run: impl FnOnce(Sampling<'_, '_, D>) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let LaMoGen {
+            network,
+            tokenizer,
+            text_scale,
+            ..
+        } = self.model;
+        let wordless = tokenizer.unconditional();
+        let network = ClassifierFree::new(network, *text_scale, &wordless)
+            .map_err(|error| self.interrupted(error, &[]))?;
+        let lengths = self.group.is_looped.then(|| self.lengths());
+        let network = Looped::new(&network, lengths.as_deref());
+        let tiling = self.group.jobs.iter().find_map(|job| job.tiling.as_ref());
+        let whole_network = &network;
+        let network = Tiled::new(whole_network, tiling);
+        let batch = self.batch(&network, pass);
+        let batch = match batch.known.clone() {
+            Some(known) => Batch {
+                known: Some(self.with_noise(known, whole_network, &wordless)?),
+                ..batch
+            },
+            None => batch,
+        };
+        let sampler = self.sampler(&network)?.with_loops(self.group.is_looped);
+        run(Sampling { sampler, batch })
+    }
+
+    /// Returns the fit to the body after a pass.
+    fn rig(&self, pass: Pass) -> Rig<'a> {
+        let device = self.model.network.device();
+        Rig::new(&self.group.guidance, &device).with_start(self.held_frames(pass))
+    }
+
     /// Returns all that the baseline of the batch depends on, if it is to be kept: a batch of one motion of a model that keeps
     /// baselines.
     fn baseline_key(&self) -> Option<BaselineKey> {
@@ -172,7 +243,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             sentences: { job.segments.iter() }
                 .map(|segment| (segment.tokens.clone(), segment.frames))
                 .collect(),
-            start: { job.start.as_ref() }
+            start: { job.start_of(Pass::Baseline) }
                 .map(|start| (start.features.clone(), start.rotations.clone())),
             end: job.end.clone(),
             frames: job.frames,
@@ -187,6 +258,15 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         })
     }
 
+    /// Returns the motion of the text alone of a batch of one, without the known frames before and after it, where it goes on.
+    pub(crate) fn kept_baseline(&self, motion: &Motion) -> Motion {
+        let job = &self.group.jobs[0];
+        match job.kept == (0..job.frames) {
+            true => motion.clone(),
+            false => kept_motion(motion, &job.kept, job.start_of(Pass::Baseline)),
+        }
+    }
+
     /// Removes the known frames before and after the motions.
     fn kept(&self, generations: Vec<(usize, Generation)>) -> Vec<(usize, Generation)> {
         let device = self.model.network.device();
@@ -195,7 +275,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             let frames = KeptFrames {
                 frames: &job.kept,
                 goals: job.requested_goals.clone().unwrap_or_default(),
-                start: job.start.as_ref(),
+                starts: job.start.as_ref(),
                 options: &self.group.guidance.laban,
                 device: &device,
             };
@@ -208,7 +288,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     }
 
     /// Returns the words of a request's sentences that occur in no caption that the model was trained on.
-    fn unseen_words(&self, request: usize) -> Vec<String> {
+    pub(crate) fn unseen_words(&self, request: usize) -> Vec<String> {
         let Some(known) = &self.model.known_words else {
             return Vec::new();
         };
@@ -224,14 +304,14 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     }
 
     /// Returns the sentence that replaced one of a request's, if one did.
-    fn stand_in(&self, request: usize) -> Option<String> {
+    pub(crate) fn stand_in(&self, request: usize) -> Option<String> {
         let stand_in = |request: &Request| self.model.stand_in(&request.prompt);
         let sentence = self.requests[request].sentences().find_map(stand_in);
         sentence.map(str::to_owned)
     }
 
     /// Returns the sentences of a job with their frames.
-    fn sentences(&self, job: &GenerationJob) -> Vec<GeneratedSentence> {
+    pub(crate) fn sentences(&self, job: &GenerationJob) -> Vec<GeneratedSentence> {
         let mut start = 0;
         let sentences = self.requests[job.request].sentences().zip(&job.segments);
         sentences
@@ -284,7 +364,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     }
 
     /// Encodes the prompts and draws the start noise, padded to the longest motion.
-    fn batch<N: Denoiser>(&self, network: &N) -> Batch<N::Context> {
+    fn batch<N: Denoiser>(&self, network: &N, pass: Pass) -> Batch<N::Context> {
         let device = network.device();
         let jobs = &self.group.jobs;
         let (size, features) = (jobs.len(), network.pose_features());
@@ -320,19 +400,20 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                     Some(StepNoise::Seeded(seeds))
                 }
             },
-            continuation: { network.window() }.map(|window| self.continuation(network, window)),
-            known: self.known_frames(),
+            continuation: { network.window() }
+                .map(|window| self.continuation(network, window, pass)),
+            known: self.known_frames(pass),
         }
     }
 
     /// Returns the frames of a motion that are known before it is generated, if there are any. Such a motion runs alone.
-    fn known_frames(&self) -> Option<KnownFrames> {
+    fn known_frames(&self, pass: Pass) -> Option<KnownFrames> {
         let job = self
             .group
             .jobs
             .first()
             .filter(|job| job.kept != (0..job.frames))?;
-        let start = job.start.as_ref().map_or(&[][..], |start| &start.features);
+        let start = job.start_of(pass).map_or(&[][..], |start| &start.features);
         Some(KnownFrames::new(
             job.frames,
             start,
@@ -374,9 +455,9 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     }
 
     /// Returns the frames that a body's fit leaves as they are.
-    fn held_frames(&self) -> Option<Rotations> {
+    fn held_frames(&self, pass: Pass) -> Option<Rotations> {
         let job = self.group.jobs.first().filter(|job| job.kept.start > 0)?;
-        job.start.as_ref().map(|start| start.rotations.clone())
+        job.start_of(pass).map(|start| start.rotations.clone())
     }
 
     /// Encodes the sentences of further windows and the frames that the motions continue.
@@ -384,6 +465,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         &self,
         network: &N,
         window: MotionWindow,
+        pass: Pass,
     ) -> Continuation<N::Context> {
         let (jobs, device) = (&self.group.jobs, network.device());
         let windows = { jobs.iter() }
@@ -398,7 +480,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             let tokens = jobs.iter().map(|job| job.tokens_at(middle));
             network.encode(&TokenBatch::new(tokens, &device))
         });
-        let prefixes = jobs.iter().flat_map(|job| match &job.start {
+        let prefixes = jobs.iter().flat_map(|job| match job.start_of(pass) {
             Some(start) => start.features.clone(),
             None => standing(window.prefix),
         });

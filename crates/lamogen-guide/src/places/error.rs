@@ -56,6 +56,11 @@ pub enum PlaceError {
     /// A part of the body shall be at two places at once.
     #[error("expected one place for a part of the body at a moment, found {first} and {second}")]
     Twice { first: Reach, second: Reach },
+    /// The body shall take two poses at once.
+    #[error(
+        "expected poses at least a frame (0.05 s) apart, found two at {first} s and {second} s, which are the same frame"
+    )]
+    TwoPoses { first: f32, second: f32 },
     /// The path does not begin where the motion begins.
     #[error("expected 0,0 at 0 s, where the pelvis starts, found {x},{z}")]
     Start { x: f32, z: f32 },

@@ -1,7 +1,7 @@
 //! Places: where the body shall be at given moments.
 //!
 //! ```text
-//! GroundPath, Facing, Reach ──Places::terms──▶ loss terms       of the network's pass and of the rigid body
+//! GroundPath, Facing, Reach, KeyPose ──Places::terms──▶ loss terms       of the network's pass and of the rigid body
 //!            │
 //!            └──────────────RootPlan──▶ path of the root, which every prediction of the guided pass follows
 //! ```
@@ -12,6 +12,7 @@
 mod error;
 mod facing;
 mod ground_path;
+mod key_pose;
 mod outcome;
 mod reach;
 mod root_plan;
@@ -26,11 +27,12 @@ use crate::loss_term::LossTerm;
 pub use error::PlaceError;
 pub use facing::Facing;
 pub use ground_path::{GroundPath, Waypoint};
+pub use key_pose::KeyPose;
 pub use outcome::PlaceOutcome;
 pub use reach::{Reach, ReachPart};
 pub(crate) use root_plan::RootPlan;
 
-/// The places at which a body shall be: a path of the pelvis, and positions that hands, feet or head reach.
+/// The places at which a body shall be: a path of the pelvis, positions that hands, feet or head reach, and poses.
 ///
 /// Each place is a term of the loss that guidance lowers ([`Places::terms`]). In the guided pass of a network that makes
 /// whole motions, every prediction is moved so that its root follows the path, and the network finds the steps that go
@@ -43,25 +45,28 @@ pub struct Places {
     pub facing: Facing,
     /// The positions that parts of the body reach.
     pub reaches: Vec<Reach>,
+    /// The poses that the body takes.
+    pub poses: Vec<KeyPose>,
 }
 
 impl Places {
     /// Returns whether nothing is asked.
     pub fn is_empty(&self) -> bool {
-        self.path.is_none() && self.reaches.is_empty()
+        self.path.is_none() && self.reaches.is_empty() && self.poses.is_empty()
     }
 
     /// Checks that a motion of `frames` frames can have the places.
     ///
     /// # Errors
     ///
-    /// If a moment is beyond the motion, two moments of a path or of one part of the body are the same frame, or the path
+    /// If a moment is beyond the motion, two moments of a path, of one part of the body or of poses are the same frame, or the path
     /// does not start where the motion does.
     pub fn check(&self, frames: usize) -> Result<(), PlaceError> {
         let is_within = |seconds: f32| seconds * FRAMES_PER_SECOND <= frames as f32 + 0.5;
         let moments = { self.path.iter() }
             .flat_map(|path| path.waypoints().iter().map(|point| point.seconds))
-            .chain(self.reaches.iter().map(|reach| reach.seconds()));
+            .chain(self.reaches.iter().map(|reach| reach.seconds()))
+            .chain(self.poses.iter().map(KeyPose::seconds));
         for seconds in moments {
             if !is_within(seconds) {
                 let length = frames as f32 / FRAMES_PER_SECOND;
@@ -88,6 +93,16 @@ impl Places {
                 });
             }
         }
+        for (index, pose) in self.poses.iter().enumerate() {
+            let frame = |pose: &KeyPose| frame_at(pose.seconds(), frames);
+            let mut earlier = self.poses[..index].iter();
+            if let Some(other) = earlier.find(|other| frame(other) == frame(pose)) {
+                return Err(PlaceError::TwoPoses {
+                    first: other.seconds(),
+                    second: pose.seconds(),
+                });
+            }
+        }
         Ok(())
     }
 
@@ -103,6 +118,9 @@ impl Places {
         for reach in &self.reaches {
             all.push(Arc::new(terms::ReachTerm::new(*reach, frames)));
         }
+        for pose in &self.poses {
+            all.push(Arc::new(terms::PoseTerm::new(pose.clone(), frames)));
+        }
         all
     }
 
@@ -110,11 +128,13 @@ impl Places {
     pub(crate) fn frames(&self, frames: usize) -> Vec<usize> {
         let waypoints = self.path.iter().flat_map(|path| path.waypoints());
         let moments = waypoints.map(|waypoint| waypoint.seconds);
-        let moments = moments.chain(self.reaches.iter().map(|reach| reach.seconds()));
+        let moments = moments
+            .chain(self.reaches.iter().map(|reach| reach.seconds()))
+            .chain(self.poses.iter().map(KeyPose::seconds));
         moments.map(|seconds| frame_at(seconds, frames)).collect()
     }
 
-    /// Measures how near a motion comes to each place, in the order of the path and then of the reaches.
+    /// Measures how near a motion comes to each place, in the order of the path, of the reaches and of the poses.
     pub fn outcomes(&self, motion: &Motion) -> Vec<PlaceOutcome> {
         outcome::outcomes(self, motion)
     }

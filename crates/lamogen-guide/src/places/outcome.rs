@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use lamogen_motion::{Joint, Motion};
+use lamogen_motion::{JOINTS, Joint, Motion};
 
 use super::{Places, frame_at};
 
@@ -10,19 +10,27 @@ use super::{Places, frame_at};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlaceOutcome {
-    /// The name of what shall be there: `pelvis` for a place of a path, or the name of a [`ReachPart`](super::ReachPart).
+    /// The name of what shall be there: `pelvis` for a place of a path, the name of a [`ReachPart`](super::ReachPart), or `pose`.
     pub name: &'static str,
     /// The moment in seconds.
     pub seconds: f32,
-    /// The position that was asked for in metres; y is `None` for a place of a path, which is on the ground.
+    /// The position that was asked for in metres; y is `None` for a place of a path, which is on the ground, and all
+    /// are for a pose, which may be anywhere.
     pub asked: [Option<f32>; 3],
-    /// The position of the joint at that moment in metres.
+    /// The position of the joint, or of the pelvis of a pose, at that moment in metres.
     pub reached: [f32; 3],
+    /// The mean and the largest distance of the joints of a pose from those that were asked for in metres, when both bodies stand and
+    /// face alike; `None` for a place.
+    pub pose_distances: Option<[f32; 2]>,
 }
 
 impl PlaceOutcome {
-    /// Returns the distance between the two positions in metres, along the ground if no height was asked for.
+    /// Returns the distance between the two positions in metres, along the ground if no height was asked for; for a pose the mean
+    /// over the joints.
     pub fn distance(&self) -> f32 {
+        if let Some([mean, _]) = self.pose_distances {
+            return mean;
+        }
         let pairs = self.asked.iter().zip(self.reached);
         let squares =
             pairs.filter_map(|(asked, reached)| asked.map(|asked| (reached - asked).powi(2)));
@@ -33,6 +41,16 @@ impl PlaceOutcome {
 impl fmt::Display for PlaceOutcome {
     /// Writes a sentence such as `pelvis at 2 s: asked 1, 0; reached 0.98, 0.01; 2.2 cm off`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some([mean, largest]) = self.pose_distances {
+            return write!(
+                f,
+                "{} at {} s: joints {:.1} cm off on average, {:.1} cm at most",
+                self.name,
+                self.seconds,
+                100.0 * mean,
+                100.0 * largest
+            );
+        }
         let asked: Vec<String> = { self.asked.iter().flatten() }
             .map(|x| format!("{x}"))
             .collect();
@@ -62,20 +80,32 @@ pub(super) fn outcomes(places: &Places, motion: &Motion) -> Vec<PlaceOutcome> {
         seconds: point.seconds,
         asked: [Some(point.place[0]), None, Some(point.place[1])],
         reached: at(point.seconds, Joint::Pelvis),
+        pose_distances: None,
     });
     let reaches = places.reaches.iter().map(|reach| PlaceOutcome {
         name: reach.part().name(),
         seconds: reach.seconds(),
         asked: reach.position().map(Some),
         reached: at(reach.seconds(), reach.part().joint()),
+        pose_distances: None,
     });
-    path.chain(reaches).collect()
+    let poses = places.poses.iter().map(|pose| {
+        let frame = frame_at(pose.seconds(), motion.frames());
+        let distances = pose.distances(&motion.joints()[frame]);
+        let mean = distances.iter().sum::<f32>() / JOINTS as f32;
+        PlaceOutcome {
+            name: "pose",
+            seconds: pose.seconds(),
+            asked: [None; 3],
+            reached: at(pose.seconds(), Joint::Pelvis),
+            pose_distances: Some([mean, distances.into_iter().fold(0.0, f32::max)]),
+        }
+    });
+    path.chain(reaches).chain(poses).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use lamogen_motion::JOINTS;
-
     use super::*;
 
     #[test]

@@ -1,10 +1,11 @@
 //! Places as terms of the loss.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use lamogen_motion::Joint;
+use lamogen_motion::{JOINTS, Joint};
 
 use super::frame_at;
 use super::ground_path::GroundPath;
+use super::key_pose::KeyPose;
 use super::reach::Reach;
 use super::root_plan::Directions;
 use crate::loss_term::{LossTarget, LossTerm};
@@ -16,6 +17,8 @@ const PATH_TOLERANCE: f32 = 0.5;
 const REACH_TOLERANCE: f32 = 0.2;
 /// The difference of two directions, as the distance of unit vectors, that costs as much at each frame.
 const FACING_TOLERANCE: f32 = 10.0;
+/// The distance of each joint of a pose, in metres, that costs as much.
+const POSE_TOLERANCE: f32 = 0.5;
 
 /// The places of a path: x and z of the pelvis.
 #[derive(Debug)]
@@ -27,6 +30,13 @@ pub(super) struct PathTerm {
 /// The direction in which the body faces: x and z of a unit vector.
 #[derive(Debug)]
 pub(super) struct FacingTerm(Directions);
+
+/// The pose of the body at one frame: the positions of all joints, relative to where the body stands and faces.
+#[derive(Debug)]
+pub(super) struct PoseTerm {
+    pose: KeyPose,
+    frame: usize,
+}
 
 /// The position of a part of the body at one frame.
 #[derive(Debug)]
@@ -48,6 +58,15 @@ impl PathTerm {
 impl FacingTerm {
     pub(super) fn new(directions: Directions) -> FacingTerm {
         FacingTerm(directions)
+    }
+}
+
+impl PoseTerm {
+    pub(super) fn new(pose: KeyPose, frames: usize) -> PoseTerm {
+        PoseTerm {
+            frame: frame_at(pose.seconds(), frames),
+            pose,
+        }
     }
 }
 
@@ -94,14 +113,7 @@ impl LossTerm for FacingTerm {
     }
 
     fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
-        let at = |joint| position(&joints, joint);
-        let across = at(Joint::LeftHip) - at(Joint::RightHip) + at(Joint::LeftShoulder)
-            - at(Joint::RightShoulder);
-        // Forward is a quarter turn to the right of the direction from right to left.
-        let (x, z) = (-across.clone().narrow(2, 2, 1), across.narrow(2, 0, 1));
-        // The small number keeps the gradient of the root finite.
-        let length = (x.clone().square() + z.clone().square() + 1e-6).sqrt();
-        Tensor::cat(vec![x, z], 2) / length
+        Tensor::cat(forward(&joints).to_vec(), 2)
     }
 
     fn target(&self, baseline: Tensor<3>, _lengths: &[usize]) -> LossTarget {
@@ -113,6 +125,39 @@ impl LossTerm for FacingTerm {
             .iter()
             .map(|weight| *weight as f32 / FACING_TOLERANCE);
         by_frame(values.collect(), weights.collect(), &baseline)
+    }
+}
+
+impl LossTerm for PoseTerm {
+    fn name(&self) -> String {
+        format!("pose at {} s", self.pose.seconds())
+    }
+
+    fn value_name(&self, value: usize) -> String {
+        let joint = Joint::ALL[value / 3].name();
+        format!(
+            "{} of the {joint} in the {}",
+            ["x", "y", "z"][value % 3],
+            self.name()
+        )
+    }
+
+    fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+        let [batch, frames, ..] = joints.dims();
+        let [forward_x, forward_z] = forward(&joints).map(|part| part.unsqueeze_dim::<4>(3));
+        let axis = |axis| joints.clone().narrow(3, axis, 1);
+        let from_pelvis = |from| axis(from) - axis(from).narrow(2, Joint::Pelvis.index(), 1);
+        let (x, z) = (from_pelvis(0), from_pelvis(2));
+        let left = x.clone() * forward_z.clone() - z.clone() * forward_x.clone();
+        let ahead = x * forward_x + z * forward_z;
+        Tensor::cat(vec![left, axis(1), ahead], 3).reshape([batch, frames, 3 * JOINTS])
+    }
+
+    fn target(&self, baseline: Tensor<3>, _lengths: &[usize]) -> LossTarget {
+        let [_, frames, _] = baseline.dims();
+        let joints = self.pose.joints().as_flattened();
+        LossTarget::constant(joints, 1.0 / POSE_TOLERANCE, &baseline.device())
+            .at_frame(self.frame, frames)
     }
 }
 
@@ -135,6 +180,18 @@ impl LossTerm for ReachTerm {
         LossTarget::constant(&position, 1.0 / REACH_TOLERANCE, &baseline.device())
             .at_frame(self.frame, frames)
     }
+}
+
+/// Returns x and z of the direction in which the body faces, a unit vector; each is `[batch, frames, 1]`.
+fn forward(joints: &Tensor<4>) -> [Tensor<3>; 2] {
+    let at = |joint| position(joints, joint);
+    let across = at(Joint::LeftHip) - at(Joint::RightHip) + at(Joint::LeftShoulder)
+        - at(Joint::RightShoulder);
+    // Forward is a quarter turn to the right of the direction from right to left.
+    let (x, z) = (-across.clone().narrow(2, 2, 1), across.narrow(2, 0, 1));
+    // The small number keeps the gradient of the root finite.
+    let length = (x.clone().square() + z.clone().square() + 1e-6).sqrt();
+    [x, z].map(|part| part / length.clone())
 }
 
 /// Returns the positions of a joint, `[batch, frames, 3]`.

@@ -152,6 +152,37 @@ impl Rotations {
         )
     }
 
+    /// Returns the frames of both, one after the other, without a loop. `next` has to stand where it goes on.
+    ///
+    /// # Panics
+    ///
+    /// If they are of different skeletons or have different frame rates.
+    pub fn followed_by(&self, next: &Rotations) -> Rotations {
+        assert!(
+            self.rest == next.rest && self.frames_per_second == next.frames_per_second,
+            "expected rotations of one skeleton and one frame rate"
+        );
+        let last = self.local.last().copied().unwrap_or_default();
+        // Of the two quaternions of a rotation, the nearer one follows.
+        let dot = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        let first = next.local.first().copied().unwrap_or_default();
+        let signs: [f32; JOINTS] =
+            std::array::from_fn(|joint| match dot(last[joint], first[joint]) {
+                negative if negative < 0.0 => -1.0,
+                _ => 1.0,
+            });
+        let turned = next
+            .local
+            .iter()
+            .map(|pose| std::array::from_fn(|joint| pose[joint].map(|value| signs[joint] * value)));
+        Rotations::new(
+            self.rest.clone(),
+            [&self.root[..], &next.root].concat(),
+            self.local.iter().copied().chain(turned).collect(),
+            self.frames_per_second,
+        )
+    }
+
     /// Returns the frame rate in frames a second: 20, unless the rotations were made or
     /// [resampled](Self::resampled) at another rate.
     pub fn frames_per_second(&self) -> f32 {

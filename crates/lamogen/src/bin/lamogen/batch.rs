@@ -257,7 +257,7 @@ impl BatchRunner<'_> {
             "gif_width": writing.gif_width,
             "generator": concat!("lamogen ", env!("CARGO_PKG_VERSION")),
         });
-        if let Some(checksums) = item.neighbour_checksums() {
+        if let Some(checksums) = item.named_checksums() {
             identity["neighbours"] = json!(checksums);
         }
         let method = self.source.model.sampling_method();

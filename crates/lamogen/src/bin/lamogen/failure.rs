@@ -4,7 +4,7 @@ use std::path::Path;
 
 use lamogen::character::CharacterError;
 use lamogen::files::{MappingError, ReadError, WriteError};
-use lamogen::{DeviceError, Error, LoadError};
+use lamogen::{DeviceError, Error, LoadError, NamedMotionError};
 use lamogen_data::DataError;
 use lamogen_train::VariationError;
 
@@ -88,6 +88,12 @@ impl From<DeviceError> for Failure {
 
 impl From<ReadError> for Failure {
     fn from(error: ReadError) -> Self {
+        Failure::new(FailureCode::Input, error)
+    }
+}
+
+impl From<NamedMotionError> for Failure {
+    fn from(error: NamedMotionError) -> Self {
         Failure::new(FailureCode::Input, error)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lamogen::{Generation, Neighbours, Request};
+use lamogen::{Generation, NamedMotions, Request};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::{BodyName, GenerateArguments, PassArguments, PresetName};
@@ -35,7 +35,8 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     if options.pass.emphasis.is_some() && !has_goals {
         console.notice("--emphasis changes nothing here: it is for motions with goals, such as --weight strong");
     }
-    let neighbours = Neighbours::read(options.after.as_deref(), options.before.as_deref())?;
+    let (after, before) = (options.after.as_deref(), options.before.as_deref());
+    let named_motions = NamedMotions::read(after, before, &options.places.pose)?;
     let places = options.places.places();
     for notice in places.notices() {
         console.notice(notice);
@@ -49,7 +50,7 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
                 .root_motion(options.writing.root_motion())
                 .places(places.clone());
             let request = following.iter().cloned().fold(request, Request::then);
-            let request = neighbours.apply(request);
+            let request = named_motions.apply(request);
             let request = options.pass.apply(request, source.model.preset());
             match goals.clone() {
                 Some(goals) => request.scale(goals),

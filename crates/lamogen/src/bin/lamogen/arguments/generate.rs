@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lamogen::laban::GoalError;
 use lamogen::{
-    Component, Facing, Goal, GroundPath, PartScale, Places, Reach, RequestedGoals, Scale,
+    Component, Facing, Goal, GroundPath, PartScale, Places, PoseFile, Reach, RequestedGoals, Scale,
 };
 
 use super::sentences::SentenceArguments;
@@ -132,15 +132,20 @@ pub struct PlaceArguments {
     /// metres to the left of the start, up and forward. May be given several times.
     #[arg(long, value_name = "PART@SECONDS=X,Y,Z")]
     pub reach: Vec<Reach>,
+    /// A pose that the body takes at a moment, of a motion file: its first frame, as in 1.5=sit.npy, or that of a time in it, as in
+    /// 1.5=dance.bvh@3.2. May be given several times.
+    #[arg(long, value_name = "SECONDS=FILE")]
+    pub pose: Vec<PoseFile>,
 }
 
 impl PlaceArguments {
-    /// Returns the places that the arguments state.
+    /// Returns the places that the arguments state; the poses are in files.
     pub fn places(&self) -> Places {
         Places {
             path: self.path.clone(),
             facing: self.face,
             reaches: self.reach.clone(),
+            poses: Vec::new(),
         }
     }
 }

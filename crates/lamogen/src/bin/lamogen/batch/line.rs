@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use lamogen::{Device, Goals, JsonRequest, Neighbours, Preset, Request, RootMotion};
+use lamogen::{Device, Goals, JsonRequest, NamedMotions, Preset, Request, RootMotion};
 use lamogen_data::Checksum;
 use serde_json::Value;
 
@@ -20,9 +20,9 @@ pub struct BatchItem {
     /// The goals of each sentence, after [`BatchItem::read_files`].
     goals: Vec<Option<Goals>>,
     /// The motions before and after, once they are read with the goals.
-    neighbours: Neighbours,
+    named_motions: NamedMotions,
     /// The checksums of the motion files before and after.
-    neighbour_checksums: [Option<String>; 2],
+    named_checksums: Vec<Option<String>>,
     /// The checksum of the motion file that has the Laban features to reach, for each sentence.
     like_checksums: Vec<Option<String>>,
 }
@@ -76,8 +76,8 @@ fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
         id: { line.id.clone() }.unwrap_or_else(|| format!("line-{number:05}")),
         line,
         goals: Vec::new(),
-        neighbours: Neighbours::default(),
-        neighbour_checksums: [None, None],
+        named_motions: NamedMotions::default(),
+        named_checksums: Vec::new(),
         like_checksums: Vec::new(),
     })
 }
@@ -91,12 +91,12 @@ pub fn file_checksum(path: &Path) -> Option<String> {
 
 impl BatchItem {
     /// Combines the goals of the sentences, and reads the motion files that the request names: with features to reach, to go on
-    /// from, to lead to.
+    /// from, to lead to, and with poses.
     pub fn read_files(&mut self, device: &Device) -> Result<(), String> {
         let goals = self.line.goals(device);
         self.goals = goals.map_err(|error| error.to_string())?;
-        let neighbours = self.line.neighbours();
-        self.neighbours = neighbours.map_err(|error| error.to_string())?;
+        let named_motions = self.line.named_motions();
+        self.named_motions = named_motions.map_err(|error| error.to_string())?;
         Ok(())
     }
 
@@ -110,13 +110,21 @@ impl BatchItem {
         };
         let sentences = self.line.sentences();
         self.like_checksums = sentences.map(|sentence| checksum(&sentence.like)).collect();
-        self.neighbour_checksums = [&self.line.after, &self.line.before].map(checksum);
+        let neighbours = [&self.line.after, &self.line.before].map(&mut checksum);
+        let poses = self
+            .line
+            .pose
+            .iter()
+            .map(|pose| checksum(&Some(pose.path.clone())));
+        self.named_checksums = neighbours.into_iter().chain(poses).collect();
     }
 
-    /// Returns the checksums of the motion files to go on from and to lead to; `None` if the request names none.
-    pub fn neighbour_checksums(&self) -> Option<&[Option<String>; 2]> {
-        let has_any = self.line.after.is_some() || self.line.before.is_some();
-        has_any.then_some(&self.neighbour_checksums)
+    /// Returns the checksums of the motion files to go on from and to lead to, and of those with poses; `None` if the request names
+    /// none.
+    pub fn named_checksums(&self) -> Option<&[Option<String>]> {
+        let line = &self.line;
+        let has_any = line.after.is_some() || line.before.is_some() || !line.pose.is_empty();
+        has_any.then_some(&self.named_checksums)
     }
 
     /// Returns the checksum of the motion file with the features to reach, or null if there is no such file; for several
@@ -131,7 +139,9 @@ impl BatchItem {
 
     /// Whether the request has goals or places; known after [`BatchItem::read_files`].
     pub fn is_guided(&self) -> bool {
-        self.goals.iter().any(Option::is_some) || !self.line.places().is_empty()
+        self.goals.iter().any(Option::is_some)
+            || !self.line.places().is_empty()
+            || !self.line.pose.is_empty()
     }
 
     /// Returns the length of the motion in seconds.
@@ -169,7 +179,7 @@ impl BatchItem {
         line.emphasis = pass.emphasis;
         line.body = pass.body.map(BodyName::body);
         line.is_looped = Some(pass.is_looped);
-        self.neighbours
+        self.named_motions
             .apply(line.request_with(&self.goals, preset))
     }
 }

@@ -46,6 +46,7 @@ impl ServedRequest {
         let file_fields = [
             ("after", line.after.is_some()),
             ("before", line.before.is_some()),
+            ("pose", !line.pose.is_empty()),
             (
                 "then",
                 line.then.iter().any(|sentence| sentence.like.is_some()),

@@ -1,0 +1,201 @@
+//! Motions that are made a stretch at a time, each going on from the one before.
+//!
+//! ```text
+//! sentences     | a person walks forward            | a person jumps    | …
+//! stretches     |-----------------|-----------------|-------------------|
+//!                                ·|                ·|
+//!                                 a stretch begins with the last second of the one before, which it does not change
+//! ```
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use lamogen_laban::Goals;
+use lamogen_motion::Motion;
+
+use crate::neighbours::{KNOWN_FRAMES, Predecessor, StretchEnd};
+use crate::request::Request;
+
+/// Some of the frames of a sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Section {
+    /// The place of the sentence.
+    pub(crate) sentence: usize,
+    /// The frames among those of the sentence.
+    pub(crate) frames: Range<usize>,
+}
+
+/// A sentence with its goals, of a motion that is made a stretch at a time.
+#[derive(Clone, Debug)]
+pub(crate) struct Sentence {
+    pub(crate) prompt: String,
+    pub(crate) frames: usize,
+    pub(crate) goals: Option<Goals>,
+}
+
+impl Section {
+    /// Returns the request of these frames of a sentence, with nothing but its goals.
+    pub(crate) fn request(&self, sentence: &Sentence) -> Request {
+        let goals = { sentence.goals.as_ref() }
+            .map(|goals| goals.section(self.frames.clone(), sentence.frames));
+        Request {
+            goals,
+            ..Request::new(&sentence.prompt).frames(self.frames.len())
+        }
+    }
+}
+
+/// Cuts sentences of these lengths into stretches of at most `longest` frames. A sentence that is longer than a stretch has
+/// stretches of its own, which are equally long.
+pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> {
+    let mut stretches: Vec<Vec<Section>> = Vec::new();
+    let mut free = 0;
+    for (sentence, &length) in lengths.iter().enumerate() {
+        for frames in sections(length, longest) {
+            let section = Section { sentence, frames };
+            let needed = section.frames.len();
+            match stretches.last_mut().filter(|_| needed <= free) {
+                Some(stretch) => {
+                    free -= needed;
+                    stretch.push(section);
+                }
+                None => {
+                    free = longest - needed;
+                    stretches.push(vec![section]);
+                }
+            }
+        }
+    }
+    stretches
+}
+
+/// Cuts a sentence into the fewest equally long sections of at most `longest` frames.
+pub(crate) fn sections(length: usize, longest: usize) -> impl Iterator<Item = Range<usize>> {
+    let count = length.div_ceil(longest).max(1);
+    let place = move |section: usize| length * section / count;
+    (0..count).map(move |section| place(section)..place(section + 1))
+}
+
+/// Returns the request of a stretch: its sentences, with the options of the request of the whole motion.
+///
+/// The start noise of each stretch has a seed of its own.
+pub(crate) fn stretch_request(
+    options: &Request,
+    sentences: impl IntoIterator<Item = Request>,
+    index: usize,
+    end: Option<StretchEnd>,
+) -> Request {
+    let mut sentences = sentences.into_iter();
+    let first = sentences.next().expect("a stretch has a sentence");
+    let request = Request {
+        prompt: first.prompt,
+        length: first.length,
+        goals: first.goals,
+        tags: Vec::new(),
+        parts: Vec::new(),
+        following: Vec::new(),
+        seed: seed(options.seed, index),
+        after: match end {
+            Some(end) => Some(Predecessor::Stretch(Arc::new(end))),
+            None => options.after.clone(),
+        },
+        before: None,
+        ..options.clone()
+    };
+    sentences.fold(request, Request::then)
+}
+
+/// Returns the seed of a stretch: that of the whole motion for the first one.
+fn seed(seed: u64, index: usize) -> u64 {
+    // An odd number far from all small ones, so that no stretch has the noise of another small seed.
+    seed.wrapping_add((index as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+}
+
+impl StretchEnd {
+    /// Takes the last frames of both motions of a stretch.
+    pub(crate) fn of(baseline: &Motion, guided: &Motion, changes_goals: bool) -> StretchEnd {
+        StretchEnd {
+            baseline: end_of(baseline),
+            guided: end_of(guided),
+            changes_goals,
+        }
+    }
+}
+
+/// Returns the frames of a motion that the next stretch sees.
+fn end_of(motion: &Motion) -> Motion {
+    let frames = motion.frames();
+    let rotations = motion
+        .rotations()
+        .between(frames.saturating_sub(KNOWN_FRAMES)..frames);
+    Motion::from_rotations(rotations).expect("the end of a motion is a motion")
+}
+
+/// Joins stretches of a motion, each of which stands where it goes on. Motions of pose features go on from one another by
+/// themselves.
+pub(crate) fn joined(stretches: &[Motion]) -> Motion {
+    let features: Option<Vec<_>> = stretches.iter().map(Motion::features).collect();
+    let motion = match features {
+        Some(features) => Motion::from_pose_features(features.concat()),
+        None => {
+            let rotations = stretches
+                .iter()
+                .map(|stretch| stretch.rotations().into_owned());
+            let joined = rotations.reduce(|before, next| before.followed_by(&next));
+            Motion::from_rotations(joined.expect("a motion has a stretch"))
+        }
+    };
+    let first = &stretches[0];
+    motion
+        .expect("stretches of a motion are a motion")
+        .with_copyright(first.copyright())
+        .with_root_motion(first.root_motion())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::request::Length;
+
+    fn lengths(stretches: &[Vec<Section>]) -> Vec<Vec<(usize, usize)>> {
+        let section = |section: &Section| (section.sentence, section.frames.len());
+        { stretches.iter() }
+            .map(|stretch| stretch.iter().map(section).collect())
+            .collect()
+    }
+
+    #[test]
+    fn stretches_have_all_frames_and_are_not_too_long() {
+        assert_eq!(lengths(&stretches(&[60], 400)), [[(0, 60)]]);
+        assert_eq!(
+            lengths(&stretches(&[200, 200, 40], 400)),
+            [vec![(0, 200), (1, 200)], vec![(2, 40)]]
+        );
+        assert_eq!(
+            lengths(&stretches(&[900, 50], 400)),
+            [vec![(0, 300)], vec![(0, 300)], vec![(0, 300), (1, 50)]]
+        );
+        let ends = sections(1000, 300).map(|frames| frames.end);
+        assert_eq!(ends.collect::<Vec<_>>(), [250, 500, 750, 1000]);
+    }
+
+    #[test]
+    fn seeds_of_stretches_differ() {
+        let seeds: Vec<u64> = (0..4).map(|index| seed(7, index)).collect();
+        assert_eq!(seeds[0], 7);
+        assert!(seeds[1..].iter().all(|seed| *seed > 1_000_000));
+    }
+
+    #[test]
+    fn the_options_of_the_first_request_are_those_of_every_stretch() {
+        let options = Request::new("walk").steps(5).seed(3).then("jump");
+        let sections = [
+            Request::new("walk").frames(50),
+            Request::new("jump").frames(60),
+        ];
+        let request = stretch_request(&options, sections, 0, None);
+        assert_eq!(request.steps, Some(5));
+        assert_eq!((request.seed, request.following.len()), (3, 1));
+        assert_eq!(request.length, Length::Frames(50));
+    }
+}

@@ -1,0 +1,242 @@
+//! Long motions, which are made a stretch at a time, and streams.
+
+use std::ops::{ControlFlow, Range};
+
+use lamogen::{
+    BodyPart, Component, Device, Error, Factor, Generation, Goal, Goals, LaMoGen, LabanOptions,
+    LabanSeries, Motion, PartScale, Request, Scale, Tag,
+};
+
+fn model() -> LaMoGen {
+    LaMoGen::embedded(&Device::flex()).unwrap()
+}
+
+fn strong() -> Scale {
+    Scale::from_tags(&[Tag::Strong]).unwrap()
+}
+
+/// Returns the steps of all joints from one frame to the next, the largest of each frame, in metres.
+fn steps(joints: &[[[f32; 3]; 22]]) -> Vec<f32> {
+    let step = |pair: &[[[f32; 3]; 22]]| {
+        let [from, to] = [&pair[0], &pair[1]];
+        let lengths = from.iter().zip(to).map(|(a, b)| {
+            let square = |axis: usize| (b[axis] - a[axis]).powi(2);
+            (square(0) + square(1) + square(2)).sqrt()
+        });
+        lengths.fold(0.0, f32::max)
+    };
+    joints.windows(2).map(step).collect()
+}
+
+/// Checks that no joint leaps from the frame before each border to the border.
+fn goes_on_at(joints: &[[[f32; 3]; 22]], borders: &[usize]) {
+    let steps = steps(joints);
+    let mut sorted = steps.clone();
+    sorted.sort_by(f32::total_cmp);
+    let most = sorted[steps.len() * 99 / 100];
+    for &border in borders {
+        assert!(
+            steps[border - 1] <= 1.3 * most,
+            "{} m at frame {border}, 99 % of the steps are at most {most}",
+            steps[border - 1]
+        );
+    }
+}
+
+fn mean_change(generation: &Generation, frames: Range<usize>) -> f32 {
+    let means = [&generation.baseline_laban, &generation.guided_laban]
+        .map(|series| series.known_means(frames.clone())[0]);
+    means[1] / means[0]
+}
+
+#[test]
+fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
+    let arms = PartScale::new(BodyPart::Arms).tag(Tag::Light).unwrap();
+    let walk = || Request::new("a person walks forward");
+    let request = walk()
+        .seconds(18.0)
+        .seed(3)
+        .scale(
+            Goals::default()
+                .with(
+                    Component::Weight,
+                    Factor::parse(Component::Weight, "0:1.5 9:0.6").unwrap(),
+                )
+                .with(Component::Shape, Goal::Peak(0.9)),
+        )
+        .then(walk().seconds(6.0))
+        .then(walk().seconds(4.0).part(arms));
+    let generation = model().generate(&request).unwrap();
+    let motion = &generation.guided;
+    assert_eq!(motion.frames(), 560);
+    // 18 s are two stretches of 180 frames; the others share one.
+    goes_on_at(motion.joints(), &[180, 360]);
+    goes_on_at(generation.baseline.joints(), &[180, 360]);
+    for (frames, expected) in [(5..175, 1.5), (185..355, 0.6), (385..475, 1.0)] {
+        let change = mean_change(&generation, frames.clone());
+        assert!(
+            (change / expected - 1.0).abs() < 0.1,
+            "{frames:?}: {change} instead of {expected}"
+        );
+    }
+    let peak = |series: &LabanSeries| {
+        let shape = series.frames()[..360].iter().map(|values| values[3]);
+        shape.fold(0.0, f32::max)
+    };
+    let peak = peak(&generation.guided_laban);
+    assert!((peak / 0.9 - 1.0).abs() < 0.1, "{peak}");
+    let part = { generation.parts.iter() }
+        .find(|part| part.end_effectors == BodyPart::Arms.into())
+        .unwrap();
+    for series in [&part.baseline, &part.target, &part.guided] {
+        assert_eq!(series.frames().len(), 560);
+    }
+    let [arms, before] =
+        [&part.guided, &part.baseline].map(|series| series.known_means(505..555)[0]);
+    assert!(
+        (arms / before / 0.5 - 1.0).abs() < 0.15,
+        "{}",
+        arms / before
+    );
+    // What is reported is what a file has.
+    let own = Motion::from_joints(motion.joints().to_vec()).unwrap();
+    let own = LabanSeries::of(&own, &LabanOptions::default(), &Device::flex());
+    for (found, reported) in own.frames().iter().zip(generation.guided_laban.frames()) {
+        for (found, reported) in found.iter().zip(reported) {
+            assert!((found - reported).abs() < 1e-4 * reported.max(1.0));
+        }
+    }
+    assert_eq!(generation.target.frames().len(), 560);
+    assert_eq!(generation.network.guided.frames(), 560);
+    assert_eq!(generation.sentences.len(), 3);
+    assert_eq!(generation.sentences[2].frames, 480..560);
+}
+
+#[test]
+fn a_long_run_that_is_stopped_has_the_stretches_before() {
+    let model = model();
+    let request = Request::new("a person walks")
+        .seconds(32.0)
+        .steps(2)
+        .tag(Tag::Strong);
+    let mut total = 0;
+    let stop_at = |step: usize, total: &mut usize| {
+        let stopped = model.generate_with(&request, &mut |progress| {
+            *total = progress.total;
+            assert!(progress.done <= progress.total);
+            match progress.done >= step {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        match stopped {
+            Err(Error::Stopped(stopped)) => stopped.partial.unfinished.into_iter().next().unwrap(),
+            other => panic!("expected a stop, found {other:?}"),
+        }
+    };
+    let early = stop_at(1, &mut total);
+    assert!(early.prediction.is_none() && early.baseline.is_none());
+    // The passes of the network and the fits of three stretches.
+    assert!(total > 3 * (2 + 2));
+    let mut guided_stops = 0;
+    let mut stops = Vec::new();
+    let stopped = model.generate_with(&request, &mut |progress| {
+        let is_first = progress.step.pass == lamogen::Pass::Guided && progress.step.index == 0;
+        guided_stops += usize::from(is_first);
+        stops.push(progress.done);
+        match guided_stops {
+            2 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
+    let Err(Error::Stopped(stopped)) = stopped else {
+        panic!("the run was stopped");
+    };
+    let unfinished = &stopped.partial.unfinished[0];
+    assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 640);
+    assert_eq!(unfinished.prediction.as_ref().unwrap().frames(), 213);
+}
+
+#[test]
+fn a_stream_goes_on_and_takes_what_comes() {
+    let model = model();
+    let mut stream = model
+        .stream(&Request::new("a person walks forward").seconds(6.0).seed(2))
+        .unwrap();
+    let first = stream.next().unwrap().unwrap();
+    assert_eq!((first.frames.clone(), first.sentence), (0..60, 0));
+    // The first stretch is what the same request gives on its own.
+    let alone = Request::new("a person walks forward").seconds(3.0).seed(2);
+    assert_eq!(
+        first.generation.guided,
+        model.generate(&alone).unwrap().guided
+    );
+    stream.steer(strong()).unwrap();
+    let second = stream.next().unwrap().unwrap();
+    assert_eq!(second.frames, 60..120);
+    let change = mean_change(&second.generation, 22..60);
+    assert!((change / 1.5 - 1.0).abs() < 0.12, "{change}");
+    assert!(stream.next().is_none());
+    stream
+        .then(&Request::new("a person jumps").seconds(5.0))
+        .unwrap();
+    let jump = stream.next().unwrap().unwrap();
+    assert_eq!((jump.frames.clone(), jump.sentence), (120..170, 1));
+    stream
+        .replace(&Request::new("a person walks forward").seconds(3.0))
+        .unwrap();
+    let last = stream.next().unwrap().unwrap();
+    assert_eq!((last.frames.clone(), last.sentence), (170..230, 2));
+    assert!(stream.next().is_none());
+    assert_eq!(stream.frames(), 230);
+    let stretches = [first, second, jump, last];
+    let joints: Vec<_> = { stretches.iter() }
+        .flat_map(|stretch| stretch.generation.guided.joints().to_vec())
+        .collect();
+    goes_on_at(&joints, &[60, 120, 170]);
+}
+
+#[test]
+fn a_stream_begins_where_a_motion_ends() {
+    let model = model();
+    let walk = Request::new("a person walks forward").seconds(3.0).seed(1);
+    let clip = model.generate(&walk).unwrap().guided;
+    let request = Request::new("a person jumps").seconds(3.0).after(&clip);
+    let first = model.stream(&request).unwrap().next().unwrap().unwrap();
+    let joints = [clip.joints(), first.generation.guided.joints()].concat();
+    goes_on_at(&joints, &[60]);
+}
+
+#[test]
+fn what_a_stream_cannot_do_is_said() {
+    let model = model();
+    let walk = || Request::new("a person walks").seconds(3.0);
+    let message = |request: &Request| model.stream(request).err().unwrap().to_string();
+    for (request, part) in [
+        (walk().looped(true), "found a loop"),
+        (walk().path("0:0,0 2:1,0".parse().unwrap()), "found places"),
+        (
+            walk().guidance(lamogen::Guidance::paper()).tag(Tag::Strong),
+            "found the network's own body",
+        ),
+        (walk().seconds(0.5), "0.5 s"),
+        (Request::new(""), "empty"),
+    ] {
+        assert!(message(&request).contains(part), "{}", message(&request));
+    }
+    let mut stream = model.stream(&walk()).unwrap();
+    let error = stream.then(&walk().seed(3)).unwrap_err().to_string();
+    assert!(error.contains("belong to the first"), "{error}");
+    let error = stream.replace(&Request::new(" ")).unwrap_err().to_string();
+    assert!(error.contains("empty"), "{error}");
+    let late = Goals::default().with(
+        Component::Weight,
+        Factor::parse(Component::Weight, "9:2").unwrap(),
+    );
+    let error = stream.steer(late).unwrap_err().to_string();
+    assert!(error.contains('9'), "{error}");
+    // Nothing of this has changed the stream.
+    let stopped = stream.next_with(&mut |_| ControlFlow::Break(()));
+    assert!(matches!(stopped, Some(Err(Error::Stopped(_)))));
+    assert_eq!(stream.next().unwrap().unwrap().frames, 0..60);
+}
