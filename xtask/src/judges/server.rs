@@ -13,7 +13,7 @@ const TOKEN: &str = "token-of-the-judges";
 
 /// Lets schemathesis ask for what the OpenAPI document of the server says, and for what it does not.
 pub(super) fn check_interface(_: &Path, _: &JudgedFiles) -> Result<()> {
-    let bin = install_python("schemathesis-venv", "schemathesis")?;
+    let bin = std::path::absolute(install_python("schemathesis-venv", "schemathesis")?)?;
     // Motions longer than the default would only take time. On a busy machine the paper's preset takes minutes.
     let options = ["--quiet", "--max-seconds", "3", "--time-limit", "600"];
     let options = [&options[..], &["--token", TOKEN]].concat();
@@ -27,7 +27,9 @@ pub(super) fn check_interface(_: &Path, _: &JudgedFiles) -> Result<()> {
         .args(["--continue-on-failure", "--generation-database", "none"])
         .args(["--request-timeout", "600"])
         // What a factor or a path may say as a text, and how long a model's motions are, is beyond a schema.
-        .args(["--exclude-checks", "positive_data_acceptance"]);
+        .args(["--exclude-checks", "positive_data_acceptance"])
+        // It writes its cases to the folder in which it runs.
+        .current_dir(FOLDER);
     run_command(&mut judge)
 }
 
