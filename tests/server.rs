@@ -180,6 +180,47 @@ fn answers_are_the_bytes_that_the_command_writes() {
     }
 }
 
+/// While others wait, motions are made side by side on fewer threads, and each is the one of the command.
+#[test]
+fn answers_are_the_same_bytes_when_many_ask_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let server = RunningServer::start(&["--parallel", "3"]);
+    let motions = ["strong", "light", "", "strong"].iter().enumerate();
+    let motions: Vec<(u64, &str)> = motions
+        .map(|(seed, word)| (seed as u64 % 3, *word))
+        .collect();
+    std::thread::scope(|scope| {
+        let answers: Vec<_> = { motions.iter() }
+            .map(|&(seed, word)| {
+                let mut request =
+                    json!({ "prompt": "a person jumps", "steps": 3, "seed": seed, "seconds": 2 });
+                if !word.is_empty() {
+                    request["weight"] = word.into();
+                }
+                let server = &server;
+                scope.spawn(move || server.generate("text/plain", &request))
+            })
+            .collect();
+        for ((seed, word), answer) in motions.iter().zip(answers) {
+            let name = format!("{seed}{word}.bvh");
+            let seed = seed.to_string();
+            let mut arguments = vec!["generate", "a person jumps", "--steps", "3"];
+            arguments.extend(["--seed", &seed, "--seconds", "2", "--quiet", "--out", &name]);
+            if !word.is_empty() {
+                arguments.extend(["--weight", word]);
+            }
+            succeeds(folder, &arguments);
+            let answer = answer.join().unwrap();
+            assert_eq!(answer.status, 200);
+            assert!(
+                answer.body == std::fs::read(folder.join(&name)).unwrap(),
+                "{name}"
+            );
+        }
+    });
+}
+
 #[test]
 fn a_report_on_a_file_is_the_command_s_and_its_series_can_be_a_goal() {
     let folder = tempfile::tempdir().unwrap();
@@ -258,7 +299,12 @@ fn wrong_requests_say_what_was_expected_and_where() {
         (
             "{\"prompt\": \"a person walks\", \"seconds\": 1e39}",
             "seconds",
-            "2.0 to 3600.0 s",
+            "at most 60 s",
+        ),
+        (
+            "{\"prompt\": \"a person walks\", \"seconds\": 58, \"then\": [{\"prompt\": \"a person jumps\"}]}",
+            "seconds",
+            "at most 60 s, all sentences together, found 61 s",
         ),
         (
             "{\"prompt\": \"a person walks\", \"steps\": 0}",
@@ -331,11 +377,48 @@ fn wrong_requests_say_what_was_expected_and_where() {
             "unknown field",
         ),
         ("[1]", "body", "expected a JSON object"),
+        ("", "body", "found nothing"),
+        (" \n\t", "body", "found nothing"),
         ("not json", "body", "expected a JSON object"),
         ("{\"prompt\": \"a", "body", "at column"),
         (&deep, "body", "invalid type: sequence"),
     ] {
         server.refuses(request, 400, place, part);
+    }
+    // Each is nearly as large as a request may be.
+    let many = |item: &str| vec![item; 900_000 / (item.len() + 1)].join(",");
+    let with = |fields: &str| format!("{{\"prompt\": \"a person walks\", {fields}}}");
+    let sentence = "{\"prompt\":\"a person jumps\",\"seconds\":2}";
+    for (fields, part) in [
+        (
+            format!("\"part\": [{}]", many("\"arms:strong\"")),
+            "in common",
+        ),
+        (
+            format!("\"reach\": [{}]", many("\"right-hand@1.5=0.3,1.6,0.5\"")),
+            "at a moment",
+        ),
+        (
+            format!(
+                "\"then\": [{},{{\"prompt\":\"a\",\"seconds\":-99999}}]",
+                many(sentence)
+            ),
+            "all sentences together",
+        ),
+        (many("\"x\":1"), "unknown field"),
+        (format!("\"seed\": {}", "9".repeat(900_000)), "out of range"),
+    ] {
+        let headers = [("Content-Type", "application/json")];
+        let request = with(&fields);
+        let answer = server.ask("POST /api/v1/generate", &headers, request.as_bytes());
+        assert_eq!(answer.status, 400, "{}", answer.json());
+        let detail = answer.json()["detail"].to_string();
+        assert!(detail.contains(part), "{part}: {detail}");
+        assert!(
+            answer.body.len() < 2000,
+            "{part}: {} bytes",
+            answer.body.len()
+        );
     }
     let long = json!({ "prompt": "a ".repeat(1500) }).to_string();
     server.refuses(&long, 400, "prompt", "at most 2000");

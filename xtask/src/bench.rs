@@ -155,7 +155,12 @@ fn median(
 
 /// Returns the peak memory of this process in MiB; `None` if the operating system does not report it.
 pub fn peak_memory() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    peak_memory_of(std::process::id())
+}
+
+/// Returns the peak memory of a running process in MiB; `None` if the operating system does not report it.
+pub fn peak_memory_of(process: u32) -> Option<f64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib / 1024.0)

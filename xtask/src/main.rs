@@ -32,7 +32,8 @@ enum Task {
         #[arg(long)]
         all: bool,
     },
-    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, three-vrm, a browser.
+    /// Let other programs judge the files that lamogen writes: Khronos' glTF validator, Blender, three-vrm, a browser;
+    /// and the server: schemathesis, curl, Python, node.
     Judges {
         /// Ask only the judges whose names contain this text, such as three-vrm.
         #[arg(long, value_name = "TEXT")]
@@ -57,6 +58,11 @@ enum Task {
         /// Where to compute, as for parity.
         #[arg(long, default_value = "flex")]
         device: DeviceName,
+    },
+    /// Let many clients ask lamogen serve at once; prints a table beside lamogen batch on the same requests.
+    Load {
+        #[command(flatten)]
+        options: xtask::load::Options,
     },
     /// Measure how cost grows with frames, batch and steps; prints the points and plots them.
     Sweep {
@@ -244,6 +250,15 @@ fn main() -> ExitCode {
                     Err(error) => fail(&*error),
                 }
             })
+        }
+        Task::Load { options } => {
+            match xtask::load::run(&options, &mut |line| eprintln!("{line}")) {
+                Ok(table) => {
+                    print!("{table}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
         }
         Task::Truth { options, device } => truth(&options, device),
         Task::Seams { options, device } => with_device(device, |device| {

@@ -16,7 +16,8 @@ pub struct ServerConfig {
     pub allowed_origins: Vec<String>,
     /// The number of requests that may wait for their turn; further ones are answered with status 429. The default is 64.
     pub queue: usize,
-    /// The number of works that run at the same time. The default is 1: a work uses all processors itself.
+    /// The number of works that run at the same time, each on its share of the processors, while further ones wait. A work that
+    /// is alone has all processors. The default is 1: works run one after another, each on all processors.
     pub workers: usize,
     /// The longest time of a work. The default is one minute.
     pub work_time: Duration,
@@ -31,6 +32,9 @@ pub struct ServerConfig {
     pub head_time: Duration,
     /// The longest time until the body of a request has arrived. The default is 30 s.
     pub body_time: Duration,
+    /// The longest time for which a client may read nothing of its answer; its connection is closed then, and its work stopped.
+    /// The default is 30 s.
+    pub write_time: Duration,
     /// The number of open connections; further ones wait. The default is 512.
     pub max_connections: usize,
     /// The longest time that works may go on after the server was told to end. The default is 5 s.
@@ -64,6 +68,7 @@ impl Default for ServerConfig {
             max_upload_total: 64_000_000,
             head_time: Duration::from_secs(15),
             body_time: Duration::from_secs(30),
+            write_time: Duration::from_secs(30),
             max_connections: 512,
             grace: Duration::from_secs(5),
             pages: Vec::new(),

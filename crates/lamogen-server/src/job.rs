@@ -11,7 +11,7 @@ use tokio::sync::{oneshot, watch};
 use crate::metrics::{JobOutcome, Metrics};
 use crate::problem::{Problem, ProblemKind};
 use crate::queue::{QueueError, WorkQueue};
-use crate::service::{WorkError, WorkProgress};
+use crate::service::{ProcessorShare, WorkError, WorkObserver, WorkProgress};
 
 /// A work that waits or runs. Dropping it stops the work.
 pub(crate) struct Job<T> {
@@ -51,15 +51,13 @@ pub(crate) fn start_job<T: Send + 'static>(
     queue: &WorkQueue,
     metrics: &Arc<Metrics>,
     limits: &JobLimits,
-    work: impl FnOnce(&mut dyn FnMut(WorkProgress) -> ControlFlow<()>) -> Result<T, WorkError>
-    + Send
-    + 'static,
+    work: impl FnOnce(ProcessorShare, WorkObserver<'_>) -> Result<T, WorkError> + Send + 'static,
 ) -> Result<Job<T>, Problem> {
     let (send_outcome, outcome) = oneshot::channel();
     let (send_progress, progress) = watch::channel(WorkProgress::default());
     let is_cancelled = Arc::new(AtomicBool::new(false));
     let (flag, limits, metrics_of_work) = (is_cancelled.clone(), limits.clone(), metrics.clone());
-    let run = move || {
+    let run = move |share: ProcessorShare| {
         let start = Instant::now();
         let mut is_late = false;
         let mut observer = |progress| {
@@ -73,7 +71,7 @@ pub(crate) fn start_job<T: Send + 'static>(
                 false => ControlFlow::Continue(()),
             }
         };
-        let result = catch_unwind(AssertUnwindSafe(|| work(&mut observer)));
+        let result = catch_unwind(AssertUnwindSafe(|| work(share, &mut observer)));
         let (result, outcome) = match result {
             Ok(Ok(result)) => (Ok(result), JobOutcome::Done),
             Ok(Err(WorkError::Failed(problem))) => (Err(problem), JobOutcome::Failed),

@@ -7,7 +7,8 @@
 //! ```
 //!
 //! What motions are is the concern of the [`MotionService`]; this crate knows requests, media types and bytes. Works run
-//! one after another on threads apart from the one that serves connections. A work whose client goes away is stopped.
+//! on threads apart from the one that serves connections, one with all processors or, while others wait, several side by side.
+//! A work whose client goes away is stopped.
 //!
 //! | method and path | answer |
 //! |---|---|
@@ -34,7 +35,9 @@ mod service;
 pub use config::{PageFile, ServerConfig, ServerError};
 pub use problem::{Problem, ProblemKind};
 pub use server::{Server, ServerHandle};
-pub use service::{MotionService, UploadedFile, WorkError, WorkObserver, WorkProgress};
+pub use service::{
+    MotionService, ProcessorShare, UploadedFile, WorkError, WorkObserver, WorkProgress,
+};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

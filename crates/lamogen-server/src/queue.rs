@@ -1,12 +1,17 @@
-//! The queue of works, and the threads that do them one after another.
+//! The queue of works, and the threads that do them: one work with all processors, or several that share them.
+//!
+//! A work that is alone is done with all processors, and nothing else runs beside it. If others wait when it begins, they run side
+//! by side, each with its share: threads that work for different motions never wait for each other, so that more gets done.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// A work that waits for its turn.
-type Work = Box<dyn FnOnce() + Send>;
+use crate::service::ProcessorShare;
+
+/// A work that waits for its turn. It is told its share of the processors.
+type Work = Box<dyn FnOnce(ProcessorShare) + Send>;
 
 /// A bounded queue, first in, first out. It is shared by all its clones.
 #[derive(Clone)]
@@ -26,6 +31,8 @@ struct Shared {
 struct State {
     waiting: VecDeque<(u64, Work)>,
     running: usize,
+    /// Whether the work that runs has all processors.
+    is_one_alone: bool,
     next_number: u64,
     is_closed: bool,
     /// A moving average of the seconds that a work takes.
@@ -122,6 +129,16 @@ impl WorkQueue {
     }
 }
 
+impl State {
+    /// Takes the next work, unless one runs that has all processors.
+    fn next_if_free(&mut self) -> Option<(u64, Work)> {
+        match self.is_one_alone {
+            true => None,
+            false => self.waiting.pop_front(),
+        }
+    }
+}
+
 impl Shared {
     /// A work cannot leave a broken state: it never runs while the state is locked.
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -133,7 +150,7 @@ impl Shared {
         loop {
             let mut state = self.lock();
             let work = loop {
-                if let Some((_, work)) = state.waiting.pop_front() {
+                if let Some((_, work)) = state.next_if_free() {
                     break work;
                 }
                 if state.is_closed {
@@ -142,13 +159,17 @@ impl Shared {
                 let waited = self.changed.wait(state);
                 state = waited.unwrap_or_else(PoisonError::into_inner);
             };
+            let is_alone = state.running == 0 && (state.waiting.is_empty() || self.workers == 1);
+            let works = if is_alone { 1 } else { self.workers };
+            state.is_one_alone = is_alone;
             state.running += 1;
             drop(state);
             let start = Instant::now();
-            work();
+            work(ProcessorShare::one_of(works));
             let seconds = start.elapsed().as_secs_f64();
             let mut state = self.lock();
             state.running -= 1;
+            state.is_one_alone = false;
             state.mean_seconds += AVERAGE_WEIGHT * (seconds - state.mean_seconds);
             drop(state);
             self.changed.notify_all();
@@ -166,11 +187,13 @@ mod tests {
         let queue = WorkQueue::start(8, 1).unwrap();
         let (hold, held) = channel::<()>();
         let (said, heard) = channel();
-        queue.push(Box::new(move || held.recv().unwrap())).unwrap();
+        queue.push(Box::new(move |_| held.recv().unwrap())).unwrap();
         let numbers: Vec<u64> = (0..4)
             .map(|i| {
                 let said = said.clone();
-                queue.push(Box::new(move || said.send(i).unwrap())).unwrap()
+                queue
+                    .push(Box::new(move |_| said.send(i).unwrap()))
+                    .unwrap()
             })
             .collect();
         queue.remove(numbers[1]);
@@ -184,16 +207,16 @@ mod tests {
         let queue = WorkQueue::start(1, 1).unwrap();
         let (hold, held) = channel::<()>();
         let (started, has_started) = channel();
-        let first = move || {
+        let first = move |_| {
             started.send(()).unwrap();
             held.recv().unwrap();
         };
         queue.push(Box::new(first)).unwrap();
         has_started.recv().unwrap();
         queue
-            .push(Box::new(|| unreachable!("the queue is closed before")))
+            .push(Box::new(|_| unreachable!("the queue is closed before")))
             .unwrap();
-        let full = queue.push(Box::new(|| ()));
+        let full = queue.push(Box::new(|_| ()));
         assert_eq!(
             full,
             Err(QueueError::Full {
@@ -203,10 +226,47 @@ mod tests {
         );
         assert_eq!(queue.lengths(), [1, 1]);
         queue.close();
-        assert_eq!(queue.push(Box::new(|| ())), Err(QueueError::Closed));
+        assert_eq!(queue.push(Box::new(|_| ())), Err(QueueError::Closed));
         assert!(!queue.wait_until_idle(Duration::from_millis(10)));
         hold.send(()).unwrap();
         assert!(queue.wait_until_idle(Duration::from_secs(10)));
         assert_eq!(queue.lengths(), [0, 0]);
+    }
+
+    #[test]
+    fn a_work_that_is_alone_has_all_processors_and_others_share_them() {
+        let queue = WorkQueue::start(8, 2).unwrap();
+        let (said, heard) = channel();
+        let begin = |name: &'static str| {
+            let (release, held) = channel::<()>();
+            let said = said.clone();
+            let work = move |share: ProcessorShare| {
+                said.send((name, share.of(8))).unwrap();
+                held.recv().unwrap();
+            };
+            queue.push(Box::new(work)).unwrap();
+            release
+        };
+        let soon = Duration::from_secs(10);
+        let alone = begin("alone");
+        assert_eq!(heard.recv_timeout(soon).unwrap(), ("alone", 8));
+        let others = ["second", "third", "fourth"].map(&begin);
+        // There is a free thread, but no free processor.
+        assert!(heard.recv_timeout(Duration::from_millis(100)).is_err());
+        assert_eq!(queue.lengths(), [3, 1]);
+        alone.send(()).unwrap();
+        let mut pair = [(); 2].map(|()| heard.recv_timeout(soon).unwrap());
+        pair.sort();
+        assert_eq!(pair, [("second", 4), ("third", 4)]);
+        // The last one runs beside another and has the share of one.
+        others[0].send(()).unwrap();
+        assert_eq!(heard.recv_timeout(soon).unwrap(), ("fourth", 4));
+        for release in &others[1..] {
+            release.send(()).unwrap();
+        }
+        assert!(queue.wait_until_idle(soon));
+        let alone = begin("alone again");
+        assert_eq!(heard.recv_timeout(soon).unwrap(), ("alone again", 8));
+        alone.send(()).unwrap();
     }
 }

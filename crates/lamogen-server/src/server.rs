@@ -14,6 +14,7 @@ use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
+use tokio_io_timeout::TimeoutStream;
 
 use crate::config::{ServerConfig, ServerError};
 use crate::job::JobLimits;
@@ -40,6 +41,9 @@ pub(crate) struct Shared<S> {
     /// The bytes of motion files that may still be held, in units of [`UPLOAD_UNIT`].
     pub(crate) uploads: Arc<Semaphore>,
 }
+
+/// The number of requests that are parsed at the same time.
+const PARSING_THREADS: usize = 4;
 
 /// The unit in which the bytes of motion files are counted.
 pub(crate) const UPLOAD_UNIT: usize = 1 << 16;
@@ -123,6 +127,7 @@ impl<S: MotionService> Server<S> {
     /// If the threads of the network cannot be started.
     pub fn run(self) -> Result<(), ServerError> {
         let runtime = tokio::runtime::Builder::new_current_thread()
+            .max_blocking_threads(PARSING_THREADS)
             .enable_all()
             .build()
             .map_err(|reason| ServerError::Threads { reason })?;
@@ -171,9 +176,11 @@ impl<S: MotionService> Server<S> {
                 };
                 // Small answers, such as events, must not wait for further ones.
                 let _ = stream.set_nodelay(true);
+                let mut stream = TimeoutStream::new(stream);
+                stream.set_write_timeout(Some(config.write_time));
                 let service = TowerToHyperService::new(router.clone());
                 let connection =
-                    graceful.watch(http.serve_connection(TokioIo::new(stream), service));
+                    graceful.watch(http.serve_connection(TokioIo::new(Box::pin(stream)), service));
                 tokio::spawn(async move {
                     // Connections that break are the clients' concern.
                     let _ = connection.await;

@@ -19,16 +19,15 @@ pub trait MotionService: Send + Sync + 'static {
     /// Returns the description of the model, as JSON.
     fn model(&self) -> Value;
 
-    /// Parses and checks a request before it waits for its turn. It is called by the thread that serves all connections, and
-    /// must return soon.
+    /// Parses and checks a request before it waits for its turn, on one of a few threads for this. It must return soon.
     ///
     /// # Errors
     ///
     /// If the text is not a valid request.
     fn parse(&self, json: &str) -> Result<Self::Request, Problem>;
 
-    /// Generates the motion of a request and returns it in a media type. `observer` is called after every step; if it breaks, the
-    /// work stops with [`WorkError::Stopped`].
+    /// Generates the motion of a request and returns it in a media type, on its share of the processors; the motion must not
+    /// depend on the share. `observer` is called after every step; if it breaks, the work stops with [`WorkError::Stopped`].
     ///
     /// # Errors
     ///
@@ -37,6 +36,7 @@ pub trait MotionService: Send + Sync + 'static {
         &self,
         request: &Self::Request,
         media_type: &str,
+        share: ProcessorShare,
         observer: WorkObserver<'_>,
     ) -> Result<Vec<u8>, WorkError>;
 
@@ -49,7 +49,30 @@ pub trait MotionService: Send + Sync + 'static {
 }
 
 /// A function that is called with the progress of a work and may stop it.
-pub type WorkObserver<'o> = &'o mut dyn FnMut(WorkProgress) -> ControlFlow<()>;
+pub type WorkObserver<'o> = &'o mut (dyn FnMut(WorkProgress) -> ControlFlow<()> + Send);
+
+/// The share of the processors that a work may use: all of them, or an equal part where several works run at the same time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProcessorShare {
+    works: usize,
+}
+
+impl ProcessorShare {
+    /// Makes the share of one of so many works.
+    pub(crate) fn one_of(works: usize) -> ProcessorShare {
+        ProcessorShare { works }
+    }
+
+    /// Returns whether the work has all processors.
+    pub fn is_all(&self) -> bool {
+        self.works == 1
+    }
+
+    /// Returns the number of threads of the share, of so many threads for all works; at least 1.
+    pub fn of(&self, threads: usize) -> usize {
+        (threads / self.works).max(1)
+    }
+}
 
 /// How far a work is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

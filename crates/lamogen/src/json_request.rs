@@ -137,9 +137,13 @@ impl JsonRequest {
     /// id or goals that are not valid. The error names the field.
     pub fn parse(text: &str) -> Result<JsonRequest, JsonRequestError> {
         if !text.trim_start().starts_with('{') {
-            let start: String = text.chars().take(20).collect();
+            let start: String = text.trim_start().chars().take(20).collect();
+            let found = match start.is_empty() {
+                true => "nothing",
+                false => &start,
+            };
             return Err(invalid(format!(
-                "expected a JSON object {{\"prompt\": …}}, found {start}"
+                "expected a JSON object {{\"prompt\": …}}, found {found}"
             )));
         }
         let request: JsonRequest = serde_json::from_str(text).map_err(|error| {

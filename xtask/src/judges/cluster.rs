@@ -15,7 +15,7 @@ use lamogen_motion::write_atomically;
 use serde_json::json;
 
 use super::files::JudgedFiles;
-use super::{FOLDER, Result, build_command, run_command};
+use super::{FOLDER, Result, build_command, install_python, run_command};
 
 /// The number of requests of a batch.
 const REQUESTS: usize = 200;
@@ -169,16 +169,8 @@ fn examples() -> PathBuf {
 /// Runs a batch by HyperQueue's Python package on a worker of this machine.
 pub(super) fn check_under_hyperqueue(_: &Path, _: &JudgedFiles) -> Result<()> {
     let batch = Batch::new("hyperqueue")?;
-    let environment = Path::new(FOLDER).join("hyperqueue-venv");
-    run_command(
-        Command::new("python3")
-            .args(["-m", "venv"])
-            .arg(&environment),
-    )?;
-    let python = environment.join("bin/python");
-    let mut pip = Command::new(&python);
-    run_command(pip.args(["-m", "pip", "install", "--quiet", "hyperqueue"]))?;
-    let mut engine = Command::new(&python);
+    let python = install_python("hyperqueue-venv", "hyperqueue")?.join("python");
+    let mut engine = Command::new(python);
     engine.arg(examples().join("hyperqueue_batch.py"));
     engine.arg(batch.requests()).arg(batch.motions());
     engine

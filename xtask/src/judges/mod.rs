@@ -3,6 +3,7 @@
 mod cluster;
 mod files;
 mod motions;
+mod server;
 mod vrm;
 
 use std::error::Error;
@@ -27,12 +28,13 @@ const SCRIPTS: [&str; 7] = [
     "blender.py",
 ];
 /// The required programs: a command that fails if the program is missing, and the Debian package that contains it.
-const REQUIRED_PROGRAMS: [(&[&str], &str); 8] = [
+const REQUIRED_PROGRAMS: [(&[&str], &str); 9] = [
     (&["node", "--version"], "nodejs"),
     (&["npm", "--version"], "npm"),
     (&["chromium", "--version"], "chromium"),
     (&["blender", "--version"], "blender"),
     (&["python3", "-c", "import ensurepip"], "python3-venv"),
+    (&["curl", "--version"], "curl"),
     (&["slurmctld", "-V"], "slurm-wlm"),
     (&["munged", "--version"], "munge"),
     // Blender's glTF importer needs numpy, which the Debian package of Blender only suggests.
@@ -56,12 +58,14 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A check of the files by another program. The path is the folder of the scripts.
 type Judge = fn(&Path, &JudgedFiles) -> Result<()>;
-const JUDGES: [(&str, Judge); 7] = [
+const JUDGES: [(&str, Judge); 9] = [
     ("glTF validator", check_with_validator),
     ("Blender", check_with_blender),
     ("the page in a browser", check_in_browser),
     ("the studio in a browser", check_studio),
     ("three-vrm in a browser", check_with_three_vrm),
+    ("schemathesis", server::check_interface),
+    ("the examples of the server", server::check_examples),
     ("HyperQueue", cluster::check_under_hyperqueue),
     ("Slurm", cluster::check_under_slurm),
 ];
@@ -217,8 +221,19 @@ fn check_with_three_vrm(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     )
 }
 
+/// Installs a package of Python in an environment of its own in the folder of the judges. Returns the folder of its programs.
+fn install_python(environment: &str, package: &str) -> Result<PathBuf> {
+    let environment = Path::new(FOLDER).join(environment);
+    let mut make = Command::new("python3");
+    run_command(make.args(["-m", "venv"]).arg(&environment))?;
+    let bin = environment.join("bin");
+    let mut pip = Command::new(bin.join("python"));
+    run_command(pip.args(["-m", "pip", "install", "--quiet", package]))?;
+    Ok(bin)
+}
+
 /// Builds the command `lamogen`. Returns its path.
-fn build_command() -> Result<PathBuf> {
+pub(crate) fn build_command() -> Result<PathBuf> {
     let mut cargo = Command::new("cargo");
     cargo.args([
         "build",

@@ -1,9 +1,9 @@
 //! `POST /api/v1/generate`: a motion, as JSON, as a file, or with its progress as server-sent events.
 
 use std::convert::Infallible;
-use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::response::sse::{Event, Sse};
@@ -18,7 +18,7 @@ use crate::job::{Job, ending, start_job};
 use crate::problem::{Problem, ProblemKind};
 use crate::routes::body::read_body;
 use crate::server::Shared;
-use crate::service::{MotionService, WorkProgress};
+use crate::service::{MotionService, ProcessorShare, WorkObserver, WorkProgress};
 
 /// The media type of progress.
 const EVENTS: &str = "text/event-stream";
@@ -35,18 +35,14 @@ pub(crate) async fn generate<S: MotionService>(
     check_content_type(&head.headers)?;
     let (largest, time) = (shared.config.max_request, shared.config.body_time);
     let bytes = read_body(&head.headers, body, largest, time).await?;
-    let text = std::str::from_utf8(&bytes).map_err(|error| {
-        let (expected, found) = ("text in UTF-8", format!("{error}"));
-        Problem::mismatch(ProblemKind::InvalidRequest, expected, found).at("body")
-    })?;
-    let motion_request = shared.service.parse(text)?;
+    let motion_request = parse(shared.service.clone(), bytes).await?;
     let service = shared.service.clone();
     let written = match media_type {
         EVENTS => service.media_types()[0],
         other => other,
     };
-    let work = move |observer: &mut dyn FnMut(WorkProgress) -> ControlFlow<()>| {
-        service.generate(&motion_request, written, observer)
+    let work = move |share: ProcessorShare, observer: WorkObserver<'_>| {
+        service.generate(&motion_request, written, share, observer)
     };
     let job = start_job(&shared.queue, &shared.metrics, &shared.limits, work)?;
     match media_type {
@@ -57,6 +53,21 @@ pub(crate) async fn generate<S: MotionService>(
             Ok((headers, Body::from(content)).into_response())
         }
     }
+}
+
+/// Parses a body, on another thread: one of a megabyte can take a moment, in which other connections are served.
+async fn parse<S: MotionService>(service: Arc<S>, bytes: Bytes) -> Result<S::Request, Problem> {
+    let parsing = tokio::task::spawn_blocking(move || {
+        let text = std::str::from_utf8(&bytes).map_err(|error| {
+            let (expected, found) = ("text in UTF-8", format!("{error}"));
+            Problem::mismatch(ProblemKind::InvalidRequest, expected, found).at("body")
+        })?;
+        service.parse(text)
+    });
+    parsing.await.unwrap_or_else(|_| {
+        let detail = "reading the request ended by an error in the program";
+        Err(Problem::new(ProblemKind::Internal, detail))
+    })
 }
 
 /// Returns the media type that the client prefers.

@@ -9,7 +9,7 @@ use crate::job::start_job;
 use crate::problem::{Problem, ProblemKind};
 use crate::routes::body::{json, read_body, stated_size, too_large};
 use crate::server::{Shared, UPLOAD_UNIT};
-use crate::service::{MotionService, UploadedFile, WorkError};
+use crate::service::{MotionService, ProcessorShare, UploadedFile, WorkError, WorkObserver};
 
 /// Answers with the report on the file in the body.
 pub(crate) async fn laban<S: MotionService>(
@@ -27,7 +27,9 @@ pub(crate) async fn laban<S: MotionService>(
         bytes: bytes.into(),
     };
     let service = shared.service.clone();
-    let work = move |_: &mut dyn FnMut(_) -> _| service.measure(&file).map_err(WorkError::Failed);
+    let work = move |_: ProcessorShare, _: WorkObserver<'_>| {
+        service.measure(&file).map_err(WorkError::Failed)
+    };
     let job = start_job(&shared.queue, &shared.metrics, &shared.limits, work)?;
     Ok(json(&job.result().await?))
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use lamogen_server::ServerConfig;
 
 use crate::client::{JSON, ask, connect, generate, get, receive, send};
-use crate::service::{Event, RunningServer, wait_until};
+use crate::service::{Event, LARGE, RunningServer, wait_until};
 
 /// Sends a request for a motion and does not wait for the answer.
 fn begin(server: &RunningServer, request: &str) -> std::net::TcpStream {
@@ -175,6 +175,54 @@ fn slow_heads_and_bodies_and_idle_connections_end() {
     let idle: Vec<_> = (0..20).map(|_| connect(server.address)).collect();
     assert_eq!(get(server.address, "/health").status, 200);
     drop(idle);
+}
+
+/// A client that reads nothing of a large answer loses its connection, and others are served meanwhile.
+#[test]
+fn clients_that_do_not_read_their_answer_are_left() {
+    let config = ServerConfig {
+        write_time: Duration::from_millis(200),
+        max_connections: 1,
+        ..ServerConfig::default()
+    };
+    let server = RunningServer::start(config);
+    let mut slow = begin(&server, "large");
+    assert_eq!(server.event(), Event::Begun("large".into()));
+    // Its place is the only one.
+    assert_eq!(get(server.address, "/health").status, 200);
+    let mut rest = Vec::new();
+    // Either the connection ends early, or it is reset.
+    let _ = slow.read_to_end(&mut rest);
+    assert!(rest.len() < LARGE, "{} bytes came", rest.len());
+    // A client that reads has it all.
+    let whole = generate(server.address, "\"large\"");
+    assert_eq!((whole.status, whole.body.len()), (200, LARGE));
+}
+
+#[test]
+fn works_that_wait_run_side_by_side_and_each_has_its_own_end() {
+    let config = ServerConfig {
+        workers: 2,
+        ..ServerConfig::default()
+    };
+    let server = RunningServer::start(config);
+    let first = begin(&server, "hold 1");
+    assert_eq!(server.event(), Event::Begun("hold 1".into()));
+    let others = ["hold 2", "hold 3"].map(|request| begin(&server, request));
+    wait_until("both wait for the first, which is alone", || {
+        waiting(&server) == 2
+    });
+    server.release.send(()).unwrap();
+    assert_eq!(receive(&first).status, 200);
+    let mut begun = [server.event(), server.event()].map(|event| format!("{event:?}"));
+    begun.sort();
+    assert_eq!(begun, ["Begun(\"hold 2\")", "Begun(\"hold 3\")"]);
+    // Each has its own end.
+    let [second, third] = others;
+    drop(second);
+    assert_eq!(server.event(), Event::Stopped("hold 2".into()));
+    server.release.send(()).unwrap();
+    assert_eq!(receive(&third).json()["request"], "hold 3");
 }
 
 #[test]

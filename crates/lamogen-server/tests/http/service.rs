@@ -7,8 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use lamogen_server::{
-    MotionService, PageFile, Problem, ProblemKind, Server, ServerConfig, ServerHandle,
-    UploadedFile, WorkError, WorkObserver, WorkProgress,
+    MotionService, PageFile, Problem, ProblemKind, ProcessorShare, Server, ServerConfig,
+    ServerHandle, UploadedFile, WorkError, WorkObserver, WorkProgress,
 };
 use serde_json::{Value, json};
 
@@ -19,8 +19,11 @@ pub enum Event {
     Stopped(String),
 }
 
+/// The number of bytes of a large result: more than the buffers of a connection hold.
+pub const LARGE: usize = 64_000_000;
+
 /// Requests are texts. The work of one that begins with `hold` goes on until the test releases it; `panic` panics;
-/// `fail` fails. The result is the request and the media type.
+/// `fail` fails; `large` has a result of [`LARGE`] bytes. `ponder` is parsed when the test releases it. The result is the request and the media type.
 pub struct HeldService {
     events: Sender<Event>,
     release: Mutex<Receiver<()>>,
@@ -39,6 +42,11 @@ impl MotionService for HeldService {
 
     fn parse(&self, json: &str) -> Result<String, Problem> {
         match serde_json::from_str(json) {
+            Ok(Value::String(text)) if text == "ponder" => {
+                let released = self.release.lock().unwrap();
+                let _ = released.recv_timeout(Duration::from_secs(10));
+                Ok(text)
+            }
             Ok(Value::String(text)) => Ok(text),
             _ => Err(Problem::mismatch(ProblemKind::InvalidRequest, "a text", json).at("body")),
         }
@@ -48,6 +56,7 @@ impl MotionService for HeldService {
         &self,
         request: &String,
         media_type: &str,
+        _: ProcessorShare,
         observer: WorkObserver<'_>,
     ) -> Result<Vec<u8>, WorkError> {
         // The receiver may have been dropped by a test that does not look.
@@ -59,6 +68,9 @@ impl MotionService for HeldService {
                 return Err(WorkError::Failed(problem));
             }
             _ => {}
+        }
+        if request == "large" {
+            return Ok(vec![b' '; LARGE]);
         }
         for done in 1.. {
             let progress = WorkProgress {

@@ -54,19 +54,20 @@ fn serve(
     start: impl FnOnce(&str),
 ) -> Result<(), Failure> {
     let token = token(options)?;
+    let source = ModelSource::open(&options.source, console)?;
     let config = ServerConfig {
         address: SocketAddr::new(options.bind, options.port),
         token: token.clone(),
         allowed_origins: options.allow_origin.clone(),
         queue: options.queue as usize,
+        workers: parallel_works(options, &source),
         work_time: Duration::from_secs(options.time_limit.into()),
         max_upload: options.max_upload as usize * 1_000_000,
         max_upload_total: 2 * options.max_upload as usize * 1_000_000,
         pages: pages(),
         ..ServerConfig::default()
     };
-    let source = ModelSource::open(&options.source, console)?;
-    let service = CommandService::new(source, console.without_notices());
+    let service = CommandService::new(source, console.without_notices(), options.max_seconds);
     service.warm_up();
     let server = Server::bind(config, service)?;
     end_on_signals(server.handle());
@@ -82,6 +83,19 @@ fn serve(
     }
     start(&page);
     Ok(server.run()?)
+}
+
+/// The largest number of motions that are made at the same time unless an option says another: each takes memory of its own.
+const MAX_DEFAULT_PARALLEL: usize = 4;
+
+/// Returns how many motions are made at the same time while requests wait.
+fn parallel_works(options: &ServeArguments, source: &ModelSource) -> usize {
+    match options.parallel {
+        Some(motions) => motions as usize,
+        // A graphics processor is not shared out by threads.
+        None if source.model.batch_size() > 1 => 1,
+        None => rayon::current_num_threads().min(MAX_DEFAULT_PARALLEL),
+    }
 }
 
 /// Returns the files of the studio's page.

@@ -53,6 +53,13 @@ pub struct ServeArguments {
     /// How many requests may wait; further ones are told to come again later.
     #[arg(long, value_name = "REQUESTS", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub queue: u32,
+    /// How many motions are made at the same time while requests wait, each on its share of the processors. A motion does not
+    /// depend on it. One a processor without, but at most 4; 1 on a graphics processor.
+    #[arg(long, value_name = "MOTIONS", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub parallel: Option<u32>,
+    /// Length of the longest motion in seconds. Its memory grows with it: about 120 MB at 30 s, 260 MB at two minutes.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=3600))]
+    pub max_seconds: u32,
     /// Longest time of a request's work in seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=86_400))]
     pub time_limit: u32,

@@ -67,6 +67,29 @@ impl ServedRequest {
         Ok(ServedRequest { line, like })
     }
 
+    /// Checks that the motion is not longer than so many seconds.
+    ///
+    /// # Errors
+    ///
+    /// If it is.
+    pub fn check_length(&self, longest: f32) -> Result<(), Problem> {
+        // What is not a length is found later.
+        let lengths = self
+            .line
+            .sentences()
+            .map(|sentence| sentence.seconds.unwrap_or(3.0).max(0.0));
+        let seconds: f32 = lengths.sum();
+        match seconds <= longest {
+            true => Ok(()),
+            false => {
+                let expected = format!("a motion of at most {longest} s, all sentences together");
+                let found = format!("{seconds} s");
+                let problem = Problem::mismatch(ProblemKind::InvalidRequest, expected, found);
+                Err(problem.at("seconds"))
+            }
+        }
+    }
+
     /// Returns the seed of the start noise.
     pub fn seed(&self) -> u64 {
         self.line.seed.unwrap_or(0)

@@ -1,12 +1,15 @@
 //! The work behind the server: lamogen's model and readers.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use lamogen::files::read_bytes;
-use lamogen::{Component, Error, FRAMES_PER_SECOND, Joint, Pass, Request, Tag};
+use lamogen::{Component, Error, FRAMES_PER_SECOND, Generation, Joint, Pass, Request, Tag};
 use lamogen_server::{
-    MotionService, Problem, ProblemKind, UploadedFile, WorkError, WorkObserver, WorkProgress,
+    MotionService, Problem, ProblemKind, ProcessorShare, UploadedFile, WorkError, WorkObserver,
+    WorkProgress,
 };
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
 
 use super::format::{MEDIA_TYPES, format_of};
@@ -28,13 +31,50 @@ const KEPT_BASELINES: usize = 16;
 pub struct CommandService {
     source: ModelSource,
     console: Console,
+    /// The length of the longest motion in seconds.
+    max_seconds: f32,
+    /// Threads of works that run beside others, while no work uses them.
+    idle_pools: Mutex<Vec<ThreadPool>>,
 }
 
 impl CommandService {
-    /// Makes a service of a model.
-    pub fn new(mut source: ModelSource, console: Console) -> CommandService {
+    /// Makes a service of a model, for motions of at most so many seconds.
+    pub fn new(mut source: ModelSource, console: Console, max_seconds: u32) -> CommandService {
         source.model = source.model.with_kept_baselines(KEPT_BASELINES);
-        CommandService { source, console }
+        CommandService {
+            source,
+            console,
+            max_seconds: max_seconds as f32,
+            idle_pools: Mutex::default(),
+        }
+    }
+
+    /// Runs a work on its share of the processors. Motions do not depend on the number of threads.
+    fn run_on<T: Send>(
+        &self,
+        share: ProcessorShare,
+        work: impl FnOnce() -> Result<T, WorkError> + Send,
+    ) -> Result<T, WorkError> {
+        if share.is_all() {
+            return work();
+        }
+        let pools = || {
+            self.idle_pools
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        let idle = pools().pop();
+        let pool = match idle {
+            Some(pool) => pool,
+            None => {
+                let threads = share.of(rayon::current_num_threads());
+                let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+                pool.map_err(|error| Problem::new(ProblemKind::Internal, error))?
+            }
+        };
+        let result = pool.install(work);
+        pools().push(pool);
+        result
     }
 
     /// Generates a short motion, so that the first request does not wait for threads to start and memory to be mapped.
@@ -53,6 +93,25 @@ impl CommandService {
             .check(&request)
             .map_err(|error| request_problem(&error))?;
         Ok(request)
+    }
+
+    /// Writes the file of a motion in a media type.
+    fn write(
+        &self,
+        served: &ServedRequest,
+        generation: Generation,
+        media_type: &str,
+    ) -> Result<Vec<u8>, WorkError> {
+        let pass = served.pass();
+        let facts = generation_facts(served.seed(), &generation, &pass, &self.source);
+        let scene = Scene::from_generation(generation, facts);
+        let format = format_of(media_type);
+        let file = OutputFile {
+            path: PathBuf::from("motion").with_extension(format.ending()),
+            format,
+        };
+        file.content(&scene, &WritingArguments::default(), &self.console)
+            .map_err(|failure| failure_problem(ProblemKind::GenerationFailed, &failure).into())
     }
 }
 
@@ -84,6 +143,7 @@ impl MotionService for CommandService {
             "model": self.source.name,
             "licence": licence,
             "frames": [lengths.start(), lengths.end()],
+            "max_seconds": self.max_seconds,
             "frames_per_second": FRAMES_PER_SECOND,
             "preset": model.preset().name(),
             "steps": model.default_steps(model.preset()),
@@ -95,6 +155,7 @@ impl MotionService for CommandService {
 
     fn parse(&self, json: &str) -> Result<ServedRequest, Problem> {
         let served = ServedRequest::parse(json)?;
+        served.check_length(self.max_seconds)?;
         self.request(&served)?;
         Ok(served)
     }
@@ -103,6 +164,7 @@ impl MotionService for CommandService {
         &self,
         served: &ServedRequest,
         media_type: &str,
+        share: ProcessorShare,
         observer: WorkObserver<'_>,
     ) -> Result<Vec<u8>, WorkError> {
         let request = self.request(served)?;
@@ -110,27 +172,20 @@ impl MotionService for CommandService {
         if observer(WorkProgress::default()).is_break() {
             return Err(WorkError::Stopped);
         }
-        let generation = self.source.model.generate_with(&request, &mut |progress| {
-            observer(WorkProgress {
-                done: progress.done,
-                total: progress.total,
-                stage: stage_name(progress.step.pass),
-            })
-        });
-        let generation = generation.map_err(|error| match &error {
-            Error::Stopped(_) => WorkError::Stopped,
-            _ => WorkError::Failed(run_problem(&error)),
-        })?;
-        let pass = served.pass();
-        let facts = generation_facts(served.seed(), &generation, &pass, &self.source);
-        let scene = Scene::from_generation(generation, facts);
-        let format = format_of(media_type);
-        let file = OutputFile {
-            path: PathBuf::from("motion").with_extension(format.ending()),
-            format,
-        };
-        file.content(&scene, &WritingArguments::default(), &self.console)
-            .map_err(|failure| failure_problem(ProblemKind::GenerationFailed, &failure).into())
+        self.run_on(share, || {
+            let generation = self.source.model.generate_with(&request, &mut |progress| {
+                observer(WorkProgress {
+                    done: progress.done,
+                    total: progress.total,
+                    stage: stage_name(progress.step.pass),
+                })
+            });
+            let generation = generation.map_err(|error| match &error {
+                Error::Stopped(_) => WorkError::Stopped,
+                _ => WorkError::Failed(run_problem(&error)),
+            })?;
+            self.write(served, generation, media_type)
+        })
     }
 
     fn measure(&self, file: &UploadedFile) -> Result<Value, Problem> {
