@@ -81,9 +81,9 @@ async function settled(page) {
 
 const state = (page) =>
   page.evaluate(() => {
-    const { wish, scene, log, history, request } = window.studio;
+    const { wish, sentence, chosen, scene, log, history, request } = window.studio;
     const means = Object.fromEntries(Object.entries(scene.motions.at(-1).laban).map(([key, { mean }]) => [key, mean]));
-    return { wish, means, motions: scene.motions.length, goals: scene.goals, log: log.slice(), history, request, labels: [...document.querySelectorAll("#figures li")].map((label) => label.textContent), status: document.getElementById("status").textContent };
+    return { wish, sentence, chosen, means, motions: scene.motions.length, goals: scene.goals, log: log.slice(), history, request, labels: [...document.querySelectorAll("#figures li")].map((label) => label.textContent), status: document.getElementById("status").textContent };
   });
 
 async function picture(page, name) {
@@ -140,7 +140,7 @@ try {
     await dragSlider(page, "factor-weight", 1.5, 12, 60, async () => (await state(page)).log.some(({ coarse }) => coarse));
     await settled(page);
     now = await state(page);
-    check(now.wish.factors[0] === 1.5 && now.request.weight === 1.5, "the slider sets the factor", now.wish.factors);
+    check(now.sentence.factors[0] === 1.5 && now.request.weight === 1.5, "the slider sets the factor", now.sentence.factors);
     check(now.log.some(({ coarse }) => coarse), "coarse motions come while one drags", now.log);
     check(now.motions === 2 && now.labels.join() === "text alone,guided", "both motions are shown", now.labels);
     check(now.goals === "Weight 1.5", "the motion is the one that was asked for", now.goals);
@@ -167,7 +167,7 @@ try {
     now = await state(page);
     const numbers = now.log.map(({ number }) => number);
     check(numbers.every((number, i) => i === 0 || number > numbers[i - 1]), "answers come in the order of their requests", numbers);
-    check(Math.abs(now.wish.factors[0] - 1.4) < 1e-6 && now.goals === "Weight 1.4", "the last wish wins", now.goals);
+    check(Math.abs(now.sentence.factors[0] - 1.4) < 1e-6 && now.goals === "Weight 1.4", "the last wish wins", now.goals);
 
     // An answer that is late is not shown.
     let held = null;
@@ -206,11 +206,11 @@ try {
     const before = await state(page);
     await page.locator("#undo").click();
     now = await state(page);
-    check(now.wish.factors[1] === 1.2 && now.history === before.history, "undo brings the last motion back", now.wish.factors);
+    check(now.sentence.factors[1] === 1.2 && now.history === before.history, "undo brings the last motion back", now.sentence.factors);
     check((await page.locator("#factor-time").inputValue()) === "1.2", "and its slider");
     await page.keyboard.press("Control+z");
     const undone = await state(page);
-    check(undone.wish.factors[3] !== now.wish.factors[3], "the key does the same", undone.wish.factors);
+    check(undone.sentence.factors[3] !== now.sentence.factors[3], "the key does the same", undone.sentence.factors);
     check((await page.locator(".thumbnail").count()) === before.history, "each motion has a thumbnail");
     await page.locator(".thumbnail").first().click();
     now = await state(page);
@@ -228,20 +228,20 @@ try {
     await page.mouse.up();
     await settled(page);
     now = await state(page);
-    check(now.wish.keys[0].length === 3 && Math.abs(now.wish.keys[0][2].factor - 1.6) < 0.06, "keys are set and dragged", now.wish.keys[0]);
+    check(now.sentence.keys[0].length === 3 && Math.abs(now.sentence.keys[0][2].factor - 1.6) < 0.06, "keys are set and dragged", now.sentence.keys[0]);
     check(typeof now.request.weight === "string" && now.request.weight.includes("~"), "and are a factor over time", now.request.weight);
     await page.locator("#lane [data-key='1']").focus();
-    const focused = now.wish.keys[0][1];
+    const focused = now.sentence.keys[0][1];
     await page.keyboard.press("ArrowUp");
     await page.keyboard.press("ArrowRight");
     now = await state(page);
-    check(Math.abs(now.wish.keys[0][1].factor - focused.factor - 0.05) < 1e-6 && Math.abs(now.wish.keys[0][1].time - focused.time - 0.05) < 1e-6, "arrow keys move a key", now.wish.keys[0]);
+    check(Math.abs(now.sentence.keys[0][1].factor - focused.factor - 0.05) < 1e-6 && Math.abs(now.sentence.keys[0][1].time - focused.time - 0.05) < 1e-6, "arrow keys move a key", now.sentence.keys[0]);
     await settled(page);
     await picture(page, "desktop-keys");
     await page.locator("#lane [data-key='1']").focus();
     await page.keyboard.press("Delete");
     await settled(page);
-    check((await state(page)).wish.keys[0].length === 2, "delete removes it");
+    check((await state(page)).sentence.keys[0].length === 2, "delete removes it");
 
     // Parts of the body.
     await page.locator("#parts > summary").click();
@@ -277,7 +277,7 @@ try {
     check((await page.locator("#file-problem").textContent()).includes("broken.bvh"), "a broken file says what is wrong with it");
     await page.locator("#seconds").fill("99");
     await page.locator("#seconds").blur();
-    check((await page.locator("#seconds-problem").textContent()).includes("2 to 9.8"), "a length that cannot be says which can");
+    check((await page.locator("#seconds-problem").textContent()).includes("2 to 60"), "a length that cannot be says which can");
     await page.locator("#prompt").fill("");
     await page.waitForFunction(() => !document.getElementById("prompt-problem").hidden);
     check(await page.locator("#prompt").getAttribute("aria-invalid") === "true", "an empty sentence is said at the sentence");
@@ -343,6 +343,173 @@ try {
     check(true, "and goes on when it is back");
   });
 
+  await visit("sentences in a row", `${studio.address}#prompt=a+person+walks+forward&seconds=3&seed=1`, { viewport: { width: 1440, height: 900 } }, async (page) => {
+    await page.locator("#segment-add").click();
+    check(await page.evaluate(() => document.activeElement.id) === "prompt", "a new sentence can be written at once");
+    await page.keyboard.type("a person jumps");
+    await settled(page);
+    let now = await state(page);
+    check(now.chosen === 1 && now.request.prompt === "a person walks forward" && now.request.then?.[0]?.prompt === "a person jumps" && now.request.then[0].seconds === 3, "a sentence is added", now.request);
+    const borders = await page.evaluate(() => window.studio.scene.sentences.map(({ from, until }) => [from, until]));
+    check(JSON.stringify(borders) === "[[0,3],[3,6]]", "and the motion has both", borders);
+    check(await page.locator("#cycle").isDisabled(), "several sentences make no loop");
+
+    // Sliders and keys are those of the chosen sentence.
+    await dragSlider(page, "factor-weight", 1.5);
+    await settled(page);
+    now = await state(page);
+    check(now.request.weight === undefined && now.request.then[0].weight === 1.5, "a slider belongs to the chosen sentence", now.request);
+    const shown = await page.evaluate(() => {
+      const { motions, target } = window.studio.scene;
+      const mean = ({ series }) => series.weight.slice(60, 120).reduce((sum, value) => sum + value / 60, 0);
+      const [before, asked, after] = [motions[0], target, motions[1]].map(mean);
+      return { text: document.querySelector("#factors .slider .note").textContent, asked: Math.round(100 * (asked / before - 1)), after: Math.round(100 * (after / before - 1)) };
+    });
+    check(shown.text === `asked +${shown.asked} %, came out +${shown.after} %`, "the words under it are the numbers of that sentence", shown);
+    await page.locator("#segments [data-segment='0']").click();
+    check((await page.locator("#factor-weight").inputValue()) === "1" && (await page.locator("#prompt").inputValue()) === "a person walks forward", "a click chooses the other sentence");
+    await page.locator("#segments [data-segment='1']").click();
+    check((await page.locator("#factor-weight").inputValue()) === "1.5", "and back");
+    const time = await page.evaluate(() => window.studio.player.time);
+    check(Math.abs(time - 3) < 1e-6, "the player goes to the beginning of a sentence", time);
+    const lane = await page.locator("#lane").boundingBox();
+    await page.mouse.click(lane.x + 40 + (lane.width - 54) / 2, lane.y + lane.height / 2);
+    await settled(page);
+    now = await state(page);
+    check(String(now.request.then[0].weight).includes("1.5:"), "keys count from the beginning of their sentence", now.request.then[0].weight);
+
+    // Lengths.
+    const track = await page.locator("#segments").boundingBox();
+    const at = (seconds) => [track.x + (track.width * seconds) / 6 - 3, track.y + track.height / 2];
+    await page.mouse.move(...at(3));
+    await page.mouse.down();
+    await page.mouse.move(...at(2.8), { steps: 3 });
+    await page.mouse.move(...at(2.5), { steps: 3 });
+    await page.mouse.up();
+    await settled(page);
+    now = await state(page);
+    const from = await page.evaluate(() => window.studio.scene.sentences[1].from);
+    check(Math.abs(now.request.seconds - 2.5) < 0.051 && now.request.then[0].seconds === 3 && Math.abs(from - now.request.seconds) < 1e-6, "the end of a sentence is dragged", [now.request, from]);
+    await page.locator("#segments [data-end='1']").focus();
+    await page.keyboard.press("ArrowLeft");
+    await settled(page);
+    now = await state(page);
+    check(now.request.then[0].seconds === 2.9, "and moved by keys", now.request.then);
+    check(await page.evaluate(() => document.activeElement.dataset.end) === "1", "which keep the focus");
+    await picture(page, "sentences");
+    await page.evaluate(() => window.studio.player.seek(0));
+
+    // Another order, removing, undo, link, export.
+    const before = await state(page);
+    await page.locator("#segment-earlier").click();
+    await settled(page);
+    now = await state(page);
+    check(now.request.prompt === "a person jumps" && now.request.then[0].prompt === "a person walks forward", "a sentence is moved", now.request);
+    await page.locator("#segments [data-segment='1']").focus();
+    await page.keyboard.press("Delete");
+    await settled(page);
+    now = await state(page);
+    check(now.request.then === undefined && now.request.prompt === "a person jumps", "and removed", now.request);
+    await page.locator("#undo").click();
+    await page.locator("#undo").click();
+    now = await state(page);
+    check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "undo brings back order and sentence", now.request);
+    const [download] = await Promise.all([page.waitForEvent("download"), page.locator("#exports button", { hasText: "BVH" }).click()]);
+    const kept = join(profile, "row.bvh");
+    await download.saveAs(kept);
+    const frames = Number(readFileSync(kept, "utf8").match(/Frames:\s*(\d+)/)[1]);
+    check(frames === Math.round(20 * (before.request.seconds + 2.9)), "the file has all sentences", frames);
+    const link = page.url();
+    await page.goto("about:blank");
+    await page.goto(link);
+    await settled(page);
+    now = await state(page);
+    check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "a link gives all sentences again", now.request);
+    await page.locator("#segments [data-segment='1']").click();
+    await page.locator("#prompt").fill("");
+    await page.waitForFunction(() => !document.getElementById("prompt-problem").hidden);
+    check((await page.locator("#prompt-problem").textContent()).includes("sentence 2"), "an empty sentence is named");
+    check((await nameless(page)).length === 0, "sentences: every control has a name", await nameless(page));
+    await noOverflow(page, "sentences");
+  });
+
+  await visit("places", `${studio.address}#prompt=a+person+walks+forward&seconds=4&seed=1`, { viewport: { width: 1440, height: 900 } }, async (page) => {
+    await page.locator("#places > summary").click();
+    await page.locator("#floor").scrollIntoViewIfNeeded();
+    /** Returns where a point of the floor is on the screen, by the lines at 0 and by a place whose metres are known. */
+    const spot = (x, z) =>
+      page.evaluate(([x, z]) => {
+        const box = document.getElementById("floor").getBoundingClientRect();
+        const { middle, scale } = window.studio.floor.frame;
+        return [box.x + box.width / 2 - (x - middle[0]) * scale, box.y + box.height / 2 - (z - middle[1]) * scale];
+      }, [x, z]);
+    await page.mouse.click(...(await spot(0.5, 1)));
+    await settled(page);
+    let now = await state(page);
+    const first = now.wish.path[0];
+    check(now.wish.path.length === 1 && Math.abs(first.x - 0.5) < 0.051 && Math.abs(first.z - 1) < 0.051 && first.time === 4, "a click sets a place at the end", now.wish.path);
+    check(await page.locator("#cycle").isDisabled(), "a path makes no loop");
+    const places = () => page.evaluate(() => window.studio.scene.places);
+    let reached = await places();
+    check(reached.length === 1 && reached[0].off_m < 0.02, "the motion goes there", reached);
+    check((await page.locator("#place-list output").textContent()) === `${(100 * reached[0].off_m).toFixed(1)} cm off`, "the page says how near it comes");
+    await page.mouse.click(...(await spot(-0.3, 1.6)));
+    await settled(page);
+    now = await state(page);
+    check(now.wish.path.length === 2 && now.wish.path[1].time === 4 && now.wish.path[0].time < 3.5, "a second place follows, and the first comes earlier", now.wish.path);
+    const trace = await page.evaluate(() => {
+      const [dx, dz] = window.studio.floor.trace.at(-1);
+      const { joints } = window.studio.scene.motions.at(-1);
+      return [dx - joints.at(-1)[0][0], dz - joints.at(-1)[0][2], document.querySelector("#floor .trace").getAttribute("d").length];
+    });
+    check(trace[0] === 0 && trace[1] === 0 && trace[2] > 100, "the trace is that of the pelvis", trace);
+    // Dragged, moved by keys, typed.
+    const grip = await spot(now.wish.path[1].x, now.wish.path[1].z);
+    const to = await spot(-0.8, 1.2);
+    await page.mouse.move(...grip);
+    await page.mouse.down();
+    await page.mouse.move((grip[0] + to[0]) / 2, (grip[1] + to[1]) / 2, { steps: 3 });
+    await page.mouse.move(...to, { steps: 3 });
+    await page.mouse.up();
+    await settled(page);
+    now = await state(page);
+    check(Math.abs(now.wish.path[1].x + 0.8) < 0.051 && Math.abs(now.wish.path[1].z - 1.2) < 0.051, "a place is dragged", now.wish.path);
+    await page.locator("#floor [data-place='1']").focus();
+    await page.keyboard.press("ArrowLeft");
+    await page.keyboard.press("ArrowUp");
+    await page.keyboard.press("PageDown");
+    const moved = (await state(page)).wish.path[1];
+    check(Math.abs(moved.x - now.wish.path[1].x - 0.1) < 1e-6 && Math.abs(moved.z - now.wish.path[1].z - 0.1) < 1e-6 && Math.abs(moved.time - 3.9) < 1e-6, "arrow and page keys move a place", moved);
+    await page.locator("[data-field='0 time']").fill("1.5");
+    await page.locator("[data-field='0 time']").blur();
+    await settled(page);
+    now = await state(page);
+    check(now.wish.path[0].time === 1.5 && now.request.path.startsWith("1.5:"), "a time is typed", now.request.path);
+    reached = await places();
+    check(reached.length === 2 && reached.every(({ off_m: off }) => off < 0.02), "the motion passes all places", reached);
+    await picture(page, "places");
+    const before = now;
+    await page.locator("#floor [data-place='0']").focus();
+    await page.keyboard.press("Delete");
+    await settled(page);
+    check((await state(page)).wish.path.length === 1, "delete removes a place");
+    await page.locator("#undo").click();
+    now = await state(page);
+    check(JSON.stringify(now.request) === JSON.stringify(before.request), "undo brings it back", now.request);
+    check((await page.locator("#place-list li").count()) === 2, "and its line");
+    const link = page.url();
+    await page.goto("about:blank");
+    await page.goto(link);
+    await settled(page);
+    now = await state(page);
+    check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "a link gives the places again", now.request);
+    check((await nameless(page)).length === 0, "places: every control has a name", await nameless(page));
+    await noOverflow(page, "places");
+    await page.locator("#places-clear").click();
+    await settled(page);
+    check((await state(page)).request.path === undefined, "all places are removed");
+  });
+
   const phone = { viewport: { width: 360, height: 740 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true };
   await visit("phone", `${studio.address}#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, phone, async (page) => {
     await noOverflow(page, "phone");
@@ -351,7 +518,7 @@ try {
     await mark.scrollIntoViewIfNeeded();
     await mark.tap();
     await settled(page);
-    check((await state(page)).wish.factors[0] === 0.5, "a tap on a word sets the factor");
+    check((await state(page)).sentence.factors[0] === 0.5, "a tap on a word sets the factor");
     await page.evaluate(() => window.scrollTo(0, document.getElementById("panel").offsetHeight * 0.6));
     await page.waitForTimeout(100);
     const stage = await page.locator("#stage").boundingBox();
@@ -361,6 +528,19 @@ try {
       await page.screenshot({ path: join(folder, "phone-scrolled.png") });
       await page.screenshot({ path: join(folder, "phone-whole.png"), fullPage: true });
     }
+  });
+  const row = "prompt=a+person+walks+forward&seconds=3&seed=1&then=prompt%3Da%2Bperson%2Bjumps%26seconds%3D2%26weight%3D1.4&path=2:0.5,1.5+5:-0.5,3";
+  await visit("phone, sentences and places", `${studio.address}#${row}`, phone, async (page) => {
+    await noOverflow(page, "phone, sentences and places");
+    await page.locator("#segments [data-segment='1']").tap();
+    check((await state(page)).chosen === 1 && (await page.locator("#prompt").inputValue()) === "a person jumps", "a tap chooses a sentence");
+    // Below the figure, which stays in sight.
+    await page.locator("#floor").evaluate((floor) => floor.scrollIntoView({ block: "end" }));
+    await page.locator("#floor").tap({ position: { x: 30, y: 190 } });
+    await settled(page);
+    const { wish } = await state(page);
+    check(wish.path.length === 3 && wish.path[2].time === 5, "a tap sets a place", wish.path);
+    if (folder) await page.screenshot({ path: join(folder, "phone-row-whole.png"), fullPage: true });
   });
   await visit("phone, dark", `${studio.address}#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, { ...phone, colorScheme: "dark" }, async (page) => {
     await picture(page, "phone-dark");

@@ -4,6 +4,7 @@
 //! studio/studio.html  the document                  studio/requests.js  requests to the server: one at a time, the newest wins
 //! studio/studio.css   the style, after page.css     studio/wish.js      what is wished: fields, JSON, the address's fragment
 //! studio/sliders.js   factors of components, parts  studio/timeline.js  keys of a factor over time
+//! studio/segments.js  sentences in a row            studio/floor.js     places on the floor
 //! studio/history.js   thumbnails and undo           studio/files.js     files dropped on the page, files to keep
 //! studio/steady.js    a view that stays             studio/studio.js    the program
 //! ```
@@ -24,12 +25,14 @@ pub struct Studio {
 }
 
 /// The scripts of the studio, in this order, after those of the player.
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 10] = [
     include_str!("studio/requests.js"),
     include_str!("studio/steady.js"),
     include_str!("studio/wish.js"),
     include_str!("studio/sliders.js"),
     include_str!("studio/timeline.js"),
+    include_str!("studio/segments.js"),
+    include_str!("studio/floor.js"),
     include_str!("studio/history.js"),
     include_str!("studio/files.js"),
     include_str!("studio/studio.js"),

@@ -64,17 +64,21 @@ class FactorSliders {
     });
   }
 
-  show(wish) {
-    this.sliders.forEach((slider, c) => slider.show(wish.factors[c], wish.keys[c].length > 0));
+  show(sentence) {
+    this.sliders.forEach((slider, c) => slider.show(sentence.factors[c], sentence.keys[c].length > 0));
   }
 
-  /** Shows what was asked and what came out, as means over time. */
-  showResult(scene) {
+  /** Shows what was asked and what came out, as means over time, or over the frames `[from, until]` of a sentence. A scene that is null has nothing to show. */
+  showResult(scene, frames = null) {
     this.sliders.forEach((slider, c) => {
       const { key } = this.components[c];
-      const means = [scene.motions[0], scene.target, scene.motions[1]].map((motion) => motion?.laban[key].mean);
-      const [before, asked, after] = means;
-      const isGuided = scene.target && before > 0;
+      const average = (motion) => {
+        if (!motion || !frames) return motion?.laban[key].mean;
+        const values = motion.series[key].slice(...frames).filter(Number.isFinite);
+        return values.reduce((sum, value) => sum + value, 0) / values.length;
+      };
+      const [before, asked, after] = scene ? [scene.motions[0], scene.target, scene.motions[1]].map(average) : [];
+      const isGuided = scene?.target && before > 0;
       slider.note.textContent = isGuided ? `asked ${asChange(asked / before)}, came out ${asChange(after / before)}` : "";
     });
   }
@@ -90,17 +94,17 @@ class PartSliders {
     });
   }
 
-  show(wish) {
+  show(sentence) {
     const { pick, list, efforts } = this;
-    const left = PARTS.filter((part) => !wish.parts.some((other) => other.part === part));
+    const left = PARTS.filter((part) => !sentence.parts.some((other) => other.part === part));
     pick.replaceChildren();
     append(pick, "option", "", "a part …").value = "";
     for (const part of left) append(pick, "option", "", part).value = part;
-    const names = wish.parts.map(({ part }) => part).join(" ");
+    const names = sentence.parts.map(({ part }) => part).join(" ");
     if (this.names !== names) {
       this.names = names;
       list.replaceChildren();
-      this.sliders = wish.parts.map(({ part }, p) => {
+      this.sliders = sentence.parts.map(({ part }, p) => {
         const group = append(list, "fieldset", "part");
         append(group, "legend", "", part);
         const remove = append(group, "button", "remove", "Remove");
@@ -111,6 +115,6 @@ class PartSliders {
           new Slider(group, `part-${part}-${key}`, name, words, (factor, isReleased) => this.moved(p, c, factor, isReleased)));
       });
     }
-    wish.parts.forEach(({ factors }, p) => factors.forEach((factor, c) => this.sliders[p][c].show(factor)));
+    sentence.parts.forEach(({ factors }, p) => factors.forEach((factor, c) => this.sliders[p][c].show(factor)));
   }
 }

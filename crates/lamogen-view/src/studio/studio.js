@@ -46,7 +46,7 @@ function say(text) {
 
 /** Says what is wrong in the place where it is: the field that the problem names, or above the fields. */
 function showProblem(place, text) {
-  const places = { prompt: "prompt-problem", seconds: "seconds-problem", seed: "seed-problem", part: "part-problem", file: "file-problem", keep: "keep-problem" };
+  const places = { prompt: "prompt-problem", seconds: "seconds-problem", seed: "seed-problem", part: "part-problem", path: "path-problem", file: "file-problem", keep: "keep-problem" };
   for (const id of Object.values(places)) byId(id).hidden = true;
   for (const id of ["prompt", "seconds", "seed"]) byId(id).removeAttribute("aria-invalid");
   byId("problem").hidden = true;
@@ -61,7 +61,7 @@ async function start() {
   const model = await describeModel();
   const { components, joints, frames_per_second: rate } = model;
   const index = Object.fromEntries(joints.map((name, joint) => [name, joint]));
-  const [shortest, longest] = model.frames.map((frames) => frames / rate);
+  const shortest = model.frames[0] / rate;
 
   let wish = fromFragment(location.hash, components);
   let scene = null;
@@ -75,7 +75,7 @@ async function start() {
   /** For tests: what happened to each request. */
   const log = [];
 
-  const player = new Player(Math.round(wish.seconds * rate), rate, () => redraw());
+  const player = new Player(Math.round(totalSeconds(wish) * rate), rate, () => redraw());
   const canvas = byId("view");
   const stage = new SteadyStage(canvas, byId("figures"), index, player);
   const { camera } = stage;
@@ -94,7 +94,9 @@ async function start() {
     }
     stage.draw();
     for (const chart of charts) chart.show(player.time);
-    timeline.showTime(player.time);
+    timeline.showTime(player.time - segments.start);
+    segments.showTime(player.time);
+    floor.showTime(player.time);
     showControls(player);
     byId("compare").setAttribute("aria-pressed", String(compares));
     if (player.playing) redraw();
@@ -102,7 +104,8 @@ async function start() {
 
   function rearrange() {
     stage.layout = null;
-    timeline.show(wish);
+    timeline.show(segments.sentence);
+    floor.show(wish);
     redraw();
   }
 
@@ -212,7 +215,18 @@ async function start() {
   function showScene() {
     show();
     showNotes();
-    sliders.showResult(scene);
+    showNumbers();
+    const main = scene.motions[scene.motions.length - 1];
+    floor.showResult(main.joints.map(([[x, , z]]) => [x, z]), scene.places ?? []);
+  }
+
+  /** Shows at the sliders what was asked of the chosen sentence and what came out. */
+  function showNumbers() {
+    if (!scene) return;
+    const span = scene.sentences?.[segments.place];
+    // An older motion may have another number of sentences.
+    if ((scene.sentences?.length ?? 1) !== wish.sentences.length) sliders.showResult(null);
+    else sliders.showResult(scene, span ? [span.from, span.until].map((time) => Math.round(time * rate)) : null);
   }
 
   /** Keeps the wish in the address. */
@@ -226,9 +240,11 @@ async function start() {
     const request = toRequest(wish, components);
     clearTimeout(resting);
     if (isCoarse) resting = setTimeout(() => ask(false, true), RESTING_PAUSE);
-    if (wish.prompt.trim() === "") {
+    const wordless = wish.sentences.findIndex(({ prompt }) => prompt.trim() === "");
+    if (wordless >= 0) {
       requests.stop();
-      showProblem("prompt", "Write what the person does, such as “a person jumps”.");
+      const which = wish.sentences.length > 1 ? ` in sentence ${wordless + 1}` : "";
+      showProblem(wordless === segments.place ? "prompt" : null, `Write what the person does${which}, such as “a person jumps”.`);
       return;
     }
     // A motion that was asked for while the slider rested is there already when it is released.
@@ -243,22 +259,22 @@ async function start() {
   }
 
   const sliders = new FactorSliders(byId("factors"), components, (c, factor, isReleased) => {
-    wish.factors[c] = factor;
-    timeline.show(wish);
+    segments.sentence.factors[c] = factor;
+    timeline.show(segments.sentence);
     ask(!isReleased);
   });
   const parts = new PartSliders({ pick: byId("part-add"), list: byId("part-list") }, components, {
     moved(p, c, factor, isReleased) {
-      wish.parts[p].factors[c] = factor;
+      segments.sentence.parts[p].factors[c] = factor;
       ask(!isReleased);
     },
     added(part) {
-      wish.parts.push({ part, factors: [1, 1, 1] });
-      parts.show(wish);
+      segments.sentence.parts.push({ part, factors: [1, 1, 1] });
+      parts.show(segments.sentence);
     },
     removed(p) {
-      const [{ factors }] = wish.parts.splice(p, 1);
-      parts.show(wish);
+      const [{ factors }] = segments.sentence.parts.splice(p, 1);
+      parts.show(segments.sentence);
       if (factors.some((factor) => factor !== 1)) ask();
     },
   });
@@ -266,31 +282,85 @@ async function start() {
     {
       lanes: byId("lanes"), lane: byId("lane"), slides: byId("slides"),
       add: byId("key-add"), remove: byId("key-remove"), clear: byId("keys-clear"),
-      time: () => player.time,
+      time: () => player.time - segments.start,
     },
     components,
     (isReleased) => {
-      sliders.show(wish);
+      sliders.show(segments.sentence);
       ask(!isReleased);
     },
   );
+  const segments = new Segments(
+    {
+      track: byId("segments"), add: byId("segment-add"), title: byId("segment-title"),
+      remove: byId("segment-remove"), earlier: byId("segment-earlier"), later: byId("segment-later"),
+      time: () => player.time,
+    },
+    components,
+    shortest,
+    {
+      chosen(i) {
+        showWish();
+        showNumbers();
+        const [from, until] = [segments.start, segments.start + segments.sentence.seconds];
+        if (player.time < from || player.time >= until) player.seek(from);
+      },
+      changed(isReleased) {
+        showWish();
+        ask(!isReleased);
+      },
+      added() {
+        byId("prompt").focus();
+        byId("prompt").select();
+      },
+    },
+  );
+  const floor = new Floor(
+    {
+      map: byId("floor"), list: byId("place-list"), note: byId("floor-note"), add: byId("place-add"), clear: byId("places-clear"),
+      time: () => player.time,
+    },
+    {
+      moved(isReleased) {
+        showLoop();
+        ask(!isReleased);
+        stage.scene.places = wish.path;
+        redraw();
+      },
+    },
+  );
+  byId("places").addEventListener("toggle", () => floor.show(wish));
+
+  /** Shows whether the motion is a loop, and why it cannot be one. */
+  function showLoop() {
+    byId("cycle").checked = wish.loop;
+    byId("cycle").disabled = !canLoop(wish);
+    byId("cycle").parentElement.title = wish.sentences.length > 1 ? "Several sentences make no loop" : wish.path.length > 0 ? "A path makes no loop" : "";
+  }
 
   /** Shows the wish in all fields. */
   function showWish() {
-    byId("prompt").value = wish.prompt;
-    byId("seconds").value = String(number(wish.seconds));
+    segments.show(wish);
+    const { sentence } = segments;
+    byId("prompt").value = sentence.prompt;
+    byId("seconds").value = String(number(sentence.seconds));
     byId("seed").value = String(wish.seed);
-    byId("cycle").checked = wish.loop;
-    sliders.show(wish);
-    parts.show(wish);
-    if (wish.parts.length) byId("parts").open = true;
-    timeline.show(wish);
+    showLoop();
+    sliders.show(sentence);
+    parts.show(sentence);
+    if (sentence.parts.length) byId("parts").open = true;
+    timeline.show(sentence);
+    byId("timeline-title").textContent = wish.sentences.length > 1 ? `Over time, sentence ${segments.place + 1}` : "Over time";
+    if (wish.path.length) byId("places").open = true;
+    stage.scene.places = wish.path;
+    floor.show(wish);
     showDropped();
   }
 
   let typing = 0;
   byId("prompt").addEventListener("input", () => {
-    wish.prompt = byId("prompt").value;
+    segments.sentence.prompt = byId("prompt").value;
+    segments.show(wish);
     clearTimeout(typing);
     typing = setTimeout(() => {
       typing = 0;
@@ -305,17 +375,14 @@ async function start() {
     ask();
   });
   byId("panel").addEventListener("submit", (event) => event.preventDefault());
-  Object.assign(byId("seconds"), { min: shortest, max: longest });
+  Object.assign(byId("seconds"), { min: shortest, max: LONGEST_SENTENCE });
   byId("seconds").addEventListener("change", () => {
     const seconds = Number(byId("seconds").value);
-    if (!(seconds >= shortest && seconds <= longest)) {
-      showProblem("seconds", `Expected ${shortest} to ${longest} seconds, found ${byId("seconds").value || "nothing"}.`);
+    if (!(seconds >= shortest && seconds <= LONGEST_SENTENCE)) {
+      showProblem("seconds", `Expected ${shortest} to ${LONGEST_SENTENCE} seconds, found ${byId("seconds").value || "nothing"}.`);
       return;
     }
-    wish.seconds = seconds;
-    wish.keys = wish.keys.map((keys) => keys.filter(({ time }) => time < seconds - KEY_STEP / 2));
-    showWish();
-    ask();
+    segments.resize(segments.place, seconds, true);
   });
   byId("seed").addEventListener("change", () => {
     const text = byId("seed").value;
@@ -405,7 +472,7 @@ async function start() {
       try {
         const body = JSON.stringify(toRequest(wish, components));
         const answer = await server.ask("api/v1/generate", { accept: mediaType, body, type: "application/json" });
-        save(await answer.blob(), `${fileStem(wish.prompt)}.${ending}`);
+        save(await answer.blob(), `${fileStem(wish.sentences[0].prompt)}.${ending}`);
         say("");
       } catch (error) {
         say("");
@@ -427,7 +494,7 @@ async function start() {
     }
   });
   const sizes = new ResizeObserver(rearrange);
-  for (const id of ["view", "charts", "lane"]) sizes.observe(byId(id));
+  for (const id of ["view", "charts", "lane", "floor"]) sizes.observe(byId(id));
   darkness.addEventListener("change", rearrange);
   window.addEventListener("hashchange", () => {
     wish = fromFragment(location.hash, components);
@@ -438,6 +505,9 @@ async function start() {
   /** The state of the studio, for tests and for the console of the browser. */
   window.studio = {
     get wish() { return copyWish(wish); },
+    /** The chosen sentence, and its place among the others. */
+    get sentence() { return structuredClone(segments.sentence); },
+    get chosen() { return segments.place; },
     get scene() { return scene; },
     /** Whether the shown motion is a coarse one. */
     get coarse() { return shownCoarsely; },
@@ -449,6 +519,7 @@ async function start() {
     get dropped() { return dropped; },
     player,
     stage,
+    floor,
     get request() { return toRequest(wish, components); },
   };
   say("");

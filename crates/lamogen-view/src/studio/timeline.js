@@ -6,7 +6,7 @@ const KEY_STEP = 0.05;
 const LANE_EDGE = { left: 40, right: 14, top: 12, bottom: 20 };
 
 class Timeline {
-  /** `moved(isReleased)` is called after the wish has been changed; `seek(time)` for a click beside the factors. */
+  /** `time()` is the moment that is shown, counted from the beginning of the sentence. `moved(isReleased)` is called after the sentence has been changed. */
   constructor(elements, components, moved) {
     Object.assign(this, { ...elements, components, moved });
     this.component = 0;
@@ -17,7 +17,7 @@ class Timeline {
       tab.addEventListener("click", () => {
         this.component = c;
         this.selected = null;
-        this.show(this.wish);
+        this.show(this.sentence);
       });
       return tab;
     });
@@ -34,40 +34,40 @@ class Timeline {
     this.lane.addEventListener("pointercancel", release);
     this.lane.addEventListener("keydown", (event) => this.pressKey(event));
     this.slides.addEventListener("change", () => {
-      this.wish.slides[this.component] = this.slides.checked;
+      this.sentence.slides[this.component] = this.slides.checked;
       this.change(true);
     });
     this.add.addEventListener("click", () => this.insert(this.time(), this.factorAt(this.time())));
     this.remove.addEventListener("click", () => this.removeSelected());
     this.clear.addEventListener("click", () => {
-      this.wish.keys[this.component] = [];
+      this.sentence.keys[this.component] = [];
       this.selected = null;
       this.change(true);
     });
   }
 
   get keys() {
-    return this.wish.keys[this.component];
+    return this.sentence.keys[this.component];
   }
 
   /** The last time at which a key may be. */
   get last() {
-    return Math.max(Math.floor(this.wish.seconds / KEY_STEP - 0.5) * KEY_STEP, 0);
+    return Math.max(Math.floor(this.sentence.seconds / KEY_STEP - 0.5) * KEY_STEP, 0);
   }
 
   change(isReleased) {
-    this.show(this.wish);
+    this.show(this.sentence);
     this.moved(isReleased);
   }
 
   /** Returns the factor of the component at a time. */
   factorAt(time) {
     const { keys } = this;
-    if (keys.length === 0) return this.wish.factors[this.component];
+    if (keys.length === 0) return this.sentence.factors[this.component];
     const after = keys.findIndex((key) => key.time > time);
     if (after === 0) return 1;
     const from = keys[after < 0 ? keys.length - 1 : after - 1];
-    if (after < 0 || !this.wish.slides[this.component]) return from.factor;
+    if (after < 0 || !this.sentence.slides[this.component]) return from.factor;
     const to = keys[after];
     return from.factor + ((to.factor - from.factor) * (time - from.time)) / (to.time - from.time);
   }
@@ -76,7 +76,7 @@ class Timeline {
     const place = this.snap(time, factor);
     const { keys } = this;
     // Before its first key a factor is 1; the slider's stays at the beginning.
-    if (keys.length === 0 && place.time > 0) keys.push({ time: 0, factor: this.wish.factors[this.component] });
+    if (keys.length === 0 && place.time > 0) keys.push({ time: 0, factor: this.sentence.factors[this.component] });
     const there = keys.find((key) => Math.abs(key.time - place.time) < KEY_STEP / 2);
     if (there) Object.assign(there, place);
     else keys.push(place);
@@ -111,7 +111,7 @@ class Timeline {
     const box = this.lane.getBoundingClientRect();
     const across = (event.clientX - box.left - LANE_EDGE.left) / (box.width - LANE_EDGE.left - LANE_EDGE.right);
     const up = 1 - (event.clientY - box.top - LANE_EDGE.top) / (box.height - LANE_EDGE.top - LANE_EDGE.bottom);
-    return { time: across * this.wish.seconds, factor: LOWEST + up * (HIGHEST - LOWEST) };
+    return { time: across * this.sentence.seconds, factor: LOWEST + up * (HIGHEST - LOWEST) };
   }
 
   press(event) {
@@ -121,7 +121,7 @@ class Timeline {
     const key = event.target.closest("[data-key]");
     if (key) {
       this.selected = Number(key.dataset.key);
-      this.show(this.wish);
+      this.show(this.sentence);
     } else {
       const { time, factor } = this.point(event);
       this.insert(time, factor);
@@ -156,21 +156,21 @@ class Timeline {
     this.lane.querySelector(`[data-key="${this.selected}"]`)?.focus();
   }
 
-  show(wish) {
-    this.wish = wish;
+  show(sentence) {
+    this.sentence = sentence;
     const { lane, keys, component } = this;
     if (this.selected !== null && this.selected >= keys.length) this.selected = null;
     this.tabs.forEach((tab, c) => {
       tab.setAttribute("aria-pressed", String(c === component));
-      tab.classList.toggle("has-keys", wish.keys[c].length > 0);
+      tab.classList.toggle("has-keys", sentence.keys[c].length > 0);
     });
-    this.slides.checked = wish.slides[component];
+    this.slides.checked = sentence.slides[component];
     this.remove.disabled = this.selected === null;
     this.clear.disabled = keys.length === 0;
     const focused = lane.contains(document.activeElement) ? document.activeElement.dataset.key : null;
     const { width, height } = lane.getBoundingClientRect();
     if (width === 0) return;
-    const x = (time) => LANE_EDGE.left + (time / wish.seconds) * (width - LANE_EDGE.left - LANE_EDGE.right);
+    const x = (time) => LANE_EDGE.left + (time / sentence.seconds) * (width - LANE_EDGE.left - LANE_EDGE.right);
     const y = (factor) => height - LANE_EDGE.bottom - ((factor - LOWEST) / (HIGHEST - LOWEST)) * (height - LANE_EDGE.top - LANE_EDGE.bottom);
     lane.setAttribute("viewBox", `0 0 ${width} ${height}`);
     lane.replaceChildren();
@@ -178,17 +178,17 @@ class Timeline {
       draw(lane, "path", { d: `M${LANE_EDGE.left} ${y(factor)}H${width - LANE_EDGE.right}`, class: factor === 1 ? "rule one" : "rule" });
       draw(lane, "text", { x: LANE_EDGE.left - 6, y: y(factor) + 4, "text-anchor": "end" }).textContent = `×${factor}`;
     }
-    const step = roundStep(wish.seconds, Math.max(width / 80, 2));
-    for (let i = 0; i * step <= wish.seconds + 1e-6; i++) {
+    const step = roundStep(sentence.seconds, Math.max(width / 80, 2));
+    for (let i = 0; i * step <= sentence.seconds + 1e-6; i++) {
       const at = x(i * step);
       draw(lane, "text", { x: at, y: height - 5, "text-anchor": at > width - 20 ? "end" : "middle" }).textContent = `${Number((i * step).toPrecision(3))} s`;
     }
-    const samples = Math.max(Math.round(wish.seconds / KEY_STEP), 1);
+    const samples = Math.max(Math.round(sentence.seconds / KEY_STEP), 1);
     let path = "";
     for (let i = 0; i <= samples; i++) {
-      const time = Math.min(i * KEY_STEP, wish.seconds);
+      const time = Math.min(i * KEY_STEP, sentence.seconds);
       const [at, factor] = [x(time).toFixed(1), y(this.factorAt(time)).toFixed(1)];
-      path += i === 0 ? `M${at} ${factor}` : wish.slides[component] || keys.length === 0 ? `L${at} ${factor}` : `H${at}V${factor}`;
+      path += i === 0 ? `M${at} ${factor}` : sentence.slides[component] || keys.length === 0 ? `L${at} ${factor}` : `H${at}V${factor}`;
     }
     draw(lane, "path", { d: path, class: "line factor" });
     keys.forEach(({ time, factor }, i) => {
@@ -205,6 +205,9 @@ class Timeline {
 
   /** Moves the cursor to a time. */
   showTime(time) {
-    if (this.cursor) this.cursor.setAttribute("transform", `translate(${this.x(Math.min(time, this.wish.seconds)).toFixed(2)} 0)`);
+    if (!this.cursor) return;
+    const isInside = time > -1e-6 && time <= this.sentence.seconds + 1e-6;
+    this.cursor.setAttribute("visibility", isInside ? "visible" : "hidden");
+    this.cursor.setAttribute("transform", `translate(${this.x(Math.max(time, 0)).toFixed(2)} 0)`);
   }
 }

@@ -4,13 +4,14 @@ const LOWEST = 0.2;
 const HIGHEST = 2;
 const EFFORTS = 3;
 
-/** Returns a wish without factors. */
-function newWish(components) {
+/** The length of the longest sentence in seconds. */
+const LONGEST_SENTENCE = 60;
+
+/** Returns a sentence without factors. */
+function newSentence(components, prompt = "a person jumps", seconds = 4) {
   return {
-    prompt: "a person jumps",
-    seconds: 4,
-    seed: 1,
-    loop: false,
+    prompt,
+    seconds,
     factors: components.map(() => 1),
     /** For each component the keys of its factor over time: [{ time, factor }]; none where the factor is one number. */
     keys: components.map(() => []),
@@ -18,8 +19,20 @@ function newWish(components) {
     slides: components.map(() => true),
     /** [{ part, factors }] with factors of Weight, Time and Flow. */
     parts: [],
-    /** { name, series } of a motion to be like, or null. */
+  };
+}
+
+/** Returns a wish of one sentence without factors. */
+function newWish(components) {
+  return {
+    seed: 1,
+    loop: false,
+    /** What comes one after another. Times of keys count from the beginning of their sentence. */
+    sentences: [newSentence(components)],
+    /** { name, series } of a motion that the first sentence shall be like, or null. */
     like: null,
+    /** Places on the floor in the order of time: [{ time, x, z }], x to the left of how the body stands at the start, z forward. */
+    path: [],
   };
 }
 
@@ -27,12 +40,31 @@ const copyWish = (wish) => structuredClone(wish);
 const isSame = (one, other) => JSON.stringify(one) === JSON.stringify(other);
 const number = (value) => Number(value.toFixed(3));
 
+/** Returns the length of the whole motion in seconds. */
+const totalSeconds = (wish) => wish.sentences.reduce((sum, { seconds }) => sum + seconds, 0);
+
+/** Returns the moment at which a sentence begins, in seconds. */
+const beginning = (wish, i) => wish.sentences.slice(0, i).reduce((sum, { seconds }) => sum + seconds, 0);
+
+/** Returns whether a motion can be a loop: one sentence that goes its own way. */
+const canLoop = (wish) => wish.sentences.length === 1 && wish.path.length === 0;
+
+/** Removes what is past an end: keys of sentences, places. */
+function prune(wish) {
+  for (const sentence of wish.sentences) {
+    sentence.keys = sentence.keys.map((keys) => keys.filter(({ time }) => time < sentence.seconds - KEY_STEP / 2));
+  }
+  wish.path = wish.path.filter(({ time }) => time <= totalSeconds(wish) + 1e-6);
+  if (!canLoop(wish)) wish.loop = false;
+  return wish;
+}
+
 /** Returns the factor of a component as the server reads it: a number, keys over time, or null for none. */
-function factorText(wish, c) {
-  const keys = wish.keys[c];
-  if (keys.length === 0) return wish.factors[c] === 1 ? null : number(wish.factors[c]);
+function factorText(sentence, c) {
+  const keys = sentence.keys[c];
+  if (keys.length === 0) return sentence.factors[c] === 1 ? null : number(sentence.factors[c]);
   const texts = keys.map(({ time, factor }) => `${number(time)}:${number(factor)}`);
-  return texts.join(wish.slides[c] ? " ~ " : " ");
+  return texts.join(sentence.slides[c] ? " ~ " : " ");
 }
 
 /** Returns the words of a part as the server reads them, or null if it asks for nothing. */
@@ -41,33 +73,50 @@ function partText({ part, factors }, components) {
   return words.length === 0 ? null : `${part}:${words.join(",")}`;
 }
 
-/** Returns the request of a wish. */
-function toRequest(wish, components) {
-  const request = { prompt: wish.prompt, seconds: wish.seconds, seed: wish.seed };
-  if (wish.loop) request.loop = true;
+/** Returns places as the server reads them. */
+const pathText = (path) => path.map(({ time, x, z }) => `${number(time)}:${number(x)},${number(z)}`).join(" ");
+
+/** Returns the fields of a sentence in a request. */
+function sentenceRequest(sentence, components) {
+  const request = { prompt: sentence.prompt, seconds: number(sentence.seconds) };
   components.forEach(({ key }, c) => {
-    const text = factorText(wish, c);
+    const text = factorText(sentence, c);
     if (text !== null) request[key] = text;
   });
-  const parts = wish.parts.map((part) => partText(part, components)).filter(Boolean);
+  const parts = sentence.parts.map((part) => partText(part, components)).filter(Boolean);
   if (parts.length > 0) request.part = parts;
-  if (wish.like) {
-    request.like = wish.like.series;
+  return request;
+}
+
+/** Returns the request of a wish. */
+function toRequest(wish, components) {
+  const { sentences, seed, loop, like, path } = prune(copyWish(wish));
+  const [first, ...others] = sentences.map((sentence) => sentenceRequest(sentence, components));
+  const request = { ...first, seed };
+  if (loop) request.loop = true;
+  if (like) {
+    request.like = like.series;
     // The server measures parts beside a motion to be like only if Weight, Time and Flow have factors of their own.
-    if (parts.length > 0) components.slice(0, EFFORTS).forEach(({ key }) => (request[key] ??= 1));
+    if (request.part) components.slice(0, EFFORTS).forEach(({ key }) => (request[key] ??= 1));
   }
+  if (others.length > 0) request.then = others;
+  if (path.length > 0) request.path = pathText(path);
   return request;
 }
 
 /** Describes a wish in a few words. */
 function describeWish(wish, components) {
-  const words = components.map(({ name }, c) => {
-    const text = factorText(wish, c);
-    return text === null ? null : wish.keys[c].length ? `${name} over time` : `${name} ${text}`;
+  const sentences = wish.sentences.map((sentence) => {
+    const words = components.map(({ name }, c) => {
+      const text = factorText(sentence, c);
+      return text === null ? null : sentence.keys[c].length ? `${name} over time` : `${name} ${text}`;
+    });
+    const parts = sentence.parts.map((part) => partText(part, components));
+    return [`“${sentence.prompt}”`, `${number(sentence.seconds)} s`, ...words, ...parts].filter(Boolean).join(", ");
   });
-  const parts = wish.parts.map((part) => partText(part, components));
+  const places = wish.path.length ? `${wish.path.length} ${wish.path.length === 1 ? "place" : "places"}` : null;
   const like = wish.like ? `like ${wish.like.name}` : null;
-  return [`“${wish.prompt}”`, `${wish.seconds} s`, `seed ${wish.seed}`, wish.loop ? "loop" : null, ...words, ...parts, like].filter(Boolean).join(", ");
+  return [sentences.join("; then "), `seed ${wish.seed}`, wish.loop ? "loop" : null, like, places].filter(Boolean).join(", ");
 }
 
 /** Encodes 32-bit floats for an address. */
@@ -83,43 +132,51 @@ function decodeSeries(text, components) {
   return Object.fromEntries(components.map(({ key }, c) => [key, values.slice(c * frames, (c + 1) * frames)]));
 }
 
-/** Returns the fragment of the address that gives a wish again. */
-function toFragment(wish, components) {
-  const { prompt, seconds, seed, loop, part = [], ...rest } = toRequest({ ...wish, like: null }, components);
-  const fields = new URLSearchParams({ prompt, seconds, seed });
-  if (loop) fields.set("loop", "1");
-  for (const [key, value] of Object.entries(rest)) fields.set(key, value);
+/** Writes a sentence into fields of an address. */
+function sentenceFields(sentence, components) {
+  const { part = [], ...rest } = sentenceRequest(sentence, components);
+  const fields = new URLSearchParams(rest);
   for (const text of part) fields.append("part", text);
-  if (wish.like) {
-    fields.set("like", wish.like.name);
-    fields.set("series", encodeSeries(wish.like.series, components));
+  return fields;
+}
+
+/** Returns the fragment of the address that gives a wish again. A further sentence is a field with fields of its own. */
+function toFragment(wish, components) {
+  const { sentences, seed, loop, like, path } = wish;
+  const [fields, ...others] = sentences.map((sentence) => sentenceFields(sentence, components));
+  fields.set("seed", seed);
+  if (loop) fields.set("loop", "1");
+  for (const other of others) fields.append("then", String(other));
+  if (path.length > 0) fields.set("path", pathText(path));
+  if (like) {
+    fields.set("like", like.name);
+    fields.set("series", encodeSeries(like.series, components));
   }
   return `#${fields}`;
 }
 
-/** Reads a fragment. Fields that are not there or not valid are those of a new wish. */
-function fromFragment(fragment, components) {
-  const fields = new URLSearchParams(fragment.replace(/^#/, ""));
-  const wish = newWish(components);
-  const read = (name, isValid, fallback) => {
-    const value = Number(fields.get(name));
-    return fields.has(name) && Number.isFinite(value) && isValid(value) ? value : fallback;
-  };
+/** Reads a number of an address. */
+function readNumber(fields, name, isValid, fallback) {
+  const value = Number(fields.get(name));
+  return fields.has(name) && Number.isFinite(value) && isValid(value) ? value : fallback;
+}
+
+/** Reads a sentence from fields of an address. */
+function readSentence(fields, components) {
+  const sentence = newSentence(components);
   const inRange = (factor) => Math.min(Math.max(factor, LOWEST), HIGHEST);
-  wish.prompt = fields.get("prompt") ?? wish.prompt;
-  wish.seconds = read("seconds", (seconds) => seconds > 0, wish.seconds);
-  wish.seed = read("seed", (seed) => Number.isSafeInteger(seed) && seed >= 0, wish.seed);
-  wish.loop = fields.get("loop") === "1";
+  sentence.prompt = fields.get("prompt") ?? sentence.prompt;
+  sentence.seconds = readNumber(fields, "seconds", (seconds) => seconds > 0 && seconds <= LONGEST_SENTENCE, sentence.seconds);
   components.forEach(({ key, words }, c) => {
     const text = fields.get(key) ?? "";
     const word = words.find(({ word }) => word === text);
     if (text.includes(":")) {
-      wish.slides[c] = text.includes("~");
+      sentence.slides[c] = text.includes("~");
       const keys = text.split(/[\s~]+/).map((key) => key.split(":").map(Number));
-      wish.keys[c] = keys.filter((key) => key.length === 2 && key.every(Number.isFinite)).map(([time, factor]) => ({ time, factor: inRange(factor) }));
+      sentence.keys[c] = keys.filter((key) => key.length === 2 && key.every(Number.isFinite)).map(([time, factor]) => ({ time, factor: inRange(factor) }));
     } else if (text !== "") {
       const factor = word ? word.factor : Number(text);
-      if (Number.isFinite(factor)) wish.factors[c] = inRange(factor);
+      if (Number.isFinite(factor)) sentence.factors[c] = inRange(factor);
     }
   });
   for (const text of fields.getAll("part")) {
@@ -129,7 +186,23 @@ function fromFragment(fragment, components) {
       const value = Number(words.split(",").find((word) => word.startsWith(`${key}=`))?.slice(key.length + 1) ?? 1);
       return Number.isFinite(value) ? inRange(value) : 1;
     });
-    wish.parts.push({ part, factors });
+    sentence.parts.push({ part, factors });
+  }
+  return sentence;
+}
+
+/** Reads a fragment. Fields that are not there or not valid are those of a new wish. */
+function fromFragment(fragment, components) {
+  const fields = new URLSearchParams(fragment.replace(/^#/, ""));
+  const wish = newWish(components);
+  const others = fields.getAll("then").map((text) => new URLSearchParams(text));
+  wish.sentences = [fields, ...others].map((sentence) => readSentence(sentence, components));
+  wish.seed = readNumber(fields, "seed", (seed) => Number.isSafeInteger(seed) && seed >= 0, wish.seed);
+  wish.loop = fields.get("loop") === "1";
+  for (const text of (fields.get("path") ?? "").split(/\s+/)) {
+    const [time, x, z, ...more] = text.split(/[:,]/).map(Number);
+    const isLater = time > (wish.path.at(-1)?.time ?? 0);
+    if (more.length === 0 && isLater && Number.isFinite(x) && Number.isFinite(z)) wish.path.push({ time, x, z });
   }
   if (fields.has("series")) {
     try {
@@ -138,7 +211,7 @@ function fromFragment(fragment, components) {
       wish.like = null;
     }
   }
-  return wish;
+  return prune(wish);
 }
 
 /** The parts of the body that can have factors of their own. */
