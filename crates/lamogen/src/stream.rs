@@ -29,7 +29,7 @@ const LONGEST_STRETCH: usize = 80;
 /// ```no_run
 /// use lamogen::{LaMoGen, Request, Tag};
 ///
-/// let model = LaMoGen::compact(&lamogen::Device::flex())?;
+/// let model = LaMoGen::embedded(&lamogen::Device::flex())?;
 /// let walk = Request::new("a person walks forward").seconds(6.0).seed(7);
 /// let mut stream = model.stream(&walk)?;
 /// while let Some(stretch) = stream.next() {
