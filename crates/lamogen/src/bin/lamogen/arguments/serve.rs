@@ -57,7 +57,7 @@ pub struct ServeArguments {
     /// depend on it. One a processor without, but at most 4; 1 on a graphics processor.
     #[arg(long, value_name = "MOTIONS", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub parallel: Option<u32>,
-    /// Length of the longest motion in seconds. Its memory grows with it: about 120 MB at 30 s, 260 MB at two minutes.
+    /// Length of the longest motion in seconds. A guided motion takes about 110 MB at 30 s and 120 MB at two minutes.
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub max_seconds: u32,
     /// Longest time of a request's work in seconds.
