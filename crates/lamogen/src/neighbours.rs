@@ -67,6 +67,11 @@ impl KnownStarts {
         })
     }
 
+    /// Whether the two passes continue different frames.
+    pub(crate) fn differ(&self) -> bool {
+        self.guided.is_some()
+    }
+
     /// Returns the end that the second pass continues.
     pub(crate) fn guided(&self) -> &KnownStart {
         self.guided.as_ref().unwrap_or(&self.baseline)

@@ -25,6 +25,7 @@ use crate::generation::{
 use crate::groups::{GenerationJob, JobGroup};
 use crate::kept::{KeptFrames, kept_motion};
 use crate::licence::Licence;
+use crate::neighbours::KnownStarts;
 use crate::request::Request;
 use crate::standing::standing;
 
@@ -73,55 +74,97 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     ) -> Result<Vec<(usize, Generation)>, Error> {
         // The baselines are checked before the guided pass, so that an unusable baseline is not reported as an error of
         // guidance.
-        let baselines = self.baselines(observer)?;
-        self.generations_from(baselines, observer)
+        if !self.group.is_guided || self.continues_guided() {
+            let baselines = self.baselines(observer)?;
+            return self.generations_from(baselines, observer);
+        }
+        // Both passes begin alike, so that prompts and known frames are prepared once.
+        self.with_sampling(Pass::Baseline, |sampling| {
+            let baselines = match self.cached_baselines() {
+                Some(baselines) => baselines,
+                None => self.first_pass(sampling, observer)?,
+            };
+            self.second_pass(sampling, baselines, observer)
+        })
+    }
+
+    /// Whether the guided pass continues other frames than the first pass.
+    fn continues_guided(&self) -> bool {
+        let mut starts = self.group.jobs.iter().filter_map(|job| job.start.as_ref());
+        starts.any(KnownStarts::differ)
     }
 
     /// Makes the first pass.
-    pub(crate) fn baselines(&self, mut observer: StepObserver<'_>) -> Result<Baselines, Error> {
-        let key = self.baseline_key();
-        if let Some(kept) = { key.as_ref() }.and_then(|key| self.model.baseline_cache.get(key)) {
-            return Ok(Baselines {
-                normalized: kept.normalized,
-                network: vec![self.labelled(kept.network, 0)],
-                motions: vec![self.labelled(kept.motion, 0)],
-            });
+    pub(crate) fn baselines(&self, observer: StepObserver<'_>) -> Result<Baselines, Error> {
+        match self.cached_baselines() {
+            Some(baselines) => Ok(baselines),
+            None => self.with_sampling(Pass::Baseline, |sampling| {
+                self.first_pass(sampling, observer)
+            }),
         }
-        let baselines = self.with_sampling(Pass::Baseline, |sampling| {
-            let normalized = sampling
-                .sampler
-                .baseline(&sampling.batch, &mut observer)
-                .map_err(|error| self.interrupted(error, &[]))?;
-            let network = self.motions(&normalized, Pass::Baseline, &[])?;
-            let motions = BodyFitter {
-                run: self,
-                rig: self.rig(Pass::Baseline),
-                embedding: &sampling.batch.prompt.embedding,
-                observer,
-            }
-            .baselines(&network, &normalized)?;
-            Ok(Baselines {
-                normalized,
-                network,
-                motions,
-            })
-        })?;
-        if let (Some(key), [network], [motion]) =
-            (key, &baselines.network[..], &baselines.motions[..])
-        {
-            let kept = Baseline {
-                normalized: baselines.normalized.clone(),
-                network: network.clone(),
-                motion: motion.clone(),
-            };
-            self.model.baseline_cache.insert(key, kept);
-        }
-        Ok(baselines)
     }
 
     /// Makes the second pass, from the motions of the first.
     pub(crate) fn generations_from(
         &self,
+        baselines: Baselines,
+        observer: StepObserver<'_>,
+    ) -> Result<Vec<(usize, Generation)>, Error> {
+        if !self.group.is_guided {
+            let generations = self.text_alone(baselines.motions, baselines.network);
+            return Ok(self.kept(generations));
+        }
+        self.with_sampling(Pass::Guided, |sampling| {
+            self.second_pass(sampling, baselines, observer)
+        })
+    }
+
+    /// Returns the baselines of an earlier run that are those of this one, if the model keeps them.
+    fn cached_baselines(&self) -> Option<Baselines> {
+        let kept = self.model.baseline_cache.get(&self.baseline_key()?)?;
+        Some(Baselines {
+            normalized: kept.normalized,
+            network: vec![self.labelled(kept.network, 0)],
+            motions: vec![self.labelled(kept.motion, 0)],
+        })
+    }
+
+    fn first_pass(
+        &self,
+        sampling: &Sampling<'_, '_, D>,
+        mut observer: StepObserver<'_>,
+    ) -> Result<Baselines, Error> {
+        let normalized = sampling
+            .sampler
+            .baseline(&sampling.batch, &mut observer)
+            .map_err(|error| self.interrupted(error, &[]))?;
+        let network = self.motions(&normalized, Pass::Baseline, &[])?;
+        let motions = BodyFitter {
+            run: self,
+            rig: self.rig(Pass::Baseline),
+            embedding: &sampling.batch.prompt.embedding,
+            observer,
+        }
+        .baselines(&network, &normalized)?;
+        if let (Some(key), [network], [motion]) = (self.baseline_key(), &network[..], &motions[..])
+        {
+            let kept = Baseline {
+                normalized: normalized.clone(),
+                network: network.clone(),
+                motion: motion.clone(),
+            };
+            self.model.baseline_cache.insert(key, kept);
+        }
+        Ok(Baselines {
+            normalized,
+            network,
+            motions,
+        })
+    }
+
+    fn second_pass(
+        &self,
+        sampling: &Sampling<'_, '_, D>,
         baselines: Baselines,
         mut observer: StepObserver<'_>,
     ) -> Result<Vec<(usize, Generation)>, Error> {
@@ -130,41 +173,33 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             network: network_baselines,
             motions: baselines,
         } = baselines;
-        if !self.group.is_guided {
-            let generations = self.text_alone(baselines, network_baselines);
-            return Ok(self.kept(generations));
-        }
         let jobs = self.group.jobs.iter();
         let goals: Vec<Goals> = { jobs }
             .map(|job| job.goals.clone().unwrap_or_else(Goals::anything))
             .collect();
-        let (network_guided, guided, last) = self.with_sampling(Pass::Guided, |sampling| {
-            let guided = sampling
-                .sampler
-                .guided(
-                    &sampling.batch,
-                    normalized,
-                    &goals,
-                    &self.group.guidance,
-                    &mut observer,
-                )
-                .map_err(|error| self.interrupted(error, &baselines))?;
-            let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
-            let last = BodyFitter {
-                run: self,
-                rig: self.rig(Pass::Guided),
-                embedding: &sampling.batch.prompt.embedding,
-                observer,
-            }
-            .guided(&network_guided, &baselines, &goals, &guided)?;
-            Ok((network_guided, guided, last))
-        })?;
+        let guided = sampling
+            .sampler
+            .guided(
+                &sampling.batch,
+                normalized,
+                &goals,
+                &self.group.guidance,
+                &mut observer,
+            )
+            .map_err(|error| self.interrupted(error, &baselines))?;
+        let network_guided = self.motions(&guided.motion, Pass::Guided, &baselines)?;
+        let fitter = BodyFitter {
+            run: self,
+            rig: self.rig(Pass::Guided),
+            embedding: &sampling.batch.prompt.embedding,
+            observer,
+        };
         let FinalMotions {
             motions,
             whole,
             parts,
             terms,
-        } = last;
+        } = { fitter }.guided(&network_guided, &baselines, &goals, &guided)?;
 
         let network_motions = network_baselines.into_iter().zip(network_guided);
         let motions = baselines.into_iter().zip(motions).zip(network_motions);
@@ -199,7 +234,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
     fn with_sampling<T>(
         &self,
         pass: Pass,
-        run: impl FnOnce(Sampling<'_, '_, D>) -> Result<T, Error>,
+        run: impl FnOnce(&Sampling<'_, '_, D>) -> Result<T, Error>,
     ) -> Result<T, Error> {
         let LaMoGen {
             network,
@@ -224,7 +259,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             None => batch,
         };
         let sampler = self.sampler(&network)?.with_loops(self.group.is_looped);
-        run(Sampling { sampler, batch })
+        run(&Sampling { sampler, batch })
     }
 
     /// Returns the fit to the body after a pass.
