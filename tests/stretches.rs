@@ -202,6 +202,15 @@ fn a_stream_goes_on_and_takes_what_comes() {
 }
 
 #[test]
+fn stretches_are_as_short_as_the_model_allows() {
+    let model = model();
+    let walk = Request::new("a person walks forward").seconds(5.0).steps(2);
+    let stream = model.stream(&walk).unwrap().with_longest_stretch(2.0);
+    let frames: Vec<_> = stream.map(|stretch| stretch.unwrap().frames).collect();
+    assert_eq!(frames, [0..50, 50..100]);
+}
+
+#[test]
 fn a_stream_begins_where_a_motion_ends() {
     let model = model();
     let walk = Request::new("a person walks forward").seconds(3.0).seed(1);

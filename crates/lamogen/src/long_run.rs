@@ -60,16 +60,16 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         observer: &mut dyn FnMut(&Step<'_>) -> ControlFlow<()>,
     ) -> Result<Generation, Error> {
         let mut sentences = self.sentences();
+        let text_alone: Vec<Sentence> = { sentences.iter().cloned() }
+            .map(|sentence| Sentence {
+                goals: None,
+                ..sentence
+            })
+            .collect();
         let mut baselines: Vec<Baselines> = Vec::new();
         let mut baseline: Vec<Motion> = Vec::new();
         for stretch in 0..self.stretches.len() {
             let end = { baseline.last() }.map(|motion| StretchEnd::of(motion, motion, false));
-            let text_alone: Vec<Sentence> = { sentences.iter().cloned() }
-                .map(|sentence| Sentence {
-                    goals: None,
-                    ..sentence
-                })
-                .collect();
             let made = self.with_stretch(stretch, &text_alone, end, |run| {
                 let made = run.baselines(observer)?;
                 let motion = run.kept_baseline(&made.motions[0]);

@@ -1,7 +1,7 @@
 //! Motions that are made while they are watched.
 
 use std::collections::VecDeque;
-use std::ops::{ControlFlow, Range};
+use std::ops::{ControlFlow, Range, RangeInclusive};
 
 use lamogen_guide::Body;
 use lamogen_laban::Goals;
@@ -131,8 +131,9 @@ impl<D: Denoiser> MotionStream<'_, D> {
         let (shortest, longest) = (*self.model.lengths().start(), longest_stretch(self.model));
         self.longest = (frames as usize).clamp(shortest.min(longest), longest);
         if self.stretches == 0 {
+            let lengths = self.section_lengths();
             for pending in &mut self.sentences {
-                pending.sections = sections(pending.sentence.frames, self.longest).collect();
+                pending.sections = sections(pending.sentence.frames, lengths.clone()).collect();
             }
         }
         self
@@ -173,8 +174,8 @@ impl<D: Denoiser> MotionStream<'_, D> {
         result
     }
 
-    /// Sets the goals of all frames of the running sentence that have not been made yet. They set in within the first second of
-    /// the next stretch. Without a running sentence nothing happens.
+    /// Sets the goals of the next stretch and of what follows of its sentence. They set in within the first second. At the end of
+    /// the stream nothing happens.
     ///
     /// # Errors
     ///
@@ -263,6 +264,11 @@ impl<D: Denoiser> MotionStream<'_, D> {
         }))
     }
 
+    /// Returns the lengths that sections of sentences have in frames.
+    fn section_lengths(&self) -> RangeInclusive<usize> {
+        *self.model.lengths().start()..=self.longest
+    }
+
     /// Checks a request of the stream.
     fn check(&self, request: &Request) -> Result<(), Error> {
         let guidance = requested_guidance(request, self.model.preset());
@@ -308,7 +314,7 @@ impl<D: Denoiser> MotionStream<'_, D> {
             };
             self.sentences.push_back(PendingSentence {
                 place: self.added,
-                sections: sections(frames, self.longest).collect(),
+                sections: sections(frames, self.section_lengths()).collect(),
                 sentence,
             });
             self.added += 1;

@@ -7,7 +7,7 @@
 //!                                 a stretch begins with the last second of the one before, which it does not change
 //! ```
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 use lamogen_laban::Goals;
@@ -46,12 +46,12 @@ impl Section {
 }
 
 /// Cuts sentences of these lengths into stretches of at most `longest` frames. A sentence that is longer than a stretch has
-/// stretches of its own, which are equally long.
+/// stretches of its own, which are equally long and have at least half as many frames.
 pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> {
     let mut stretches: Vec<Vec<Section>> = Vec::new();
     let mut free = 0;
     for (sentence, &length) in lengths.iter().enumerate() {
-        for frames in sections(length, longest) {
+        for frames in sections(length, 1..=longest) {
             let section = Section { sentence, frames };
             let needed = section.frames.len();
             match stretches.last_mut().filter(|_| needed <= free) {
@@ -69,9 +69,13 @@ pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> 
     stretches
 }
 
-/// Cuts a sentence into the fewest equally long sections of at most `longest` frames.
-pub(crate) fn sections(length: usize, longest: usize) -> impl Iterator<Item = Range<usize>> {
-    let count = length.div_ceil(longest).max(1);
+/// Cuts a sentence into the fewest equally long sections of these lengths; into longer ones, where these would be too short.
+pub(crate) fn sections(
+    length: usize,
+    lengths: RangeInclusive<usize>,
+) -> impl Iterator<Item = Range<usize>> {
+    let most = (length / lengths.start().max(&1)).max(1);
+    let count = length.div_ceil(*lengths.end()).clamp(1, most);
     let place = move |section: usize| length * section / count;
     (0..count).map(move |section| place(section)..place(section + 1))
 }
@@ -175,8 +179,13 @@ mod tests {
             lengths(&stretches(&[900, 50], 400)),
             [vec![(0, 300)], vec![(0, 300)], vec![(0, 300), (1, 50)]]
         );
-        let ends = sections(1000, 300).map(|frames| frames.end);
-        assert_eq!(ends.collect::<Vec<_>>(), [250, 500, 750, 1000]);
+        let ends = |length, lengths| -> Vec<usize> {
+            sections(length, lengths).map(|frames| frames.end).collect()
+        };
+        assert_eq!(ends(1000, 1..=300), [250, 500, 750, 1000]);
+        // No section is shorter than the shortest motion.
+        assert_eq!(ends(100, 40..=40), [50, 100]);
+        assert_eq!(ends(79, 40..=40), [79]);
     }
 
     #[test]

@@ -73,7 +73,7 @@ impl ServedRequest {
     ///
     /// If it is.
     pub fn check_length(&self, longest: f32) -> Result<(), Problem> {
-        // What is not a length is found later.
+        // What is not a length is found later; below 0 it must not make up for others, as in `total_seconds`.
         let lengths = self
             .line
             .sentences()
