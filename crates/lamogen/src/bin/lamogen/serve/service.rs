@@ -9,6 +9,7 @@ use lamogen_server::{
 };
 use serde_json::{Value, json};
 
+use super::characters::CharacterStore;
 use super::format::{MEDIA_TYPES, format_of};
 use super::problem::{failure_problem, request_problem, run_problem};
 use super::request::ServedRequest;
@@ -16,7 +17,7 @@ use crate::arguments::{MotionReadingArguments, StreamFormat, WritingArguments};
 use crate::console::Console;
 use crate::generate::generation_facts;
 use crate::motion_file::read_options;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, OutputFormat};
 use crate::report::{component_key, measurement_json, scene_json};
 use crate::scene::Scene;
 use crate::source::ModelSource;
@@ -28,13 +29,18 @@ const KEPT_BASELINES: usize = 16;
 pub struct CommandService {
     source: ModelSource,
     console: Console,
+    characters: CharacterStore,
 }
 
 impl CommandService {
     /// Makes a service of a model.
     pub fn new(mut source: ModelSource, console: Console) -> CommandService {
         source.model = source.model.with_kept_baselines(KEPT_BASELINES);
-        CommandService { source, console }
+        CommandService {
+            source,
+            console,
+            characters: CharacterStore::new(),
+        }
     }
 
     /// Generates a short motion, so that the first request does not wait for threads to start and memory to be mapped.
@@ -96,6 +102,9 @@ impl MotionService for CommandService {
     fn parse(&self, json: &str) -> Result<ServedRequest, Problem> {
         let served = ServedRequest::parse(json)?;
         self.request(&served)?;
+        if let Some(onto) = &served.onto {
+            self.characters.find(onto)?;
+        }
         Ok(served)
     }
 
@@ -106,6 +115,11 @@ impl MotionService for CommandService {
         observer: WorkObserver<'_>,
     ) -> Result<Vec<u8>, WorkError> {
         let request = self.request(served)?;
+        let character = served
+            .onto
+            .as_deref()
+            .map(|onto| self.characters.find(onto));
+        let character = character.transpose()?;
         // A client may have gone while its request waited.
         if observer(WorkProgress::default()).is_break() {
             return Err(WorkError::Stopped);
@@ -125,6 +139,13 @@ impl MotionService for CommandService {
         let facts = generation_facts(served.seed(), &generation, &pass, &self.source);
         let scene = Scene::from_generation(generation, facts);
         let format = format_of(media_type);
+        match (&character, format) {
+            (Some(character), OutputFormat::Glb) => return Ok(character.file(&scene)?),
+            (Some(character), OutputFormat::Json) => {
+                return Ok(character.json(&scene)?.to_string().into_bytes());
+            }
+            _ => {}
+        }
         let file = OutputFile {
             path: PathBuf::from("motion").with_extension(format.ending()),
             format,
@@ -153,6 +174,10 @@ impl MotionService for CommandService {
             true => scene_json(&scene),
             false => measurement_json(&scene).into(),
         })
+    }
+
+    fn add_character(&self, file: &UploadedFile) -> Result<Value, Problem> {
+        self.characters.add(file)
     }
 }
 
