@@ -218,6 +218,11 @@ impl Character {
         })
     }
 
+    /// Returns the number of nodes of the file.
+    pub fn node_count(&self) -> usize {
+        self.skeleton.nodes.len()
+    }
+
     /// Returns the names of the nodes of the spine, from the lowest to the highest.
     pub fn spine_names(&self) -> impl Iterator<Item = &str> {
         let spine = self.skeleton.spine.iter();

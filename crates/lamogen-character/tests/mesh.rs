@@ -202,3 +202,52 @@ fn files_of_others_are_bounded_and_open_no_other_file() {
         "{message}"
     );
 }
+
+#[test]
+fn damaged_files_are_read_or_refused() {
+    let own = glb::bytes(
+        &motion().rotations().into_owned().into(),
+        &GlbOptions::default(),
+    );
+    let vrm = TestCharacter {
+        vrm: Some(1),
+        bind_matrices: true,
+        ..TestCharacter::default()
+    };
+    let mut state = 1u64;
+    let mut random = move |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 33) as usize % below
+    };
+    let (mut read, mut refused) = (0, 0);
+    for file in [own.unwrap(), vrm.glb()] {
+        let json = glb::split_chunks(&file).unwrap().0.len();
+        for _ in 0..250 {
+            let mut damaged = file.clone();
+            for _ in 0..=random(3) {
+                // Mostly numbers of the JSON, which stays JSON then.
+                let at = 20 + random(json);
+                if damaged[at].is_ascii_digit() || random(20) == 0 {
+                    damaged[at] = b"0123456789-"[random(11)];
+                }
+            }
+            let character =
+                Character::from_bytes(damaged, "hero.glb", &CharacterOptions::default());
+            match character.and_then(|character| character.mesh()) {
+                Ok(mesh) => {
+                    let vertices = mesh.vertices.len();
+                    assert!(
+                        mesh.indices
+                            .iter()
+                            .all(|index| (*index as usize) < vertices)
+                    );
+                    read += 1;
+                }
+                Err(_) => refused += 1,
+            }
+        }
+    }
+    assert!(read > 20 && refused > 20, "{read} {refused}");
+}

@@ -22,34 +22,25 @@ pub fn write_recording(folder: &Path, path: &Path) -> Result<()> {
         .collect::<Result<_>>()?;
     names.retain(|name| name.extension().is_some_and(|ending| ending == "png"));
     names.sort();
+    let Some(first) = names.first() else {
+        return Err(format!("{}: expected PNG files, found none", folder.display()).into());
+    };
+    let first = Picture::read(first)?;
+    let size = (u16::try_from(first.width)?, u16::try_from(first.height)?);
     let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, size.0, size.1, &[])?;
+    encoder.set_repeat(Repeat::Infinite)?;
     let mut before: Option<Picture> = None;
-    let mut encoder = None;
     for (place, name) in names.iter().enumerate() {
         let now = Picture::read(name)?;
-        let (width, height) = (u16::try_from(now.width)?, u16::try_from(now.height)?);
-        if encoder.is_none() {
-            let mut new = Encoder::new(&mut bytes, width, height, &[])?;
-            new.set_repeat(Repeat::Infinite)?;
-            encoder = Some(new);
-        }
-        let Some(encoder) = &mut encoder else {
-            continue;
-        };
         let mut frame = now.difference(before.as_ref())?;
-        frame.delay = if place + 1 == names.len() {
-            LAST_DELAY
-        } else {
-            DELAY
-        };
+        let is_last = place + 1 == names.len();
+        frame.delay = if is_last { LAST_DELAY } else { DELAY };
         frame.dispose = DisposalMethod::Keep;
         encoder.write_frame(&frame)?;
         before = Some(now);
     }
     drop(encoder);
-    if bytes.is_empty() {
-        return Err(format!("{}: expected PNG files, found none", folder.display()).into());
-    }
     Ok(std::fs::write(path, bytes)?)
 }
 

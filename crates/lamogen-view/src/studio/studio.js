@@ -197,6 +197,7 @@ async function start() {
       const isFirst = scene === null;
       scene = result;
       shownCoarsely = request.isCoarse;
+      if (character && scene.onto === character.answer.onto) character.isSentAgain = false;
       showProblem(null, "");
       showScene();
       if (isFirst && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
@@ -535,8 +536,19 @@ async function start() {
       say(`Writing ${name} …`);
       try {
         const isOnto = ending === "glb" && onto() !== null;
-        const request = { ...toRequest(wish, components), ...(isOnto ? { onto: onto() } : {}) };
-        const answer = await server.ask("api/v1/generate", { accept: mediaType, body: JSON.stringify(request), type: "application/json" });
+        const write = () => {
+          const request = { ...toRequest(wish, components), ...(isOnto ? { onto: onto() } : {}) };
+          return server.ask("api/v1/generate", { accept: mediaType, body: JSON.stringify(request), type: "application/json" });
+        };
+        let answer;
+        try {
+          answer = await write();
+        } catch (error) {
+          if (!isOnto || error.problem?.where !== "onto") throw error;
+          // The server has forgotten the character.
+          await sendCharacter(character.file, true);
+          answer = await write();
+        }
         const stem = fileStem(wish.sentences[0].prompt);
         if (isOnto) save(await answer.blob(), `${stem}-on-${character.name}`);
         else save(await answer.blob(), `${stem}.${ending}`);

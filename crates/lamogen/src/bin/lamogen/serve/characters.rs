@@ -23,6 +23,9 @@ const KEPT: usize = 4;
 /// The bytes of all kept files together, at most, beside the newest one.
 const KEPT_BYTES: usize = 64_000_000;
 
+/// The most poses of single nodes in a motion on a character: their memory.
+const MOST_POSES: usize = 2_000_000;
+
 /// The characters that were sent last. Those before them are forgotten.
 pub struct CharacterStore {
     kept: Mutex<VecDeque<Arc<StoredCharacter>>>,
@@ -142,12 +145,32 @@ impl CharacterStore {
 }
 
 impl StoredCharacter {
+    /// Checks that the poses of a motion on the character are not too many.
+    fn check_length(&self, scene: &Scene) -> Result<(), Problem> {
+        let (nodes, frames) = (self.character.node_count(), scene.main().motion.frames());
+        match nodes * frames <= MOST_POSES {
+            true => Ok(()),
+            false => {
+                let most = MOST_POSES / nodes;
+                let expected =
+                    format!("a motion of at most {most} frames on a character of {nodes} nodes");
+                let problem = Problem::mismatch(
+                    ProblemKind::InvalidRequest,
+                    expected,
+                    format!("{frames} frames"),
+                );
+                Err(problem.at("onto"))
+            }
+        }
+    }
+
     /// Returns the file of the character with the main motion of a scene as one more animation.
     ///
     /// # Errors
     ///
     /// If the motion cannot be put on the character.
     pub fn file(&self, scene: &Scene) -> Result<Vec<u8>, Problem> {
+        self.check_length(scene)?;
         let character = &self.character;
         { character.animate(&scene.main().motion, &RetargetOptions::default()) }
             .and_then(|animation| {
@@ -162,6 +185,7 @@ impl StoredCharacter {
     ///
     /// If a motion cannot be put on the character.
     pub fn json(&self, scene: &Scene) -> Result<Value, Problem> {
+        self.check_length(scene)?;
         let mut whole = scene_json(scene);
         whole["onto"] = self.id.as_str().into();
         let Some(mesh) = &self.bones else {
