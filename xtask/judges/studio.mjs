@@ -654,7 +654,7 @@ try {
   });
   // The pictures of the README: a view of all, and a slider that is dragged.
   if (folder) {
-    await visit("picture of all", `${studio.address}#prompt=a+person+walks+forward&seconds=3&seed=4&weight=1.3&then=prompt%3Da%2Bperson%2Bjumps%26seconds%3D2.5%26weight%3D1.5&path=2:0.4,1.2+5.5:-0.5,2.6`, { viewport: { width: 1280, height: 800 } }, async (page) => {
+    await visit("picture of all", `${studio.address}#prompt=a+person+walks+forward&seconds=3&seed=4&weight=1.3&then=prompt%3Da%2Bperson%2Bjumps%26seconds%3D2.5%26weight%3D1.5&path=2:0.4,1.2+5.5:-0.5,2.6`, { viewport: { width: 1240, height: 780 } }, async (page) => {
       await page.evaluate(() => {
         window.studio.player.seek(4.3);
         document.getElementById("places-clear").scrollIntoView({ block: "end" });

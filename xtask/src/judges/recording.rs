@@ -10,7 +10,7 @@ use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use super::Result;
 
 /// How carefully colours are chosen, from 1, the best, to 30.
-const SPEED: i32 = 10;
+const SPEED: i32 = 1;
 /// The time from one frame to the next, and after the last one, in hundredths of a second.
 const DELAY: u16 = 11;
 const LAST_DELAY: u16 = 180;
