@@ -280,6 +280,89 @@ fn a_report_on_a_file_is_the_command_s_and_its_series_can_be_a_goal() {
 }
 
 #[test]
+fn motions_are_put_on_characters_that_were_sent() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // A file of lamogen is a character, too: it has a skin.
+    succeeds(folder, &[&JUMP[..], &["--out", "hero.glb"]].concat());
+    let guided = [&JUMP[..], &["--weight", "strong", "--part", "arms:sudden"]].concat();
+    succeeds(
+        folder,
+        &[&guided[..], &["--onto", "hero.glb", "--out", "jump.glb"]].concat(),
+    );
+    let hero = std::fs::read(folder.join("hero.glb")).unwrap();
+    let server = RunningServer::start(&[]);
+    let send = |name: &str, bytes: &[u8]| {
+        let start = format!("POST /api/v1/character?name={name}");
+        server.ask(
+            &start,
+            &[("Content-Type", "application/octet-stream")],
+            bytes,
+        )
+    };
+    let answer = send("..%2F..%2Fhero.glb", &hero);
+    let character = answer.json();
+    assert_eq!(answer.status, 200, "{character}");
+    assert_eq!(character["name"], "hero.glb");
+    let bones = character["mesh"]["bones"].as_array().unwrap().len();
+    assert_eq!(bones, 22);
+    let again = send("other.glb", &hero).json();
+    assert_eq!(again["onto"], character["onto"]);
+
+    let mut request = jump();
+    request["onto"] = character["onto"].clone();
+    let written = server.generate("model/gltf-binary", &request);
+    assert_eq!(written.status, 200);
+    assert!(written.body == std::fs::read(folder.join("jump.glb")).unwrap());
+    let scene = server.generate("application/json", &request).json();
+    assert_eq!(scene["onto"], character["onto"]);
+    for motion in scene["motions"].as_array().unwrap() {
+        let poses = &motion["character"];
+        assert_eq!(
+            (&poses["frames"], &poses["frames_per_second"]),
+            (&json!(40), &json!(20.0))
+        );
+        let bytes = 40 * bones * 7 * 4;
+        assert_eq!(
+            poses["poses"].as_str().unwrap().len(),
+            bytes.div_ceil(3) * 4
+        );
+    }
+    // Everything else is as without a character.
+    let plain = server.generate("application/json", &jump()).json();
+    assert_eq!(plain["motions"][1]["joints"], scene["motions"][1]["joints"]);
+    assert!(
+        server.generate("text/plain", &request).body == server.generate("text/plain", &jump()).body
+    );
+
+    let known = request.to_string();
+    request["onto"] = "0123456789abcdef".into();
+    server.refuses(&request.to_string(), 400, "onto", "is still kept");
+    request["onto"] = "../hero.glb".into();
+    server.refuses(&request.to_string(), 400, "onto", "is still kept");
+    request["onto"] = 3.into();
+    server.refuses(&request.to_string(), 400, "onto", "found 3");
+    for (name, bytes) in [
+        ("a.glb", &hero[..40]),
+        ("a.vrm", b"glTF and no more"),
+        ("a.bvh", b"HIERARCHY"),
+    ] {
+        let answer = send(name, bytes);
+        assert_eq!(
+            (answer.status, &answer.json()["where"]),
+            (422, &json!(name)),
+            "{name}"
+        );
+    }
+    // Four are kept, the last ones.
+    for length in 1..=4 {
+        let longer = [&hero[..], &vec![0; length]].concat();
+        assert_eq!(send("longer.glb", &longer).status, 200);
+    }
+    server.refuses(&known, 400, "onto", "is still kept");
+}
+
+#[test]
 fn wrong_requests_say_what_was_expected_and_where() {
     let server = RunningServer::start(&["--max-upload", "1"]);
     let deep = format!(

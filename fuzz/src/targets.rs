@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::sync::LazyLock;
 
+use lamogen::character::{Character, CharacterOptions};
 use lamogen::files::{ReadOptions, read_bytes};
 use lamogen::model::{Checkpoint, ClipTextConfig, ModelConfig, Tokenizer, WordList, words};
 use lamogen::{Device, JsonRequest, Preset};
@@ -38,9 +39,11 @@ pub fn bvh(bytes: &[u8]) {
     read_motion(bytes, "a.bvh");
 }
 
-/// Reads a `.glb` or `.gltf` file; the bytes show which of the two it is.
+/// Reads a `.glb` or `.gltf` file as a motion, and as a character with its mesh; the bytes show which of the two it is.
 pub fn gltf(bytes: &[u8]) {
     read_motion(bytes, "a.glb");
+    let character = Character::from_bytes(bytes.to_vec(), "a.glb", &CharacterOptions::default());
+    let _ = character.map(|character| character.mesh());
 }
 
 /// Reads a NumPy array as a motion.

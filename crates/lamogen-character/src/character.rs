@@ -1,5 +1,6 @@
 //! A character: a rigged file that motions are put on.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
@@ -166,7 +167,31 @@ impl Character {
                 rest_pose_notice: None,
             });
         }
-        let document = GltfDocument::parse(bytes, path)?;
+        Character::of_document(GltfDocument::parse(bytes, path, path.parent())?, options)
+    }
+
+    /// Reads a character from the bytes of a `.glb`, `.vrm` or `.gltf` file that somebody else may have made. `name` is used only in error
+    /// messages. No other file is read: buffers must be in the file.
+    ///
+    /// # Errors
+    ///
+    /// The same as for [`open`](Self::open), and if the file has more than 8 MB of JSON or 10,000 nodes, or its skins more than 50,000 joints.
+    pub fn from_bytes(
+        bytes: Vec<u8>,
+        name: impl AsRef<Path>,
+        options: &CharacterOptions,
+    ) -> Result<Character, CharacterError> {
+        GltfDocument::check_json_size(&bytes, name.as_ref())?;
+        let document = GltfDocument::parse(bytes, name.as_ref(), None)?;
+        document.check_size()?;
+        Character::of_document(document, options)
+    }
+
+    fn of_document(
+        document: GltfDocument,
+        options: &CharacterOptions,
+    ) -> Result<Character, CharacterError> {
+        let (mapping, root) = (options.mapping.as_ref(), options.root.as_deref());
         let (skeleton, rest_pose_notice) = CharacterSkeleton::read(&document, mapping, root)?;
         Ok(Character {
             document: CharacterDocument::Gltf(document),
@@ -191,6 +216,11 @@ impl Character {
             let place = self.skeleton.joint(joint)?;
             Some((joint, &*self.skeleton.nodes[place].name))
         })
+    }
+
+    /// Returns the number of nodes of the file.
+    pub fn node_count(&self) -> usize {
+        self.skeleton.nodes.len()
     }
 
     /// Returns the names of the nodes of the spine, from the lowest to the highest.
@@ -389,40 +419,87 @@ impl Character {
         }
     }
 
+    /// Returns the file of a glTF character with further animations, as [`save`](Self::save) writes it.
+    ///
+    /// # Errors
+    ///
+    /// If the character is a BVH, its file refers to others, or the file would be larger than 4 GiB.
+    pub fn bytes(
+        &self,
+        animations: &[CharacterAnimation],
+        options: &SaveOptions,
+    ) -> Result<Vec<u8>, CharacterError> {
+        let document = self.gltf().ok_or_else(|| CharacterError::Format {
+            path: self.path().to_owned(),
+            reason: "expected a glTF file, found a BVH".into(),
+        })?;
+        let animations: Vec<AnimationData> = animations.iter().map(animation_data).collect();
+        document.bytes(&animations, options.replace_animations)
+    }
+
     /// Returns the positions of the joints in the world at every frame of an animation of this character, in metres.
     pub fn joint_positions(&self, animation: &CharacterAnimation) -> Vec<Vec<(Joint, [f64; 3])>> {
+        let frames = self.world_poses(animation).map(|world| {
+            let joints = Joint::ALL.into_iter().filter_map(|joint| {
+                let place = self.skeleton.joint(joint)?;
+                Some((joint, world[place].0.to_array()))
+            });
+            joints.collect()
+        });
+        frames.collect()
+    }
+
+    /// Returns the position and rotation of every node in the world, in the order of the skeleton, at every frame of an animation of this
+    /// character.
+    pub(crate) fn world_poses<'a>(
+        &'a self,
+        animation: &'a CharacterAnimation,
+    ) -> impl Iterator<Item = Vec<(DVec3, DQuat)>> + 'a {
         let nodes = &self.skeleton.nodes;
-        (0..animation.frames())
-            .map(|frame| {
-                let mut world: Vec<(DVec3, DQuat)> = Vec::with_capacity(nodes.len());
-                for node in nodes {
-                    let track = animation.bones.iter().find(|bone| bone.node == node.index);
-                    let rotation = track.map_or(node.rotation, |track| {
-                        DQuat::from_array(track.rotations[frame].map(f64::from))
-                    });
-                    let mut moved = [Some(&animation.pelvis), animation.root.as_ref()]
-                        .into_iter()
-                        .flatten();
-                    let translation = match moved.find(|track| track.node == node.index) {
-                        Some(track) => DVec3::from(track.positions[frame].map(f64::from)),
-                        None => node.translation,
-                    };
-                    world.push(match node.parent {
-                        None => (translation, rotation),
-                        Some(parent) => {
-                            let (at, turn) = world[parent];
-                            let scale = nodes[parent].world_scale;
-                            (at + turn * (scale * translation), turn * rotation)
-                        }
-                    });
-                }
-                let joints = Joint::ALL.into_iter().filter_map(|joint| {
-                    let place = self.skeleton.joint(joint)?;
-                    Some((joint, world[place].0.to_array()))
+        let bones: HashMap<usize, &BoneTrack> = { animation.bones.iter() }
+            .map(|track| (track.node, track))
+            .collect();
+        let moved: HashMap<usize, &PositionTrack> = { animation.root.iter() }
+            .chain([&animation.pelvis])
+            .map(|track| (track.node, track))
+            .collect();
+        (0..animation.frames()).map(move |frame| {
+            let mut world: Vec<(DVec3, DQuat)> = Vec::with_capacity(nodes.len());
+            for node in nodes {
+                let rotation = bones.get(&node.index).map_or(node.rotation, |track| {
+                    DQuat::from_array(track.rotations[frame].map(f64::from))
                 });
-                joints.collect()
-            })
-            .collect()
+                let translation = moved.get(&node.index).map_or(node.translation, |track| {
+                    DVec3::from(track.positions[frame].map(f64::from))
+                });
+                world.push(match node.parent {
+                    None => (translation, rotation),
+                    Some(parent) => {
+                        let (at, turn) = world[parent];
+                        let scale = nodes[parent].world_scale;
+                        (at + turn * (scale * translation), turn * rotation)
+                    }
+                });
+            }
+            world
+        })
+    }
+
+    /// Returns the file of a glTF character; `None` for a BVH.
+    pub(crate) fn gltf(&self) -> Option<&GltfDocument> {
+        match &self.document {
+            CharacterDocument::Gltf(document) => Some(document),
+            CharacterDocument::Bvh(_) => None,
+        }
+    }
+
+    /// Returns the path of the file, or its name.
+    pub(crate) fn path(&self) -> &Path {
+        self.document.path()
+    }
+
+    pub(crate) fn skeleton(&self) -> &CharacterSkeleton {
+        &self.skeleton
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use lamogen_files::glb::{GlbError, split_chunks};
+use lamogen_files::glb::{GlbError, Surfaces, split_chunks};
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
@@ -89,6 +89,8 @@ impl RawObject {
 #[derive(Clone, Debug)]
 pub(crate) struct GltfDocument {
     path: PathBuf,
+    /// The folder of files that this one refers to; `None` if no other file may be read.
+    folder: Option<PathBuf>,
     root: RawObject,
     /// The parts of the JSON that are read.
     value: Value,
@@ -98,14 +100,33 @@ pub(crate) struct GltfDocument {
     is_binary: bool,
 }
 
+/// The most bytes of JSON of a file that somebody else made.
+const MAX_JSON: usize = 8_000_000;
+/// The most nodes of such a file.
+const MAX_NODES: usize = 10_000;
+/// The most joints of all skins of such a file.
+const MAX_SKIN_JOINTS: usize = 50_000;
+
+/// Returns the reason of an error without the path of the file, which is said elsewhere.
+fn reason(error: GlbError) -> String {
+    match error {
+        GlbError::Format { reason, .. } => reason,
+        error => error.to_string(),
+    }
+}
+
 /// The type of the chunk of JSON in a GLB file.
 const JSON_CHUNK: &[u8] = b"JSON";
 /// The type of the binary chunk.
 const BINARY_CHUNK: &[u8] = b"BIN\0";
 
 impl GltfDocument {
-    /// Parses the bytes of a `.glb`, `.vrm` or `.gltf` file.
-    pub(crate) fn parse(bytes: Vec<u8>, path: &Path) -> Result<GltfDocument, CharacterError> {
+    /// Parses the bytes of a `.glb`, `.vrm` or `.gltf` file. Files that it refers to are read from `folder`, if there is one.
+    pub(crate) fn parse(
+        bytes: Vec<u8>,
+        path: &Path,
+        folder: Option<&Path>,
+    ) -> Result<GltfDocument, CharacterError> {
         let format_error = |reason: String| CharacterError::Format {
             path: path.to_owned(),
             reason,
@@ -132,6 +153,7 @@ impl GltfDocument {
         }
         Ok(GltfDocument {
             path: path.to_owned(),
+            folder: folder.map(Path::to_owned),
             root,
             value,
             bytes,
@@ -158,14 +180,43 @@ impl GltfDocument {
 
     /// Returns the inverse bind matrices of every skin, column by column; `None` for a skin without them.
     pub(crate) fn inverse_bind_matrices(&self) -> Result<Vec<Option<Vec<[f64; 16]>>>, String> {
-        let folder = self.path.parent();
-        lamogen_files::glb::inverse_bind_matrices(&self.bytes, &self.path, folder).map_err(
-            |error| match error {
-                // The path of the file is said elsewhere.
-                GlbError::Format { reason, .. } => reason,
-                error => error.to_string(),
-            },
-        )
+        lamogen_files::glb::inverse_bind_matrices(&self.bytes, &self.path, self.folder.as_deref())
+            .map_err(reason)
+    }
+
+    /// Returns the surfaces of the file.
+    pub(crate) fn surfaces(&self) -> Result<Surfaces, String> {
+        lamogen_files::glb::surfaces(&self.bytes, &self.path).map_err(reason)
+    }
+
+    /// Checks that the JSON of a file is no larger than that of characters is: once parsed, it takes many times its size.
+    pub(crate) fn check_json_size(bytes: &[u8], path: &Path) -> Result<(), CharacterError> {
+        let found = split_chunks(bytes).map_or(0, |(json, _)| json.len());
+        match found <= MAX_JSON {
+            true => Ok(()),
+            false => Err(CharacterError::Format {
+                path: path.to_owned(),
+                reason: format!("expected at most {MAX_JSON} bytes of JSON, found {found}"),
+            }),
+        }
+    }
+
+    /// Checks that the file is no larger than characters are, so that reading it takes no long time.
+    pub(crate) fn check_size(&self) -> Result<(), CharacterError> {
+        let length = |value: &Value| value.as_array().map_or(0, Vec::len);
+        let skins = self.value["skins"].as_array().into_iter().flatten();
+        let joints: usize = skins.map(|skin| length(&skin["joints"])).sum();
+        let sizes = [
+            ("nodes", length(&self.value["nodes"]), MAX_NODES),
+            ("joints of skins", joints, MAX_SKIN_JOINTS),
+        ];
+        match sizes.into_iter().find(|(_, found, most)| found > most) {
+            None => Ok(()),
+            Some((name, found, most)) => Err(CharacterError::Format {
+                path: self.path.clone(),
+                reason: format!("expected at most {most} {name}, found {found}"),
+            }),
+        }
     }
 
     /// Returns the names of the file's animations.
@@ -202,6 +253,36 @@ impl GltfDocument {
                 character: self.path.clone(),
             });
         }
+        let content = self.content(animations, replace)?;
+        lamogen_io::write_atomically(path, |mut file| self.write_content(&content, &mut file))
+            .map_err(|reason| CharacterError::Write {
+                path: path.to_owned(),
+                reason,
+            })
+    }
+
+    /// Returns the file with further animations. `replace` drops those that it has.
+    pub(crate) fn bytes(
+        &self,
+        animations: &[AnimationData],
+        replace: bool,
+    ) -> Result<Vec<u8>, CharacterError> {
+        let content = self.content(animations, replace)?;
+        let mut bytes = Vec::new();
+        self.write_content(&content, &mut bytes)
+            .map_err(|reason| CharacterError::Write {
+                path: self.path.clone(),
+                reason,
+            })?;
+        Ok(bytes)
+    }
+
+    /// Returns the parts of the file with further animations.
+    fn content(
+        &self,
+        animations: &[AnimationData],
+        replace: bool,
+    ) -> Result<DocumentContent, CharacterError> {
         let mut root = self.root.clone();
         if replace {
             root.remove("animations");
@@ -235,49 +316,62 @@ impl GltfDocument {
         }
         root.set_items("buffers", &buffers);
         let json = root.text();
-        let write = |file: &mut dyn Write| -> std::io::Result<()> {
-            if !self.is_binary {
-                return file.write_all(json.as_bytes());
-            }
-            let json_length = json.len().next_multiple_of(4);
-            let chunk_length = match has_chunk_buffer {
-                true => total.next_multiple_of(4),
-                false => old_chunk.len(),
-            };
-            let chunk_header = if chunk_length > 0 { 8 } else { 0 };
-            let length = 12 + 8 + json_length + chunk_header + chunk_length;
-            let number = |value: usize| (value as u32).to_le_bytes();
-            file.write_all(b"glTF")?;
-            file.write_all(&number(2))?;
-            file.write_all(&number(length))?;
-            file.write_all(&number(json_length))?;
-            file.write_all(JSON_CHUNK)?;
-            file.write_all(json.as_bytes())?;
-            file.write_all(&b"   "[..json_length - json.len()])?;
-            if chunk_length == 0 {
-                return Ok(());
-            }
-            file.write_all(&number(chunk_length))?;
-            file.write_all(BINARY_CHUNK)?;
-            file.write_all(old_chunk)?;
-            if has_chunk_buffer {
-                file.write_all(&data)?;
-                file.write_all(&[0; 3][..chunk_length - total])?;
-            }
-            Ok(())
-        };
         if self.is_binary && self.bytes.len() + data.len() + json.len() > u32::MAX as usize {
             return Err(CharacterError::Format {
-                path: path.to_owned(),
+                path: self.path.clone(),
                 reason: "expected at most 4 GiB, found more".into(),
             });
         }
-        lamogen_io::write_atomically(path, |mut file| write(&mut file)).map_err(|reason| {
-            CharacterError::Write {
-                path: path.to_owned(),
-                reason,
-            }
+        Ok(DocumentContent {
+            json,
+            data,
+            total,
+            has_chunk_buffer,
         })
+    }
+
+    /// Writes the parts of a file.
+    fn write_content(
+        &self,
+        content: &DocumentContent,
+        file: &mut dyn Write,
+    ) -> std::io::Result<()> {
+        let DocumentContent {
+            json,
+            data,
+            total,
+            has_chunk_buffer,
+        } = content;
+        let old_chunk = self.binary_chunk();
+        if !self.is_binary {
+            return file.write_all(json.as_bytes());
+        }
+        let json_length = json.len().next_multiple_of(4);
+        let chunk_length = match *has_chunk_buffer {
+            true => total.next_multiple_of(4),
+            false => old_chunk.len(),
+        };
+        let chunk_header = if chunk_length > 0 { 8 } else { 0 };
+        let length = 12 + 8 + json_length + chunk_header + chunk_length;
+        let number = |value: usize| (value as u32).to_le_bytes();
+        file.write_all(b"glTF")?;
+        file.write_all(&number(2))?;
+        file.write_all(&number(length))?;
+        file.write_all(&number(json_length))?;
+        file.write_all(JSON_CHUNK)?;
+        file.write_all(json.as_bytes())?;
+        file.write_all(&b"   "[..json_length - json.len()])?;
+        if chunk_length == 0 {
+            return Ok(());
+        }
+        file.write_all(&number(chunk_length))?;
+        file.write_all(BINARY_CHUNK)?;
+        file.write_all(old_chunk)?;
+        if *has_chunk_buffer {
+            file.write_all(data)?;
+            file.write_all(&[0; 3][..chunk_length - *total])?;
+        }
+        Ok(())
     }
 
     /// Whether a path is in the folder of this file, or this file refers to no other file.
@@ -298,6 +392,17 @@ impl GltfDocument {
         };
         !has_files || folder(path) == folder(&self.path)
     }
+}
+
+/// The parts of a file that is written.
+struct DocumentContent {
+    json: String,
+    /// What comes after the binary chunk of the file.
+    data: Vec<u8>,
+    /// The length of the first buffer with the data.
+    total: usize,
+    /// Whether the first buffer is the binary chunk.
+    has_chunk_buffer: bool,
 }
 
 /// A channel of an animation: the node it moves, and its keyframes.

@@ -19,6 +19,7 @@ mod error;
 mod hands;
 mod ik;
 mod legs;
+mod mesh;
 mod retarget;
 mod skeleton;
 mod vrm;
@@ -28,6 +29,7 @@ pub use character::{
     BoneTrack, Character, CharacterAnimation, CharacterOptions, PositionTrack, SaveOptions,
 };
 pub use error::CharacterError;
+pub use mesh::{BonePose, CharacterMesh, MeshBone, MeshGroup, MeshPoses, MeshVertex};
 pub use retarget::RetargetOptions;
 
 #[cfg(doctest)]

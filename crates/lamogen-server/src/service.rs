@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::problem::Problem;
 
-/// The work that a [`Server`](crate::Server) is asked for: motions from requests, and measurements of motion files. Its
+/// The work that a [`Server`](crate::Server) is asked for: motions from requests, measurements of motion files, and
+/// characters for motions. Its
 /// functions run on threads of their own and may block.
 pub trait MotionService: Send + Sync + 'static {
     /// A request for a motion that has been parsed and checked.
@@ -46,6 +47,14 @@ pub trait MotionService: Send + Sync + 'static {
     ///
     /// If the file or an option cannot be read.
     fn measure(&self, file: &UploadedFile) -> Result<Value, Problem>;
+
+    /// Reads an uploaded character, keeps it for requests that name it, and returns as JSON its name and what a page needs to draw it.
+    /// A service keeps a bounded number of characters.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, or has no character.
+    fn add_character(&self, file: &UploadedFile) -> Result<Value, Problem>;
 }
 
 /// A function that is called with the progress of a work and may stop it.

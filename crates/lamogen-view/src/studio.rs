@@ -5,8 +5,9 @@
 //! studio/studio.css   the style, after page.css     studio/wish.js      what is wished: fields, JSON, the address's fragment
 //! studio/sliders.js   factors of components, parts  studio/timeline.js  keys of a factor over time
 //! studio/segments.js  sentences in a row            studio/floor.js     places on the floor
+//! studio/character.js a mesh moved by bones         studio/steady.js    a view that stays
 //! studio/history.js   thumbnails and undo           studio/files.js     files dropped on the page, files to keep
-//! studio/steady.js    a view that stays             studio/studio.js    the program
+//! studio/studio.js    the program
 //! ```
 //!
 //! Figures, curves and the controls of the player are those of [`page`](crate::page()).
@@ -25,8 +26,9 @@ pub struct Studio {
 }
 
 /// The scripts of the studio, in this order, after those of the player.
-const SCRIPTS: [&str; 10] = [
+const SCRIPTS: [&str; 11] = [
     include_str!("studio/requests.js"),
+    include_str!("studio/character.js"),
     include_str!("studio/steady.js"),
     include_str!("studio/wish.js"),
     include_str!("studio/sliders.js"),
@@ -41,7 +43,7 @@ const SCRIPTS: [&str; 10] = [
 /// Creates the files of the studio's page.
 ///
 /// The page has no inline script or style, so that a Content-Security-Policy can forbid them. It asks the server that it comes from:
-/// `GET api/v1/model`, `POST api/v1/generate`, `POST api/v1/laban`.
+/// `GET api/v1/model`, `POST api/v1/generate`, `POST api/v1/laban`, `POST api/v1/character`.
 ///
 /// `window.studio` gives tests access to its state (`studio/studio.js`).
 pub fn studio() -> Studio {

@@ -3,6 +3,7 @@
 mod cluster;
 mod files;
 mod motions;
+mod recording;
 mod server;
 mod vrm;
 
@@ -202,13 +203,17 @@ fn check_in_browser(scripts: &Path, files: &JudgedFiles) -> Result<()> {
 /// Checks the studio by using it in Chromium as people use it.
 fn check_studio(scripts: &Path, files: &JudgedFiles) -> Result<()> {
     let bvh = &files.motions.last().ok_or("expected a motion")?.bvh;
+    let vrm = files.vrm.characters.first().ok_or("expected a character")?;
+    let pictures = Path::new(FOLDER).join("studio");
     run_command(
         Command::new("node")
             .arg(scripts.join("studio.mjs"))
             .arg(build_command()?)
             .arg(bvh)
-            .arg(Path::new(FOLDER).join("studio")),
-    )
+            .arg(vrm)
+            .arg(&pictures),
+    )?;
+    recording::write_recording(&pictures.join("slider"), &pictures.join("slider.gif"))
 }
 
 /// Checks that VRM animations move VRM characters as the motions say, and lets three.js draw pictures.

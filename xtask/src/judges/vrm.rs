@@ -15,6 +15,7 @@ use super::{Result, motions};
 /// The files of the judge that plays VRM animations.
 pub struct VrmFiles {
     pub animations: Vec<PathBuf>,
+    pub characters: Vec<PathBuf>,
     /// A list of all files as JSON, with what the motions are expected to do.
     pub list: PathBuf,
 }
@@ -65,7 +66,7 @@ impl VrmFiles {
     ///
     /// If a file cannot be written.
     pub fn write(folder: &Path, motions: &[(&str, Motion)]) -> Result<VrmFiles> {
-        let mut animations = Vec::new();
+        let (mut animations, mut characters) = (Vec::new(), Vec::new());
         let (mut character_list, mut animation_list) = (Vec::new(), Vec::new());
         for character in &CHARACTERS {
             let path = folder.join(format!("{}.vrm", character.name));
@@ -75,6 +76,7 @@ impl VrmFiles {
                 "file": path,
                 "version": match character.version { VrmVersion::Zero => "0", VrmVersion::One => "1" },
             }));
+            characters.push(path);
         }
         for (name, motion) in motions {
             let path = folder.join(format!("{name}.vrma"));
@@ -85,7 +87,11 @@ impl VrmFiles {
         let list = folder.join("vrm.json");
         let content = json!({ "characters": character_list, "animations": animation_list });
         write_atomically(&list, |file| Ok(serde_json::to_writer(file, &content)?))?;
-        Ok(VrmFiles { animations, list })
+        Ok(VrmFiles {
+            animations,
+            characters,
+            list,
+        })
     }
 }
 

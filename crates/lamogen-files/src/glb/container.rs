@@ -255,6 +255,16 @@ impl<'a> GltfFile<'a> {
         }
     }
 
+    /// Returns the bytes of a buffer view that is not compressed.
+    pub(super) fn view(&self, view: Index<View>) -> Result<&[u8], FormatProblem> {
+        let view = self.root.get(view);
+        let view = view.ok_or("expected a buffer view, found none")?;
+        let offset = view.byte_offset.map_or(0, |offset| offset.0);
+        let bytes = &self.buffers[view.buffer.value()];
+        slice(bytes, offset, Some(view.byte_length.0))
+            .ok_or_else(|| "expected its buffer to be longer, found it to end before".into())
+    }
+
     /// Returns `count` rows of `row` bytes each in a buffer view, from `offset` on.
     fn strided_rows(
         &self,
@@ -415,7 +425,7 @@ fn parse_document(json: &[u8], part: DocumentPart<'_>) -> Result<Document, Forma
 }
 
 /// Decodes the bytes of a `data:` URI.
-fn decode_data_uri(data: &str) -> Result<Vec<u8>, FormatProblem> {
+pub(super) fn decode_data_uri(data: &str) -> Result<Vec<u8>, FormatProblem> {
     let (_, text) = data
         .split_once(";base64,")
         .ok_or("expected base64 in its data URI, found another coding")?;

@@ -26,6 +26,7 @@ mod read;
 mod reduction;
 mod skeleton;
 mod skins;
+mod surfaces;
 mod write;
 
 use std::io;
@@ -36,6 +37,7 @@ pub use container::split_chunks;
 pub(crate) use read::{GltfMotion, read};
 pub(crate) use skeleton::{SkeletonFile, node_index};
 pub use skins::inverse_bind_matrices;
+pub use surfaces::{Surface, SurfaceImage, SurfaceMaterial, Surfaces, surfaces};
 pub use write::{GlbOptions, bytes, write};
 
 /// The errors of reading and writing GLB and glTF files.

@@ -19,6 +19,8 @@ pub(super) enum DocumentPart<'a> {
     Animation(Option<&'a str>),
     /// The inverse bind matrices of the skins.
     BindMatrices,
+    /// The triangles and images of the surfaces.
+    Surfaces,
 }
 
 /// Reduces a document to its nodes, the requested part, and everything that it refers to. Indices stay valid: entries that are not
@@ -35,11 +37,20 @@ pub(super) fn reduce(
         DocumentPart::Animation(Some(name)) => {
             animations.iter().position(|entry| entry["name"] == name)
         }
-        DocumentPart::BindMatrices => None,
+        DocumentPart::BindMatrices | DocumentPart::Surfaces => None,
     };
     let mut accessors = BTreeSet::new();
     if let DocumentPart::BindMatrices = part {
         accessors.extend(bind_matrix_accessors(document).into_iter().flatten());
+    }
+    let mut used_views = BTreeSet::new();
+    if let DocumentPart::Surfaces = part {
+        accessors.extend(surface_accessors(document));
+        used_views.extend(
+            list("images")
+                .iter()
+                .filter_map(|image| index(&image["bufferView"])),
+        );
     }
     let reduced_animations: Vec<Value> = { animations.iter().enumerate() }
         .map(|(position, entry)| match Some(position) == chosen {
@@ -47,7 +58,6 @@ pub(super) fn reduce(
             false => with_name_of(entry, json!({ "channels": [], "samplers": [] })),
         })
         .collect();
-    let mut used_views = BTreeSet::new();
     let accessors: Vec<Value> = { list("accessors").iter().enumerate() }
         .map(|(position, accessor)| match accessors.contains(&position) {
             true => {
@@ -172,6 +182,20 @@ pub(super) fn bind_matrix_accessors(document: &Value) -> Vec<Option<usize>> {
         .collect()
 }
 
+/// Returns the accessors of the triangles of all meshes.
+fn surface_accessors(document: &Value) -> Vec<usize> {
+    let meshes = document["meshes"].as_array().into_iter().flatten();
+    let primitives = meshes.flat_map(|mesh| mesh["primitives"].as_array().into_iter().flatten());
+    primitives
+        .flat_map(|primitive| {
+            let names = ["POSITION", "NORMAL", "TEXCOORD_0", "JOINTS_0", "WEIGHTS_0"];
+            let attributes = names.map(|name| index(&primitive["attributes"][name]));
+            attributes.into_iter().chain([index(&primitive["indices"])])
+        })
+        .flatten()
+        .collect()
+}
+
 /// Reduces an animation to the channels that move nodes, and adds the indices of their accessors to `accessors`.
 fn reduced_animation(animation: &Value, accessors: &mut BTreeSet<usize>) -> Value {
     let samplers = animation["samplers"].as_array();
@@ -220,7 +244,7 @@ fn buffer_views(accessor: &Value) -> impl Iterator<Item = usize> {
 }
 
 /// Returns the value as an index, if it is one.
-fn index(value: &Value) -> Option<usize> {
+pub(super) fn index(value: &Value) -> Option<usize> {
     value.as_u64().and_then(|index| usize::try_from(index).ok())
 }
 

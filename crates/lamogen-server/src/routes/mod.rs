@@ -2,8 +2,8 @@
 
 mod body;
 mod generate;
-mod laban;
 mod status;
+mod upload;
 
 use axum::Router;
 use axum::extract::{Request, State};
@@ -28,7 +28,8 @@ pub(crate) fn router<S: MotionService>(shared: Shared<S>) -> Router {
     };
     let interface: Router<Shared<S>> = Router::new()
         .route("/api/v1/generate", post(generate::generate::<S>))
-        .route("/api/v1/laban", post(laban::laban::<S>))
+        .route("/api/v1/laban", post(upload::laban::<S>))
+        .route("/api/v1/character", post(upload::character::<S>))
         .route("/api/v1/model", get(status::model::<S>))
         .route("/api/v1/openapi.json", get(status::openapi))
         .route("/metrics", get(status::metrics::<S>))
@@ -90,7 +91,8 @@ async fn count<S: MotionService>(
 }
 
 /// The paths that are counted each on its own.
-const KNOWN_PATHS: [&str; 6] = [
+const KNOWN_PATHS: [&str; 7] = [
+    "/api/v1/character",
     "/api/v1/generate",
     "/api/v1/laban",
     "/api/v1/model",

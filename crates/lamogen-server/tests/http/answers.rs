@@ -237,7 +237,7 @@ fn the_document_of_the_interface_names_its_paths() {
     let document = get(server.address, "/api/v1/openapi.json").json();
     assert_eq!(document["info"]["version"], env!("CARGO_PKG_VERSION"));
     let paths = document["paths"].as_object().unwrap();
-    assert_eq!(paths.len(), 6);
+    assert_eq!(paths.len(), 7);
     for (path, methods) in paths {
         let method = methods
             .as_object()
@@ -299,5 +299,16 @@ fn a_file_comes_with_its_options() {
     assert_eq!(
         (&json["options"]["up"], &json["bytes"]),
         (&"z".into(), &9.into())
+    );
+    let answer = ask(
+        server.address,
+        "POST /api/v1/character?name=hero.glb",
+        &[],
+        b"glTF",
+    );
+    let json = answer.json();
+    assert_eq!(
+        (&json["onto"], &json["options"]["name"]),
+        (&"4".into(), &"hero.glb".into())
     );
 }

@@ -99,6 +99,10 @@ impl MotionService for HeldService {
     fn measure(&self, file: &UploadedFile) -> Result<Value, Problem> {
         Ok(json!({ "options": file.options, "bytes": file.bytes.len() }))
     }
+
+    fn add_character(&self, file: &UploadedFile) -> Result<Value, Problem> {
+        Ok(json!({ "onto": file.bytes.len().to_string(), "options": file.options }))
+    }
 }
 
 /// A server that runs while a test does.

@@ -54,7 +54,8 @@ class Scene {
   }
 
   /**
-   * Draws one view: figures [{ motion, colour }] at a time, projected by a lens into a cell of the canvas.
+   * Draws one view: figures [{ motion, colour }] at a time, projected by a lens into a cell of the canvas. Of a motion that is drawn elsewhere
+   * there is the shadow alone.
    * `appearance` is { grid, shadow, trails }.
    */
   draw(figures, time, lens, cell, appearance) {
@@ -73,7 +74,7 @@ class Scene {
     this.drawShadows(bodies, lens, cell, appearance);
     const things = [];
     for (const { motion, parts, tones } of bodies) {
-      for (const part of parts) this.addPart(things, part, tones[part.tone], lens);
+      if (!motion.isDrawnElsewhere) for (const part of parts) this.addPart(things, part, tones[part.tone], lens);
       if (appearance.trails) this.addTrails(things, motion, time, tones.right, lens);
     }
     things.sort((a, b) => b.depth - a.depth);

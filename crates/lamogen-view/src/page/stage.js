@@ -124,7 +124,7 @@ class Stage {
     const { context, player, motions } = this;
     const { all, ratio, appearance, colours, fit } = this.layout;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    context.clearRect(0, 0, this.canvas.width / ratio, this.canvas.height / ratio);
     for (const { shown, cell } of all) {
       this.lens = new Lens(this.camera, fit, this.focus(shown, player.time), cell);
       const figures = shown.map((motion) => ({ motion, colour: colours[motions.indexOf(motion)] }));

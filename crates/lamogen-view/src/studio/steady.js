@@ -35,6 +35,26 @@ class SteadyStage extends Stage {
     this.scene = new MarkedScene(this.context, index);
   }
 
+  /** Shows the motions that have bones on a character, by its painter. */
+  showOn(painter) {
+    this.painter = painter;
+  }
+
+  draw() {
+    const { painter, motions, player, canvas } = this;
+    for (const motion of motions) motion.isDrawnElsewhere = Boolean(motion.bones && painter?.isReady);
+    super.draw();
+    if (!painter) return;
+    painter.clear(canvas.width, canvas.height);
+    const { all, fit, ratio } = this.layout;
+    for (const { shown, cell } of all) {
+      const lens = new Lens(this.camera, fit, this.focus(shown, player.time), cell);
+      for (const motion of shown) {
+        if (motion.isDrawnElsewhere) painter.draw(motion.bones, Math.min(player.time, motion.duration), lens, cell, ratio, motion.isGrey ? 0.85 : 0);
+      }
+    }
+  }
+
   arrange(dark) {
     const isNew = super.arrange(dark);
     if (isNew) this.layout.appearance.mark = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();

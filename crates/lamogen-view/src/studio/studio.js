@@ -68,6 +68,8 @@ async function start() {
   let shownCoarsely = false;
   /** The file that was dropped: { name, report, motion }. */
   let dropped = null;
+  /** The character that was dropped: { name, file, answer, isShown }. */
+  let character = null;
   let compares = true;
   let drawing = 0;
   let lastMoment = 0;
@@ -79,6 +81,8 @@ async function start() {
   const canvas = byId("view");
   const stage = new SteadyStage(canvas, byId("figures"), index, player);
   const { camera } = stage;
+  const painter = new CharacterPainter(byId("bodies"), () => redraw());
+  stage.showOn(painter);
   stage.show([]);
 
   function redraw() {
@@ -109,6 +113,9 @@ async function start() {
     redraw();
   }
 
+  /** The name under which the server keeps the character that is shown, or null. */
+  const onto = () => (character?.isShown ? character.answer.onto : null);
+
   const toMotion = ({ joints: poses }, label, colour) => new Motion({ label, colour, values: Float64Array.from(poses.flat(2)) }, joints.length, rate);
 
   /** Returns the figures and curves of what is shown. */
@@ -119,8 +126,13 @@ async function start() {
     if (scene) {
       const isGuided = scene.motions.length > 1;
       const main = scene.motions[scene.motions.length - 1];
-      if (isGuided && compares) motions.push(toMotion(scene.motions[0], "text alone", GREY));
-      motions.push(toMotion(main, isGuided ? "guided" : "text alone", isGuided ? RED : GREY));
+      const add = (motion, label, colour, isGrey) => {
+        const figure = toMotion(motion, label, colour);
+        if (motion.character && onto() !== null && scene.onto === onto()) Object.assign(figure, { bones: new BoneTrack(motion.character), isGrey });
+        motions.push(figure);
+      };
+      if (isGuided && compares) add(scene.motions[0], "text alone", GREY, true);
+      add(main, isGuided ? "guided" : "text alone", isGuided ? RED : GREY, false);
       if (isGuided) {
         curve("text alone", GREY, scene.motions[0].series);
         curve("asked", RED, scene.target.series, true);
@@ -176,6 +188,8 @@ async function start() {
     showProblem(null, "");
     say("");
     remember();
+    // A motion that was made before the character came.
+    if (onto() !== null && scene.onto !== onto()) ask();
   });
 
   const requests = new Requests(server, {
@@ -183,6 +197,7 @@ async function start() {
       const isFirst = scene === null;
       scene = result;
       shownCoarsely = request.isCoarse;
+      if (character && scene.onto === character.answer.onto) character.isSentAgain = false;
       showProblem(null, "");
       showScene();
       if (isFirst && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
@@ -192,7 +207,10 @@ async function start() {
       const seconds = (performance.now() - request.asked) / 1000;
       say(`In place after ${seconds.toFixed(1)} s.`);
       remember();
-      if (isSame(past.shown?.wish, request.source)) return;
+      if (isSame(past.shown?.wish, request.source)) {
+        past.shown.scene = scene;
+        return;
+      }
       const main = scene.motions[scene.motions.length - 1];
       const picture = thumbnail(toMotion(main, "", RED), index, darkness.matches);
       past.add({ wish: copyWish(request.source), scene, picture });
@@ -200,7 +218,11 @@ async function start() {
     failed(error, request, isGone) {
       if (isGone) say("The server does not answer. Trying again …");
       else if (error.retryAfter) say(`The server is busy. Trying again in ${error.retryAfter} s …`);
-      else {
+      else if (error.problem.where === "onto" && character?.isShown && !character.isSentAgain) {
+        // The server has forgotten the character: it was started again, or others came.
+        character.isSentAgain = true;
+        sendCharacter(character.file, true).catch((failure) => showProblem("file", failure.message));
+      } else {
         showProblem(error.problem.where, error.message);
         say("");
       }
@@ -238,6 +260,7 @@ async function start() {
   /** Asks for the motion of the wish. */
   function ask(isCoarse = false, isPatient = false) {
     const request = toRequest(wish, components);
+    if (onto() !== null) request.onto = onto();
     clearTimeout(resting);
     if (isCoarse) resting = setTimeout(() => ask(false, true), RESTING_PAUSE);
     const wordless = wish.sentences.findIndex(({ prompt }) => prompt.trim() === "");
@@ -248,7 +271,7 @@ async function start() {
       return;
     }
     // A motion that was asked for while the slider rested is there already when it is released.
-    if (!isCoarse && !shownCoarsely && isSame(past.shown?.wish, wish)) {
+    if (!isCoarse && !shownCoarsely && isSame(past.shown?.wish, wish) && (onto() === null || scene?.onto === onto())) {
       requests.stop();
       requests.busy(null);
       return;
@@ -444,21 +467,63 @@ async function start() {
       },
     });
   }
+  const upload = async (path, file, options) => {
+    const query = new URLSearchParams({ name: file.name, ...options });
+    const answer = await server.ask(`${path}?${query}`, { body: file, type: "application/octet-stream" });
+    return answer.json();
+  };
+  function showCharacterSection() {
+    byId("character").hidden = character === null;
+    if (character === null) return;
+    showCharacter(byId("character"), character, painter.gl !== null, {
+      toggle() {
+        character.isShown = !character.isShown;
+        showCharacterSection();
+        show();
+        ask();
+      },
+      remove() {
+        character = null;
+        painter.load(null);
+        showCharacterSection();
+        show();
+      },
+    });
+  }
+  /** Sends a character to the server, and shows the motion on it if `isShown`. */
+  async function sendCharacter(file, isShown) {
+    const answer = await upload("api/v1/character", file);
+    character = { name: file.name, file, answer, isShown, isSentAgain: character?.isSentAgain && character.file === file };
+    painter.load(answer.mesh);
+    showCharacterSection();
+    show();
+    ask();
+  }
   listenToFiles(byId("file"), byId("drop-here"), async (file) => {
     showProblem(null, "");
     say(`Reading ${file.name} …`);
+    const failures = [];
+    const isCharacter = /\.(glb|vrm)$/i.test(file.name);
+    let isMotion = false;
     try {
-      const query = new URLSearchParams({ name: file.name, joints: "true" });
-      const answer = await server.ask(`api/v1/laban?${query}`, { body: file, type: "application/octet-stream" });
-      const report = await answer.json();
+      const report = await upload("api/v1/laban", file, { joints: "true" });
+      isMotion = true;
       dropped = { name: file.name, report, motion: toMotion(report.motions[0], file.name, BLUE) };
-      say("");
       showDropped();
       show();
     } catch (error) {
-      say("");
-      showProblem("file", error instanceof Refusal ? error.message : `${file.name}: the server does not answer`);
+      failures.push(error);
     }
+    // A file may be both: the motion of a character. Then it is a motion until somebody says otherwise.
+    try {
+      if (isCharacter) await sendCharacter(file, !isMotion);
+    } catch (error) {
+      failures.push(error);
+    }
+    say("");
+    if (failures.length < (isCharacter ? 2 : 1)) return;
+    const error = failures[/\.vrm$/i.test(file.name) ? 1 : 0];
+    showProblem("file", error instanceof Refusal ? error.message : `${file.name}: the server does not answer`);
   });
   for (const [name, ending, mediaType, purpose] of EXPORTS) {
     const button = append(byId("exports"), "button", "", name);
@@ -470,9 +535,23 @@ async function start() {
       button.disabled = true;
       say(`Writing ${name} …`);
       try {
-        const body = JSON.stringify(toRequest(wish, components));
-        const answer = await server.ask("api/v1/generate", { accept: mediaType, body, type: "application/json" });
-        save(await answer.blob(), `${fileStem(wish.sentences[0].prompt)}.${ending}`);
+        const isOnto = ending === "glb" && onto() !== null;
+        const write = () => {
+          const request = { ...toRequest(wish, components), ...(isOnto ? { onto: onto() } : {}) };
+          return server.ask("api/v1/generate", { accept: mediaType, body: JSON.stringify(request), type: "application/json" });
+        };
+        let answer;
+        try {
+          answer = await write();
+        } catch (error) {
+          if (!isOnto || error.problem?.where !== "onto") throw error;
+          // The server has forgotten the character.
+          await sendCharacter(character.file, true);
+          answer = await write();
+        }
+        const stem = fileStem(wish.sentences[0].prompt);
+        if (isOnto) save(await answer.blob(), `${stem}-on-${character.name}`);
+        else save(await answer.blob(), `${stem}.${ending}`);
         say("");
       } catch (error) {
         say("");
@@ -517,6 +596,9 @@ async function start() {
     get log() { return log; },
     get history() { return past.entries.length; },
     get dropped() { return dropped; },
+    /** The character: its name, whether the motion is put on it, and whether it is drawn. */
+    get character() { return character && { name: character.name, onto: character.answer.onto, isShown: character.isShown, isDrawn: character.isShown && painter.isReady }; },
+    painter,
     player,
     stage,
     floor,

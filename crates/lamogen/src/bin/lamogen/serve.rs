@@ -1,12 +1,14 @@
 //! `lamogen serve` and `lamogen studio`: motions over HTTP, and the page to play with them.
 //!
 //! ```text
-//! service.rs   what the server is asked for: motions, reports, the model
-//! request.rs   the JSON of a request
-//! format.rs    which media type is which format
-//! problem.rs   errors as the server answers them
+//! service.rs     what the server is asked for: motions, reports, the model
+//! characters.rs  characters that clients have sent
+//! request.rs     the JSON of a request
+//! format.rs      which media type is which format
+//! problem.rs     errors as the server answers them
 //! ```
 
+mod characters;
 mod format;
 mod problem;
 mod request;

@@ -13,6 +13,8 @@ pub struct ServedRequest {
     line: JsonRequest,
     /// The Laban features to reach.
     like: Option<LabanSeries>,
+    /// The name of the character on which the motion is shown and written.
+    pub onto: Option<String>,
 }
 
 /// The number of frames of the longest series to be like: an hour, as in files.
@@ -34,12 +36,22 @@ impl ServedRequest {
             None | Some(Value::Null) => None,
             Some(value) => Some(parse_series(&value)?),
         };
-        let without_like;
-        let text = match &like {
-            None => text,
-            Some(_) => {
-                without_like = Value::from(fields).to_string();
-                &without_like
+        let onto = match fields.remove("onto") {
+            None | Some(Value::Null) => None,
+            Some(Value::String(name)) => Some(name),
+            Some(other) => {
+                let expected = "the name of a character of /api/v1/character";
+                let found = other.to_string();
+                let problem = Problem::mismatch(ProblemKind::InvalidRequest, expected, found);
+                return Err(problem.at("onto"));
+            }
+        };
+        let line_alone;
+        let text = match (&like, &onto) {
+            (None, None) => text,
+            _ => {
+                line_alone = Value::from(fields).to_string();
+                &line_alone
             }
         };
         let line = JsonRequest::parse(text).map_err(invalid_request)?;
@@ -64,7 +76,7 @@ impl ServedRequest {
             let (expected, found) = ("a scale or a series to be like", "both");
             return Err(Problem::mismatch(ProblemKind::InvalidRequest, expected, found).at("like"));
         }
-        Ok(ServedRequest { line, like })
+        Ok(ServedRequest { line, like, onto })
     }
 
     /// Checks that the motion is not longer than so many seconds.

@@ -12,6 +12,7 @@ use lamogen_server::{
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
 
+use super::characters::{CharacterStore, StoredCharacter};
 use super::format::{MEDIA_TYPES, format_of};
 use super::problem::{failure_problem, request_problem, run_problem};
 use super::request::ServedRequest;
@@ -19,7 +20,7 @@ use crate::arguments::{MotionReadingArguments, StreamFormat, WritingArguments};
 use crate::console::Console;
 use crate::generate::generation_facts;
 use crate::motion_file::read_options;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, OutputFormat};
 use crate::report::{component_key, measurement_json, scene_json};
 use crate::scene::Scene;
 use crate::source::ModelSource;
@@ -35,6 +36,7 @@ pub struct CommandService {
     max_seconds: f32,
     /// Threads of works that run beside others, while no work uses them.
     idle_pools: Mutex<Vec<ThreadPool>>,
+    characters: CharacterStore,
 }
 
 impl CommandService {
@@ -46,6 +48,7 @@ impl CommandService {
             console,
             max_seconds: max_seconds as f32,
             idle_pools: Mutex::default(),
+            characters: CharacterStore::new(),
         }
     }
 
@@ -95,17 +98,25 @@ impl CommandService {
         Ok(request)
     }
 
-    /// Writes the file of a motion in a media type.
+    /// Writes the file of a motion in a media type, on a character if there is one.
     fn write(
         &self,
         served: &ServedRequest,
         generation: Generation,
+        character: Option<&StoredCharacter>,
         media_type: &str,
     ) -> Result<Vec<u8>, WorkError> {
         let pass = served.pass();
         let facts = generation_facts(served.seed(), &generation, &pass, &self.source);
         let scene = Scene::from_generation(generation, facts);
         let format = format_of(media_type);
+        match (character, format) {
+            (Some(character), OutputFormat::Glb) => return Ok(character.file(&scene)?),
+            (Some(character), OutputFormat::Json) => {
+                return Ok(character.json(&scene)?.to_string().into_bytes());
+            }
+            _ => {}
+        }
         let file = OutputFile {
             path: PathBuf::from("motion").with_extension(format.ending()),
             format,
@@ -157,6 +168,9 @@ impl MotionService for CommandService {
         let served = ServedRequest::parse(json)?;
         served.check_length(self.max_seconds)?;
         self.request(&served)?;
+        if let Some(onto) = &served.onto {
+            self.characters.find(onto)?;
+        }
         Ok(served)
     }
 
@@ -168,6 +182,11 @@ impl MotionService for CommandService {
         observer: WorkObserver<'_>,
     ) -> Result<Vec<u8>, WorkError> {
         let request = self.request(served)?;
+        let character = served
+            .onto
+            .as_deref()
+            .map(|onto| self.characters.find(onto));
+        let character = character.transpose()?;
         // A client may have gone while its request waited.
         if observer(WorkProgress::default()).is_break() {
             return Err(WorkError::Stopped);
@@ -184,7 +203,7 @@ impl MotionService for CommandService {
                 Error::Stopped(_) => WorkError::Stopped,
                 _ => WorkError::Failed(run_problem(&error)),
             })?;
-            self.write(served, generation, media_type)
+            self.write(served, generation, character.as_deref(), media_type)
         })
     }
 
@@ -208,6 +227,10 @@ impl MotionService for CommandService {
             true => scene_json(&scene),
             false => measurement_json(&scene).into(),
         })
+    }
+
+    fn add_character(&self, file: &UploadedFile) -> Result<Value, Problem> {
+        self.characters.add(file)
     }
 }
 

@@ -1,8 +1,9 @@
-//! `POST /api/v1/laban`: the report on a motion file.
+//! `POST /api/v1/laban` and `/api/v1/character`: the report on a motion file; a character that is kept.
 
 use axum::extract::{Request, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
+use serde_json::Value;
 use tokio::sync::OwnedSemaphorePermit;
 
 use crate::job::start_job;
@@ -16,6 +17,23 @@ pub(crate) async fn laban<S: MotionService>(
     State(shared): State<Shared<S>>,
     request: Request,
 ) -> Result<Response, Problem> {
+    answer_upload(shared, request, S::measure).await
+}
+
+/// Answers with what a page needs to draw the character in the body.
+pub(crate) async fn character<S: MotionService>(
+    State(shared): State<Shared<S>>,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer_upload(shared, request, S::add_character).await
+}
+
+/// Answers with what a function of the service returns for the file in the body.
+async fn answer_upload<S: MotionService>(
+    shared: Shared<S>,
+    request: Request,
+    read: fn(&S, &UploadedFile) -> Result<Value, Problem>,
+) -> Result<Response, Problem> {
     let (head, body) = request.into_parts();
     let query = head.uri.query().unwrap_or_default();
     let options = form_urlencoded::parse(query.as_bytes()).into_owned();
@@ -28,7 +46,7 @@ pub(crate) async fn laban<S: MotionService>(
     };
     let service = shared.service.clone();
     let work = move |_: ProcessorShare, _: WorkObserver<'_>| {
-        service.measure(&file).map_err(WorkError::Failed)
+        read(&service, &file).map_err(WorkError::Failed)
     };
     let job = start_job(&shared.queue, &shared.metrics, &shared.limits, work)?;
     Ok(json(&job.result().await?))
@@ -47,7 +65,7 @@ fn reserve<S>(shared: &Shared<S>, headers: &HeaderMap) -> Result<OwnedSemaphoreP
         .clone()
         .try_acquire_many_owned(units)
         .map_err(|_| {
-            let detail = "other motion files are being uploaded and measured";
+            let detail = "other files are being uploaded and read";
             shared.metrics.count_rejection();
             Problem::new(ProblemKind::Busy, detail).retry_after(1)
         })
