@@ -91,6 +91,10 @@ pub enum DataError {
         line: usize,
         problem: String,
     },
+    /// A recipe of compositions is invalid, or does not fit the data set.
+    #[error("{path}: {problem}")]
+    #[allow(missing_docs)]
+    Recipe { path: PathBuf, problem: String },
     /// A file of further captions names no motion of the data set.
     #[error("{path}: expected captions of motions in {folder}, found none of these")]
     #[allow(missing_docs)]

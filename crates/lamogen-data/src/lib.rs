@@ -11,6 +11,7 @@
 //! [`Dataset::problems`]. The features are those of [`lamogen_motion`]: 263 per frame, 20 frames per second, metres.
 
 mod checksum;
+mod compositions;
 mod dataset;
 mod derived;
 mod entry;

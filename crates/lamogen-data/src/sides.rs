@@ -27,6 +27,11 @@ pub(crate) fn swap_sides(text: &str) -> String {
                 swapped.push_str(&match_case(clockwise, word));
                 rest = after;
             }
+            // A right angle has no side.
+            "right" if is_angle(after) => {
+                swapped.push_str(word);
+                rest = after;
+            }
             _ => {
                 swapped.push_str(&swap_sides_in_word(word));
                 rest = after;
@@ -63,6 +68,12 @@ fn is_clockwise(text: &str) -> bool {
         .find(|c: char| !c.is_alphabetic())
         .unwrap_or(words.len());
     text.len() > words.len() && words[..end].eq_ignore_ascii_case("clockwise")
+}
+
+/// Returns whether a text begins with a word such as `angle` or `angled` after a space or hyphen.
+fn is_angle(text: &str) -> bool {
+    let words = text.strip_prefix([' ', '-']).unwrap_or_default();
+    words.to_ascii_lowercase().starts_with("angle")
 }
 
 /// Exchanges the side or the direction that a word names; another word is returned as it is.
@@ -110,6 +121,10 @@ mod tests {
             (
                 "he stands upright in bright light",
                 "he stands upright in bright light",
+            ),
+            (
+                "the right knee at a right angle, a right-angled arm",
+                "the left knee at a right angle, a right-angled arm",
             ),
             ("walks clockwise", "walks counterclockwise"),
             ("walks counter-clockwise twice", "walks clockwise twice"),

@@ -33,6 +33,11 @@ impl Placement {
         }
     }
 
+    /// Returns the direction that the body faces: the turn about the vertical from +Z, in radians, positive to the left.
+    pub fn heading(&self) -> f64 {
+        self.heading
+    }
+
     /// Returns the movement of the ground that takes a body from this placement to another.
     pub fn to(&self, other: &Placement) -> GroundMove {
         let turn = DQuat::from_rotation_y(other.heading - self.heading);

@@ -27,6 +27,8 @@ pub struct PackOptions {
     pub captions: Option<PathBuf>,
     /// A file of further captions for motions that already have some, by their names (see [`Dataset::add_captions`]).
     pub more_captions: Option<PathBuf>,
+    /// A recipe of motions that are put together from training motions (see [`Dataset::add_compositions`]).
+    pub compositions: Option<PathBuf>,
     /// The speeds at which copies of training motions are added (see [`Dataset::with_speeds`]).
     pub speeds: Vec<f32>,
     /// Whether mirror images of training entries are added, where an entry has none.
@@ -50,6 +52,7 @@ impl Default for PackOptions {
         PackOptions {
             captions: None,
             more_captions: None,
+            compositions: None,
             speeds: Vec::new(),
             mirror: true,
             min_frames: 40,
@@ -120,6 +123,13 @@ fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dat
             }
         }
     }
+    if let Some(path) = &options.compositions {
+        let few = dataset.add_compositions(path, options.seed, &options.limits())?;
+        for (content, count) in few {
+            let reason = format!("only {count} motions could be put together from parts that fit");
+            dataset.problems.add(content, ProblemKind::Missing, reason);
+        }
+    }
     if !options.speeds.is_empty() {
         dataset = dataset.with_speeds(&options.speeds, &options.limits());
     }
@@ -182,7 +192,6 @@ fn open_dataset(
 /// Returns mirror images of the training entries that have none and are none.
 fn mirror_images(entries: &[Entry]) -> Vec<Entry> {
     let names: HashSet<&str> = entries.iter().map(|entry| &*entry.name).collect();
-    let image_name = |name: &str| format!("M{name}");
     let lacks_image = |entry: &&Entry| {
         // If the original of an image was left out, the image is still recognised by its recording.
         let trial = entry.trial.as_deref();
@@ -192,7 +201,16 @@ fn mirror_images(entries: &[Entry]) -> Vec<Entry> {
         let has_image = names.contains(&*image_name(&entry.name));
         entry.split == Split::Train && !entry.mirror && !is_image && !has_image
     };
-    let mirror = |entry: &Entry| Entry {
+    entries
+        .iter()
+        .filter(lacks_image)
+        .map(mirror_image)
+        .collect()
+}
+
+/// Returns the mirror image of an entry, which shares its rows.
+pub(crate) fn mirror_image(entry: &Entry) -> Entry {
+    Entry {
         name: image_name(&entry.name),
         mirror: true,
         content: entry.content.as_deref().map(swap_sides),
@@ -203,6 +221,9 @@ fn mirror_images(entries: &[Entry]) -> Vec<Entry> {
             })
             .collect(),
         ..entry.clone()
-    };
-    entries.iter().filter(lacks_image).map(mirror).collect()
+    }
+}
+
+fn image_name(name: &str) -> String {
+    format!("M{name}")
 }

@@ -37,6 +37,7 @@ pub fn run(options: &PackArguments, console: &Console) -> Result<(), Failure> {
     let packing = PackOptions {
         captions: options.captions.clone(),
         more_captions: options.more_captions.clone(),
+        compositions: options.compositions.clone(),
         speeds: options.speeds.clone(),
         mirror: !options.no_mirror,
         min_frames: options.min_frames,

@@ -32,6 +32,9 @@ pub struct PackArguments {
     /// Further captions of motions that have some, a line of JSON each: {"name": "run_3", "captions": ["a kid dashes off"]}.
     #[arg(long, value_name = "FILE")]
     pub more_captions: Option<PathBuf>,
+    /// Add motions that are put together from motions for training, by a recipe (see docs/data.md).
+    #[arg(long, value_name = "FILE")]
+    pub compositions: Option<PathBuf>,
     /// Add motions for training at other speeds, such as 0.8,1.25, but for those that leave the ground or whose captions say how fast they are.
     #[arg(long, value_delimiter = ',', value_parser = parse_speed)]
     pub speeds: Vec<f32>,

@@ -1,0 +1,286 @@
+//! Compositions: motions that are put together from recorded ones, for what recordings show too rarely.
+
+mod captions;
+mod join;
+mod part;
+mod recipe;
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use lamogen_motion::{Motion, POSE_FEATURES, RestPose, Rotations, encode_every_frame};
+use rand::{RngExt, SeedableRng, seq::IndexedRandom};
+use rand_chacha::ChaCha12Rng;
+use rayon::prelude::*;
+
+use self::captions::{fill, phrases};
+use self::join::join;
+use self::recipe::{Composition, Part, Recipe, Source};
+use crate::dataset::Dataset;
+use crate::entry::{Caption, Entry};
+use crate::error::DataError;
+use crate::options::LoadOptions;
+use crate::problems::ProblemKind;
+use crate::rows::to_half;
+use crate::split::Split;
+
+/// The most captions of a composed motion.
+const CAPTIONS: usize = 8;
+/// How many choices of parts are tried for every motion that is wanted.
+const TRIES: usize = 12;
+
+/// One in so many captions may contain a word that the recipe does not want: writers use words in many senses.
+const RARE: usize = 8;
+
+/// What was drawn for a part.
+#[derive(Clone, Copy)]
+struct PartChoice {
+    /// The index of the entry.
+    entry: usize,
+    /// The index of the entry from which the arms are taken.
+    arms: Option<usize>,
+    /// The speed, relative to the recording.
+    speed: f32,
+    /// The turn in all, in degrees.
+    turn: Option<f32>,
+}
+
+/// A choice of recordings for the parts of a composition.
+struct Choice {
+    parts: Vec<PartChoice>,
+    captions: Vec<String>,
+}
+
+impl Dataset {
+    /// Adds motions that are put together from motions for training, as the recipe in a file says, and their mirror
+    /// images. Returns the contents for which there are fewer motions than the recipe asks for, with the number found.
+    ///
+    /// A part may be cut, reversed in time, repeated, slowed or hastened, bent along its path or kept in its place. Parts
+    /// are joined where their poses are most alike; parts that are nowhere alike are not joined. The file is described in
+    /// the documentation on data (docs/data.md). The same seed gives the same motions.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read or is no recipe, or names a content that no motion for training has.
+    pub fn add_compositions(
+        &mut self,
+        path: impl AsRef<Path>,
+        seed: u64,
+        limits: &LoadOptions,
+    ) -> Result<Vec<(String, usize)>, DataError> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(DataError::read(path))?;
+        let invalid = |problem: String| DataError::Recipe {
+            path: path.to_owned(),
+            problem,
+        };
+        let recipe = Recipe::parse(&text).map_err(invalid)?;
+        let originals: Vec<usize> = { self.indices(Split::Train) }
+            .filter(|&index| {
+                !self.entries[index].mirror && self.entries[index].variation_of.is_none()
+            })
+            .collect();
+        let mut few = Vec::new();
+        for (number, composition) in recipe.compositions.iter().enumerate() {
+            let candidates = self
+                .candidates(composition, &originals)
+                .map_err(|problem| invalid(format!("{}: {problem}", composition.content)))?;
+            let mut rng = ChaCha12Rng::seed_from_u64(seed.wrapping_add(number as u64));
+            let choices = self.choices(composition, &candidates, &mut rng);
+            let lengths = limits.min_frames..=limits.max_frames;
+            let composed: Vec<_> = { choices.par_iter() }
+                .map(|choice| {
+                    let rows = self.compose(composition, choice)?;
+                    lengths.contains(&rows.len()).then_some(rows)
+                })
+                .collect();
+            let made = choices.into_iter().zip(composed);
+            let made = made.filter_map(|(choice, rows)| Some((choice, rows?)));
+            let made: Vec<_> = made.take(composition.count).collect();
+            if made.len() < composition.count {
+                few.push((composition.content.clone(), made.len()));
+            }
+            for (number, (choice, rows)) in made.into_iter().enumerate() {
+                self.add_composed(composition, number, choice, &rows);
+            }
+        }
+        Ok(few)
+    }
+
+    /// Returns for every part the entries that it, and its arms, may be.
+    fn candidates(
+        &self,
+        composition: &Composition,
+        originals: &[usize],
+    ) -> Result<Vec<[Vec<usize>; 2]>, String> {
+        let of_part = |(number, part): (usize, &Part)| {
+            let arms = part.arms.as_ref();
+            let arms = arms.map(|arms| self.entries_of(arms, originals));
+            let found = self.entries_of(&part.of, originals);
+            let both = found.and_then(|found| Ok([found, arms.transpose()?.unwrap_or_default()]));
+            both.map_err(|problem| format!("part {number}: {problem}"))
+        };
+        composition.parts.iter().enumerate().map(of_part).collect()
+    }
+
+    /// Returns the entries of a source.
+    fn entries_of(&self, source: &Source, originals: &[usize]) -> Result<Vec<usize>, String> {
+        let entries = || originals.iter().map(|&index| (index, &self.entries[index]));
+        for content in &source.content {
+            if !entries().any(|(_, entry)| entry.content.as_ref() == Some(content)) {
+                return Err(format!(
+                    "no motion for training has the content {content:?}"
+                ));
+            }
+        }
+        let fitting = entries().filter(|(_, entry)| source.fits(entry));
+        let fitting: Vec<usize> = fitting.map(|(index, _)| index).collect();
+        match fitting.is_empty() {
+            true => {
+                Err("no motion for training has captions with the words that are asked for".into())
+            }
+            false => Ok(fitting),
+        }
+    }
+
+    /// Draws choices of parts and captions, no two alike.
+    fn choices(
+        &self,
+        composition: &Composition,
+        candidates: &[[Vec<usize>; 2]],
+        rng: &mut ChaCha12Rng,
+    ) -> Vec<Choice> {
+        let mut seen = HashSet::new();
+        let mut choices = Vec::new();
+        for _ in 0..composition.count * TRIES {
+            let parts: Vec<PartChoice> = { composition.parts.iter().zip(candidates) }
+                .map(|(part, [entries, arms])| {
+                    let entry = *entries.choose(rng).expect("a part has candidates");
+                    let arms = arms.choose(rng).copied();
+                    let mut draw = |[least, most]: [f32; 2]| match least < most {
+                        true => rng.random_range(least..=most),
+                        false => least,
+                    };
+                    PartChoice {
+                        entry,
+                        arms,
+                        speed: draw(part.speed),
+                        turn: part.turn.map(&mut draw),
+                    }
+                })
+                .collect();
+            let key = { parts.iter() }.map(|part| {
+                let turn = part.turn.map(f32::to_bits);
+                (part.entry, part.arms, part.speed.to_bits(), turn)
+            });
+            if !seen.insert(key.collect::<Vec<_>>()) {
+                continue;
+            }
+            let said: Vec<Vec<String>> = { parts.iter().zip(&composition.parts) }
+                .map(|(choice, part)| phrases(&self.entries[choice.entry], part.mirrored))
+                .collect();
+            let captions = fill(&composition.captions, &said, CAPTIONS, rng);
+            if !captions.is_empty() {
+                choices.push(Choice { parts, captions });
+            }
+        }
+        choices
+    }
+
+    /// Puts a motion together. Returns none if its parts do not fit together.
+    fn compose(
+        &self,
+        composition: &Composition,
+        choice: &Choice,
+    ) -> Option<Vec<[f32; POSE_FEATURES]>> {
+        let mut whole: Option<Rotations> = None;
+        for (part, choice) in composition.parts.iter().zip(&choice.parts) {
+            let recorded = self.recorded(choice.entry, part.mirrored)?;
+            let arms = match choice.arms {
+                Some(arms) => Some(self.recorded(arms, part.mirrored)?),
+                None => None,
+            };
+            let shaped = part.shape(&recorded, arms.as_ref(), choice.speed, choice.turn)?;
+            for _ in 0..part.times {
+                whole = Some(match whole {
+                    None => shaped.clone(),
+                    Some(before) => join(&before, &shaped)?,
+                });
+            }
+        }
+        Some(encode_every_frame(&whole?.joints()))
+    }
+
+    /// Returns a recorded motion or its mirror image on HumanML3D's body.
+    fn recorded(&self, entry: usize, mirrored: bool) -> Option<Rotations> {
+        let entry = &self.entries[entry];
+        let mut values = Vec::new();
+        self.features(entry, 0..entry.frames, &mut values);
+        let mut rows = values.as_chunks::<POSE_FEATURES>().0.to_vec();
+        if mirrored {
+            for row in &mut rows {
+                *row = self.mirror.apply(row);
+            }
+        }
+        let motion = Motion::from_pose_features(rows).ok()?;
+        Some(Rotations::on_body(&motion, &RestPose::humanml3d()))
+    }
+
+    /// Adds a composed motion and its mirror image.
+    fn add_composed(
+        &mut self,
+        composition: &Composition,
+        number: usize,
+        choice: Choice,
+        rows: &[[f32; POSE_FEATURES]],
+    ) {
+        let name = format!("{}+{}", composition.content, number + 1);
+        let halves = match to_half(rows.as_flattened()) {
+            Ok(halves) => halves,
+            Err(place) => {
+                let reason = format!("row {} is beyond 16 bits", place / POSE_FEATURES);
+                self.problems.add(name, ProblemKind::NotFinite, reason);
+                return;
+            }
+        };
+        let parts: Vec<&str> = { choice.parts.iter() }
+            .map(|part| self.entries[part.entry].name.as_str())
+            .collect();
+        let note = format!("composed of {}", parts.join(", "));
+        let captions = choice.captions.into_iter();
+        let composed = Entry {
+            name,
+            split: Split::Train,
+            frames: rows.len(),
+            mirror: false,
+            content: Some(composition.content.clone()),
+            style: None,
+            source: Some("composed".into()),
+            trial: None,
+            variation_of: None,
+            note: Some(note),
+            captions: captions
+                .map(|text| Caption { text, tokens: None })
+                .collect(),
+            clip: self.rows.clips(),
+            start: self.rows.len(),
+        };
+        self.rows.push(&halves);
+        let image = crate::pack::mirror_image(&composed);
+        self.entries.extend([composed, image]);
+    }
+}
+
+impl Source {
+    /// Returns whether an entry is one of the motions.
+    fn fits(&self, entry: &Entry) -> bool {
+        let content = entry.content.as_ref();
+        let has_content = content.is_some_and(|content| self.content.contains(content));
+        let has = |text: &str, word: &String| text.to_lowercase().contains(word.as_str());
+        let texts = || entry.captions.iter().map(|caption| caption.text.as_str());
+        let unwanted = texts().filter(|text| self.without.iter().any(|word| has(text, word)));
+        has_content
+            && texts().any(|text| self.words.iter().all(|word| has(text, word)))
+            && unwanted.count() * RARE <= entry.captions.len()
+    }
+}
