@@ -154,7 +154,10 @@ fn parts_go_on_from_one_another() {
     ];
     assert_eq!(texts, expected);
     assert_eq!(entry.content.as_deref(), Some("new"));
-    assert_eq!(entry.note.as_deref(), Some("composed of walk.features, lift.features"));
+    assert_eq!(
+        entry.note.as_deref(),
+        Some("composed of walk.features, lift.features")
+    );
 }
 
 #[test]

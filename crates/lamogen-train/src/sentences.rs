@@ -1,6 +1,7 @@
 //! SentenceEmbeddings from which a text encoder learns the similarities of a larger sentence encoder.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_data::Checksum;
@@ -23,8 +24,8 @@ pub struct SentenceEmbeddings {
     /// The embeddings `[sentence][dimension]`, in rows of length 1.
     embeddings: Vec<f32>,
     width: usize,
-    /// The nearest other sentences of each sentence.
-    neighbours: Vec<Vec<u32>>,
+    /// The nearest other sentences of each sentence, found when it is first drawn: all sentences are compared with it.
+    neighbours: Vec<OnceLock<Vec<u32>>>,
 }
 
 /// The error of files of sentences and embeddings that cannot be used.
@@ -95,7 +96,7 @@ impl SentenceEmbeddings {
             row.iter_mut().for_each(|value| *value /= length);
         }
         Ok(SentenceEmbeddings {
-            neighbours: neighbours(&embeddings, width),
+            neighbours: vec![OnceLock::new(); rows],
             ids,
             embeddings,
             width,
@@ -136,7 +137,7 @@ impl SentenceEmbeddings {
             let anchor = generator.random_range(0..self.count() as u64) as usize;
             places.push(anchor);
             for _ in 0..NEIGHBOURS_DRAWN {
-                let nearest = &self.neighbours[anchor];
+                let nearest = self.neighbours(anchor);
                 let choice = generator.random_range(0..nearest.len() as u64) as usize;
                 places.push(nearest[choice] as usize);
             }
@@ -154,6 +155,25 @@ impl SentenceEmbeddings {
             cosines: Tensor::from_data(TensorData::new(cosines, [count, count]), device),
             weight,
         }
+    }
+
+    /// Returns the nearest other sentences of a sentence, the nearest one first.
+    fn neighbours(&self, place: usize) -> &[u32] {
+        self.neighbours[place].get_or_init(|| {
+            let mut cosines: Vec<(f32, u32)> = (0..self.count())
+                .into_par_iter()
+                .map(|other| (self.cosine(place, other), other as u32))
+                .collect();
+            cosines.swap_remove(place);
+            let count = NEIGHBOURS.min(cosines.len());
+            let order = |one: &(f32, u32), other: &(f32, u32)| {
+                other.0.total_cmp(&one.0).then(one.1.cmp(&other.1))
+            };
+            cosines.select_nth_unstable_by(count - 1, order);
+            cosines.truncate(count);
+            cosines.sort_by(order);
+            cosines.iter().map(|&(_, other)| other).collect()
+        })
     }
 
     /// Computes the cosine of the embeddings of two sentences.
@@ -180,27 +200,4 @@ fn dot(one: &[f32], other: &[f32]) -> f32 {
         .map(|(one, other)| one * other)
         .sum();
     sums.iter().sum::<f32>() + rest
-}
-
-/// Finds the nearest other rows of each row. All rows have length 1.
-fn neighbours(embeddings: &[f32], width: usize) -> Vec<Vec<u32>> {
-    let rows: Vec<&[f32]> = embeddings.chunks(width).collect();
-    let nearest = |(place, row): (usize, &&[f32])| {
-        let others = { rows.iter().enumerate() }.filter(|&(other, _)| other != place);
-        let mut others: Vec<(f32, u32)> = others
-            .map(|(other, numbers)| (dot(row, numbers), other as u32))
-            .collect();
-        let count = NEIGHBOURS.min(others.len());
-        let order = |one: &(f32, u32), other: &(f32, u32)| {
-            other.0.total_cmp(&one.0).then(one.1.cmp(&other.1))
-        };
-        others.select_nth_unstable_by(count - 1, order);
-        others.truncate(count);
-        others.sort_by(order);
-        // A new vector: one collected in place would keep the capacity for all sentences.
-        let mut nearest = Vec::with_capacity(count);
-        nearest.extend(others.into_iter().map(|(_, other)| other));
-        nearest
-    };
-    rows.par_iter().enumerate().map(nearest).collect()
 }
