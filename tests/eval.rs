@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use burn::tensor::Tensor;
-use lamogen::evaluation::{
+use lamogen_evaluation::{
     EvaluatedModel, Evaluation, EvaluationErrorKind, EvaluationObserver, EvaluationOptions, Method,
     accepted_lengths, estimate, evaluate,
 };

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Tensor;
-use lamogen::evaluation::{
+use lamogen_evaluation::{
     EvaluatedModel, EvaluationErrorKind, EvaluationOptions, MeasurementTarget,
     MultimodalityOptions, PublicBenchmark, estimate_publicly, evaluate_publicly,
 };

@@ -44,14 +44,10 @@
 //! - `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda`, `rocm`: the backends that compute ([`DeviceName`]). A program
 //!   may have any number of them. `flex` computes on the CPU in pure Rust.
 //! - `json`: requests as JSON ([`JsonRequest`]), in the form of the lines of `lamogen batch`.
-//! - `evaluation`: the paper's tables for any network.
-//! - `command`: the dependencies of the program `lamogen`; programs that use the library leave it out.
 
 mod baseline_cache;
 mod device;
 mod error;
-#[cfg(feature = "evaluation")]
-pub mod evaluation;
 mod generation;
 mod groups;
 #[cfg(feature = "json")]

@@ -1,7 +1,7 @@
 //! Generation and measurement of the planned motions.
 
-use crate::laban::LabanOptions;
-use crate::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
+use lamogen::laban::LabanOptions;
+use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
 
 use super::error::{EvaluationError, EvaluationErrorKind};
 use super::judge::MotionEvaluator;
@@ -11,7 +11,7 @@ use super::record::{
     BodyMeasurements, JointTurnMeasurements, MotionMeasurements, MotionOutcome, MotionRecord,
     TurnMeasurements,
 };
-use crate::{LaMoGen, PassError};
+use lamogen::{LaMoGen, PassError};
 use lamogen_model::Denoiser;
 
 /// Generates and measures motions.

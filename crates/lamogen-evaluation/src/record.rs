@@ -5,7 +5,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use crate::COMPONENTS;
+use lamogen::COMPONENTS;
 use serde::{Deserialize, Serialize};
 
 use super::error::{EvaluationError, EvaluationErrorKind};

@@ -1,6 +1,6 @@
 //! The ablations (studies): a table for each, and a plot for some.
 
-use crate::{COMPONENTS, Component};
+use lamogen::{COMPONENTS, Component};
 use lamogen_view::{PlotAxis, PlotLine, plot};
 use serde_json::json;
 

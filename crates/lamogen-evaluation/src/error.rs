@@ -3,7 +3,7 @@
 use std::fmt::{self, Display};
 use std::path::Path;
 
-use crate::error::Error;
+use lamogen::Error;
 
 /// What kind of error ended an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,7 +13,7 @@ mod prompts;
 mod setting;
 mod study;
 
-use crate::{Guidance, Preset};
+use lamogen::{Guidance, Preset};
 
 use super::EvaluationOptions;
 pub use condition::Condition;
@@ -194,7 +194,7 @@ impl EvalPlan {
 
 #[cfg(test)]
 mod tests {
-    use crate::Tag;
+    use lamogen::Tag;
 
     use super::*;
 

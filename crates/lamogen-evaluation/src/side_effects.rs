@@ -1,7 +1,7 @@
 //! The side effects of tags: changes of components that were not requested, and the motions that follow their tags
 //! least.
 
-use crate::{COMPONENTS, Component, Tag};
+use lamogen::{COMPONENTS, Component, Tag};
 use serde::Serialize;
 
 use super::measure::quantile;

@@ -1,7 +1,7 @@
 //! The figures of the paper (tables "Quantitative evaluation of controllability" and "Comparison on standard
 //! text-to-motion metrics"), measured with MotionDiffuse on HumanML3D's test set.
 
-use crate::COMPONENTS;
+use lamogen::COMPONENTS;
 
 use super::plan::Method;
 

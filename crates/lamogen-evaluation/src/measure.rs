@@ -4,16 +4,16 @@
 //! Motion ──rotations──▶ BVH ──read back──▶ MeasuredMotion ──▶ BodyMeasurements, Laban features, pose features
 //! ```
 
-use crate::files::bvh::{self, BvhOptions, read_text};
-use crate::files::{ReadOptions, UpAxis};
-use crate::motion::{BoneDrift, FootSliding, Jitter, JointTurning, encode_canonical};
-use crate::{Joint, Motion};
+use lamogen::files::bvh::{self, BvhOptions, read_text};
+use lamogen::files::{ReadOptions, UpAxis};
+use lamogen::motion::{BoneDrift, FootSliding, Jitter, JointTurning, encode_canonical};
+use lamogen::{Joint, Motion};
 
 use super::record::{BodyMeasurements, JointTurnMeasurements, TurnMeasurements};
 
 /// The value of `--measure`: the form of a motion that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum MeasurementTarget {
     /// The file that users get: the motion as BVH, read back.
     Rig,
@@ -137,8 +137,8 @@ pub fn quantile(mut values: Vec<f64>, fraction: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::JOINTS;
-    use crate::motion::RestPose;
+    use lamogen::JOINTS;
+    use lamogen::motion::RestPose;
 
     /// Makes a motion of HumanML3D's body in its T-pose with the feet on the ground; `place` may move each joint.
     fn standing(frames: usize, place: impl Fn(usize, Joint, [f32; 3]) -> [f32; 3]) -> Motion {

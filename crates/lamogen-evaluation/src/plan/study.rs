@@ -1,7 +1,7 @@
 //! The studies (ablations), and their settings.
 
-use crate::laban::{GaussianKernel, Smoothing};
-use crate::{Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, UpdateTiming};
+use lamogen::laban::{GaussianKernel, Smoothing};
+use lamogen::{Body, COMPONENTS, Component, Finish, Guidance, LossDivisor, Preset, UpdateTiming};
 
 use super::PlanDefaults;
 use super::condition::Condition;
@@ -11,7 +11,7 @@ use super::setting::MethodSetting;
 
 /// The studies (ablations); each varies one option of Laban guidance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Study {
     /// Factors 0.5, 0.8, 1, 1.2 and 1.5 on every component.
     Interpolation,
@@ -28,7 +28,7 @@ pub enum Study {
     /// Updates a step: 1, 2, 4.
     Updates,
     /// What is moved and how much the asked component counts: how exactly tags are followed against how much else moves.
-    #[cfg_attr(feature = "command", value(alias = "front"))]
+    #[cfg_attr(feature = "clap", value(alias = "front"))]
     ParetoFront,
     /// Updates of the finished motion, after guidance and without it.
     Finish,

@@ -8,7 +8,7 @@
 //! `lamogen eval` is [`evaluate`] with the command's options. A program calls it for any [`Denoiser`]:
 //!
 //! ```no_run
-//! use lamogen::evaluation::{EvaluatedModel, EvaluationOptions, accepted_lengths, evaluate};
+//! use lamogen_evaluation::{EvaluatedModel, EvaluationOptions, accepted_lengths, evaluate};
 //! use lamogen::{Device, LaMoGen};
 //! use lamogen_data::{Dataset, LoadOptions};
 //! use lamogen_eval::Evaluator;
@@ -58,8 +58,8 @@ use lamogen_model::Denoiser;
 use lamogen_motion::{remove_stale_temporaries, write_atomically};
 use serde_json::{Value, json};
 
-use crate::Motion;
-use crate::generation::LaMoGen;
+use lamogen::Motion;
+use lamogen::LaMoGen;
 pub use error::{EvaluationError, EvaluationErrorKind};
 use judge::{MotionEvaluator, ScoreBasis, ScoreSource};
 pub use measure::MeasurementTarget;

@@ -5,8 +5,8 @@ mod studies;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::motion::write_atomically;
-use crate::{COMPONENTS, Preset};
+use lamogen::motion::write_atomically;
+use lamogen::{COMPONENTS, Preset};
 use lamogen_eval::MetricError;
 use lamogen_model::Denoiser;
 use lamogen_view::PlotError;
@@ -477,7 +477,7 @@ pub enum ReportError {
     #[error(transparent)]
     Picture(#[from] PlotError),
     #[error(transparent)]
-    Generate(#[from] crate::Error),
+    Generate(#[from] lamogen::Error),
 }
 
 /// The figures of a row of the table of text and fidelity.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Component, Tag};
+use lamogen::{Component, Tag};
 
 /// The change of a component that a motion is generated for.
 #[derive(Clone, Copy, Debug, PartialEq)]

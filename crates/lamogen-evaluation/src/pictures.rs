@@ -1,8 +1,8 @@
 //! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
-use crate::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
-use crate::motion::Joint;
-use crate::{
+use lamogen::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
+use lamogen::motion::Joint;
+use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
     Scale, Smoothing, Tag,
 };

@@ -1,7 +1,7 @@
 //! The settings, and the motions that are generated with them.
 
-use crate::guide::prompt_with_tags;
-use crate::{COMPONENTS, Guidance, Request, Scale};
+use lamogen::guide::prompt_with_tags;
+use lamogen::{COMPONENTS, Guidance, Request, Scale};
 use lamogen_data::Checksum;
 
 use super::super::record::RecordKey;

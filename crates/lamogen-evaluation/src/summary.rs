@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::{COMPONENTS, Component, Tag};
+use lamogen::{COMPONENTS, Component, Tag};
 use lamogen_eval::protocol::{Protocol, ProtocolScores};
 use lamogen_eval::{
     ChangeMatrix, ControlRange, Embeddings, Estimate, MatchingScore, MetricError, RetrievalBatches,

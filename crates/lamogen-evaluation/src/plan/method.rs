@@ -2,7 +2,7 @@
 
 /// A method that makes motions follow Laban tags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "command", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Method {
     /// The sentence alone.
     Text,
