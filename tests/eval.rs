@@ -7,15 +7,15 @@ use std::fs;
 use std::path::Path;
 
 use burn::tensor::Tensor;
-use lamogen_evaluation::{
-    EvaluatedModel, Evaluation, EvaluationErrorKind, EvaluationObserver, EvaluationOptions, Method,
-    accepted_lengths, estimate, evaluate,
-};
 use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, TokenBatch, Tokenizer};
 use lamogen::motion::POSE_FEATURES;
 use lamogen::{Device, LaMoGen};
 use lamogen_data::{Dataset, LoadOptions, Split};
 use lamogen_eval::Evaluator;
+use lamogen_evaluation::{
+    EvaluatedModel, Evaluation, EvaluationErrorKind, EvaluationObserver, EvaluationOptions, Method,
+    accepted_lengths, estimate, evaluate,
+};
 use running::{fails, succeeds};
 use serde_json::Value;
 

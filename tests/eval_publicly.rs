@@ -6,16 +6,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Tensor;
-use lamogen_evaluation::{
-    EvaluatedModel, EvaluationErrorKind, EvaluationOptions, MeasurementTarget,
-    MultimodalityOptions, PublicBenchmark, estimate_publicly, evaluate_publicly,
-};
 use lamogen::model::{Denoiser, DenoiserInput, Prediction, Prompt, TokenBatch, Tokenizer};
 use lamogen::motion::{Normalization, POSE_FEATURES, npy};
 use lamogen::{Device, LaMoGen};
 use lamogen_data::{BenchmarkClip, BenchmarkSplit, Split};
 use lamogen_eval::protocol::{Protocol, PublicEvaluator, PublicFile, PublicFiles, Replication};
 use lamogen_eval::{Embeddings, mean_distance};
+use lamogen_evaluation::{
+    EvaluatedModel, EvaluationErrorKind, EvaluationOptions, MeasurementTarget,
+    MultimodalityOptions, PublicBenchmark, estimate_publicly, evaluate_publicly,
+};
 use running::{fails, succeeds};
 use serde_json::Value;
 

@@ -2,15 +2,15 @@
 
 use indicatif::ProgressBar;
 use lamogen::Device;
+use lamogen_data::{BenchmarkSplit, DataError, LoadOptions};
+use lamogen_eval::protocol::{Protocol, PublicEvaluator, PublicFile, PublicFiles};
+use lamogen_eval::{Evaluator, EvaluatorError};
 use lamogen_evaluation::{
     EvaluatedModel, Evaluation, EvaluationError, EvaluationErrorKind, EvaluationEstimate,
     EvaluationObserver, EvaluationOptions, MultimodalityOptions, PUBLIC_LENGTHS, PublicBenchmark,
     accepted_lengths, estimate, estimate_publicly, evaluate, evaluate_publicly,
 };
 pub use lamogen_evaluation::{MeasurementTarget, Method, Study};
-use lamogen_data::{BenchmarkSplit, DataError, LoadOptions};
-use lamogen_eval::protocol::{Protocol, PublicEvaluator, PublicFile, PublicFiles};
-use lamogen_eval::{Evaluator, EvaluatorError};
 use serde_json::json;
 
 use crate::arguments::{EvalArguments, PresetName};

@@ -224,7 +224,7 @@ fn a_bad_recipe_is_refused_with_what_is_wrong() {
         (recipe(walk, r#""then {""#), "the number of one of 1 parts"),
         (
             recipe(walk, caption).replace(r#""count": 1"#, r#""count": 0"#),
-            "count: expected 1 or more, found 0",
+            "count: expected 1 to 100000, found 0",
         ),
         (
             recipe(walk, caption).replace("walk", "swim"),

@@ -58,10 +58,10 @@ use lamogen_model::Denoiser;
 use lamogen_motion::{remove_stale_temporaries, write_atomically};
 use serde_json::{Value, json};
 
-use lamogen::Motion;
-use lamogen::LaMoGen;
 pub use error::{EvaluationError, EvaluationErrorKind};
 use judge::{MotionEvaluator, ScoreBasis, ScoreSource};
+use lamogen::LaMoGen;
+use lamogen::Motion;
 pub use measure::MeasurementTarget;
 use plan::{EvalPlan, EvalPrompt, Multimodality, PlanDefaults, PlannedMotion, PromptSelection};
 pub use plan::{Method, Study};

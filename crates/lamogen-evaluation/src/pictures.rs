@@ -1,12 +1,12 @@
 //! The pictures of a report. Their motions are generated for the report; they are not among the records.
 
+use burn::tensor::Tensor;
 use lamogen::laban::{GaussianKernel, LabanOptions, SmoothingWindow};
 use lamogen::motion::Joint;
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanSeries, Motion, Request,
     Scale, Smoothing, Tag,
 };
-use burn::tensor::Tensor;
 use lamogen_model::Denoiser;
 use lamogen_view::{LabanCurve, LabelledMotion, PlotAxis, PlotLine, curves, plot, strip};
 

@@ -86,17 +86,17 @@ impl Dataset {
                 .candidates(composition, &originals)
                 .map_err(|problem| invalid(format!("{}: {problem}", composition.content)))?;
             let mut rng = ChaCha12Rng::seed_from_u64(seed.wrapping_add(number as u64));
-            let choices = self.choices(composition, &candidates, &mut rng);
-            let lengths = limits.min_frames..=limits.max_frames;
-            let composed: Vec<_> = { choices.par_iter() }
-                .map(|choice| {
-                    let rows = self.compose(composition, choice)?;
-                    lengths.contains(&rows.len()).then_some(rows)
-                })
-                .collect();
-            let made = choices.into_iter().zip(composed);
-            let made = made.filter_map(|(choice, rows)| Some((choice, rows?)));
-            let made: Vec<_> = made.take(composition.count).collect();
+            let mut choices = self.choices(composition, &candidates, &mut rng);
+            let mut made = Vec::new();
+            while made.len() < composition.count && !choices.is_empty() {
+                let next = choices.split_off(choices.len().saturating_sub(composition.count));
+                let composed = next.into_par_iter().filter_map(|choice| {
+                    let rows = self.compose(composition, &choice, limits)?;
+                    Some((choice, rows))
+                });
+                made.extend(composed.collect::<Vec<_>>());
+            }
+            made.truncate(composition.count);
             if made.len() < composition.count {
                 few.push((composition.content.clone(), made.len()));
             }
@@ -187,11 +187,12 @@ impl Dataset {
         choices
     }
 
-    /// Puts a motion together. Returns none if its parts do not fit together.
+    /// Puts a motion together. Returns none if its parts do not fit together, or it is too short or too long.
     fn compose(
         &self,
         composition: &Composition,
         choice: &Choice,
+        limits: &LoadOptions,
     ) -> Option<Vec<[f32; POSE_FEATURES]>> {
         let mut whole: Option<Rotations> = None;
         for (part, choice) in composition.parts.iter().zip(&choice.parts) {
@@ -202,13 +203,18 @@ impl Dataset {
             };
             let shaped = part.shape(&recorded, arms.as_ref(), choice.speed, choice.turn)?;
             for _ in 0..part.times {
-                whole = Some(match whole {
+                let longer = match whole {
                     None => shaped.clone(),
                     Some(before) => join(&before, &shaped)?,
-                });
+                };
+                if longer.frames() > limits.max_frames {
+                    return None;
+                }
+                whole = Some(longer);
             }
         }
-        Some(encode_every_frame(&whole?.joints()))
+        let whole = whole.filter(|whole| whole.frames() >= limits.min_frames)?;
+        Some(encode_every_frame(&whole.joints()))
     }
 
     /// Returns a recorded motion or its mirror image on HumanML3D's body.

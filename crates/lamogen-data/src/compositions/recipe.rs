@@ -4,6 +4,9 @@ use std::collections::HashSet;
 
 use serde::Deserialize;
 
+/// The most motions of a composition.
+const MOST: usize = 100_000;
+
 /// The contents of a recipe file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -112,8 +115,8 @@ impl Composition {
         if self.parts.is_empty() {
             return Err("expected parts, found none".into());
         }
-        if self.count == 0 {
-            return Err("count: expected 1 or more, found 0".into());
+        if !(1..=MOST).contains(&self.count) {
+            return Err(format!("count: expected 1 to {MOST}, found {}", self.count));
         }
         if self.captions.is_empty() {
             return Err("expected captions, found none".into());
