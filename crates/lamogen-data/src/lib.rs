@@ -54,6 +54,7 @@ pub mod fuzzing {
         let _ = crate::humanml3d::benchmark::count_lines(text);
         let _ = crate::more_captions::parse(text);
         let _ = crate::pack::listing::parse(text);
+        let _ = crate::compositions::check(text);
         let _ = text.lines().map(crate::packed::parse_entry).count();
     }
 }

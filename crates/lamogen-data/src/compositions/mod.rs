@@ -32,6 +32,11 @@ const TRIES: usize = 12;
 /// One in so many captions may contain a word that the recipe does not want: writers use words in many senses.
 const RARE: usize = 8;
 
+/// Checks the text of a recipe. The error says what is wrong with it.
+pub(crate) fn check(text: &str) -> Result<(), String> {
+    Recipe::parse(text).map(drop)
+}
+
 /// What was drawn for a part.
 #[derive(Clone, Copy)]
 struct PartChoice {
