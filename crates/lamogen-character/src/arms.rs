@@ -1,9 +1,9 @@
 //! Hands that touch: the arms of a character bend so that its hands meet, and touch its body, where those of the motion do.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::Joint;
+use lamogen_motion::{ARMS, Joint};
 
-use crate::body_part::{ARMS, BodyPart, PartPlace, SourcePose, body_parts};
+use crate::body_part::{BodyPart, PartPlace, SourcePose, body_parts};
 use crate::hands::knuckles;
 use crate::ik::{MAX_STRETCH, bend, fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};

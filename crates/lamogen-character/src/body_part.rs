@@ -1,16 +1,10 @@
 //! The parts of a body that hands touch, on the body of a motion and on that of a character.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{JOINTS, Joint, RestPose};
+use lamogen_motion::{ARMS, JOINTS, Joint, RestPose};
 
 use crate::retarget::{CharacterPose, Retargeter};
 use crate::skeleton::CharacterSkeleton;
-
-/// The joints of an arm: shoulder, elbow and wrist.
-pub(crate) const ARMS: [[Joint; 3]; 2] = [
-    [Joint::LeftShoulder, Joint::LeftElbow, Joint::LeftWrist],
-    [Joint::RightShoulder, Joint::RightElbow, Joint::RightWrist],
-];
 
 /// Trunk widths of characters are at most this many times smaller or larger than the lengths of their trunks say. Where rigs have
 /// the joints of hips and shoulders differs more than bodies do.

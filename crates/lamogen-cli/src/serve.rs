@@ -100,6 +100,11 @@ fn parallel_works(options: &ServeArguments, source: &ModelSource) -> usize {
     }
 }
 
+/// Returns the last part of a name that a client gave to a file: the name without any folders.
+fn file_name(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or_default()
+}
+
 /// Returns the files of the studio's page.
 fn pages() -> Vec<PageFile> {
     let studio = lamogen_view::studio();

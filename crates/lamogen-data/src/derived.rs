@@ -28,6 +28,28 @@ impl EntriesByRows {
 }
 
 impl Dataset {
+    /// Adds the rows of a computed motion. Returns the index of their clip and of the first row. Rows with a number that 16 bits
+    /// cannot hold are not added; the motion is listed as a problem by its name.
+    pub(crate) fn add_rows(
+        &mut self,
+        name: &str,
+        rows: &[[f32; POSE_FEATURES]],
+    ) -> Option<(usize, usize)> {
+        match to_half(rows.as_flattened()) {
+            Ok(halves) => {
+                let place = (self.rows.clips(), self.rows.len());
+                self.rows.push(&halves);
+                Some(place)
+            }
+            Err(place) => {
+                let reason = format!("row {} is beyond 16 bits", place / POSE_FEATURES);
+                self.problems
+                    .add(name.to_owned(), ProblemKind::NotFinite, reason);
+                None
+            }
+        }
+    }
+
     /// Adds a motion that was computed from the entry with the index `original`.
     ///
     /// It adds one entry for the original and one for every other entry with the same rows. The new entry's name is the
@@ -40,17 +62,10 @@ impl Dataset {
         suffix: &str,
         change: impl Fn(&Entry) -> Option<Entry>,
     ) {
-        let halves = match to_half(rows.as_flattened()) {
-            Ok(halves) => halves,
-            Err(place) => {
-                let name = format!("{}{suffix}", self.entries[original].name);
-                let reason = format!("row {} is beyond 16 bits", place / POSE_FEATURES);
-                self.problems.add(name, ProblemKind::NotFinite, reason);
-                return;
-            }
+        let name = format!("{}{suffix}", self.entries[original].name);
+        let Some((clip, start)) = self.add_rows(&name, rows) else {
+            return;
         };
-        let (clip, start) = (self.rows.clips(), self.rows.len());
-        self.rows.push(&halves);
         for &index in &by_rows.0[&self.entries[original].rows()] {
             let entry = &self.entries[index];
             let Some(changed) = change(entry) else {

@@ -40,7 +40,7 @@ pub use padding::frame_mask;
 pub use placement::{GroundMove, Placement};
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
-pub use skeleton::{CHAINS, JOINTS, Joint};
+pub use skeleton::{ARMS, CHAINS, JOINTS, Joint};
 pub use travel::{Keyframes, LoopEnd, RootMotion, close_path, ground_path, loop_frame_rate};
 pub use turning::{JointTurn, JointTurning};
 

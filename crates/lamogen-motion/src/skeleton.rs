@@ -46,6 +46,12 @@ pub const CHAINS: [&[Joint]; 5] = [
     &[Spine3, LeftCollar, LeftShoulder, LeftElbow, LeftWrist],
 ];
 
+/// The joints of the left and the right arm that turn it: shoulder, elbow and wrist.
+pub const ARMS: [[Joint; 3]; 2] = [
+    [LeftShoulder, LeftElbow, LeftWrist],
+    [RightShoulder, RightElbow, RightWrist],
+];
+
 impl Joint {
     /// All joints, in index order.
     pub const ALL: [Joint; JOINTS] = [

@@ -15,6 +15,7 @@ use lamogen::character::{
 use lamogen_server::{Problem, ProblemKind, UploadedFile};
 use serde_json::{Value, json};
 
+use super::file_name;
 use crate::report::scene_json;
 use crate::scene::Scene;
 
@@ -68,8 +69,9 @@ impl CharacterStore {
                 let problem = Problem::mismatch(ProblemKind::InvalidRequest, "name", key);
                 return Err(problem.at("query"));
             }
-            let last = value.rsplit(['/', '\\']).next();
-            name = last.filter(|last| !last.is_empty()).unwrap_or(name);
+            name = Some(file_name(value))
+                .filter(|last| !last.is_empty())
+                .unwrap_or(name);
         }
         let unreadable = |reason: &dyn std::fmt::Display| {
             Problem::new(ProblemKind::UnreadableFile, reason).at(name)

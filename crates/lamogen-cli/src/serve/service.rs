@@ -13,6 +13,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
 
 use super::characters::{CharacterStore, StoredCharacter};
+use super::file_name;
 use super::format::{MEDIA_TYPES, format_of};
 use super::problem::{failure_problem, request_problem, run_problem};
 use super::request::ServedRequest;
@@ -268,8 +269,7 @@ impl FileOptions {
             let reading = &mut options.reading;
             match key.as_str() {
                 "name" => {
-                    let name = value.rsplit(['/', '\\']).next().unwrap_or_default();
-                    options.name = name.to_owned();
+                    options.name = file_name(value).to_owned();
                 }
                 "joints" => {
                     options.has_joints = value.parse().map_err(|_| {

@@ -20,8 +20,6 @@ use crate::dataset::Dataset;
 use crate::entry::{Caption, Entry};
 use crate::error::DataError;
 use crate::options::LoadOptions;
-use crate::problems::ProblemKind;
-use crate::rows::to_half;
 use crate::split::Split;
 
 /// The most captions of a composed motion.
@@ -246,13 +244,8 @@ impl Dataset {
         rows: &[[f32; POSE_FEATURES]],
     ) {
         let name = format!("{}+{}", composition.content, number + 1);
-        let halves = match to_half(rows.as_flattened()) {
-            Ok(halves) => halves,
-            Err(place) => {
-                let reason = format!("row {} is beyond 16 bits", place / POSE_FEATURES);
-                self.problems.add(name, ProblemKind::NotFinite, reason);
-                return;
-            }
+        let Some((clip, start)) = self.add_rows(&name, rows) else {
+            return;
         };
         let parts: Vec<&str> = { choice.parts.iter() }
             .map(|part| self.entries[part.entry].name.as_str())
@@ -273,10 +266,9 @@ impl Dataset {
             captions: captions
                 .map(|text| Caption { text, tokens: None })
                 .collect(),
-            clip: self.rows.clips(),
-            start: self.rows.len(),
+            clip,
+            start,
         };
-        self.rows.push(&halves);
         let image = crate::pack::mirror_image(&composed);
         self.entries.extend([composed, image]);
     }

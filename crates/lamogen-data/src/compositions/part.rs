@@ -1,23 +1,13 @@
 //! A recorded motion becomes a part of a composed one.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Placement, Rotations};
+use lamogen_motion::{ARMS, FRAMES_PER_SECOND, JOINTS, Placement, Rotations};
 
 use super::recipe::Part;
 
 /// The frames before and after a frame over which its place is averaged, so that what remains of a part that stays in
 /// its place is its swaying.
 const SWAY: usize = 6;
-
-/// The joints that turn the arms.
-const ARMS: [Joint; 6] = [
-    Joint::LeftShoulder,
-    Joint::RightShoulder,
-    Joint::LeftElbow,
-    Joint::RightElbow,
-    Joint::LeftWrist,
-    Joint::RightWrist,
-];
 
 impl Part {
     /// Changes a recorded motion as the part says. `speed` and `turn` (degrees) are what was drawn from their ranges, and
@@ -43,12 +33,7 @@ impl Part {
         }
         if speed != 1.0 {
             let slower = part.resampled(FRAMES_PER_SECOND / speed);
-            part = Rotations::new(
-                slower.rest().clone(),
-                slower.root().to_vec(),
-                slower.local().to_vec(),
-                FRAMES_PER_SECOND,
-            );
+            part = moving(&part, slower.root().to_vec(), slower.local().to_vec());
         }
         if let Some(arms) = arms {
             part = with_arms(&part, arms);
@@ -63,23 +48,28 @@ impl Part {
     }
 }
 
+/// Returns the body of a motion with other places and rotations.
+fn moving(motion: &Rotations, root: Vec<[f32; 3]>, local: Vec<LocalPose>) -> Rotations {
+    Rotations::new(
+        motion.rest().clone(),
+        root,
+        local,
+        motion.frames_per_second(),
+    )
+}
+
 /// Returns the motion with the arms of another, which runs forward and backward as often as it takes.
 fn with_arms(motion: &Rotations, arms: &Rotations) -> Rotations {
     let there_and_back = (0..arms.frames()).chain((1..arms.frames().max(2) - 1).rev());
     let frames = there_and_back.cycle().map(|frame| &arms.local()[frame]);
     let local = motion.local().iter().zip(frames).map(|(pose, arms)| {
         let mut pose = *pose;
-        for joint in ARMS {
+        for joint in ARMS.into_iter().flatten() {
             pose[joint.index()] = arms[joint.index()];
         }
         pose
     });
-    Rotations::new(
-        motion.rest().clone(),
-        motion.root().to_vec(),
-        local.collect(),
-        motion.frames_per_second(),
-    )
+    moving(motion, motion.root().to_vec(), local.collect())
 }
 
 /// Returns the motion with time running backward.
@@ -88,12 +78,7 @@ fn reversed(motion: &Rotations) -> Rotations {
     let mut local = motion.local().to_vec();
     root.reverse();
     local.reverse();
-    Rotations::new(
-        motion.rest().clone(),
-        root,
-        local,
-        motion.frames_per_second(),
-    )
+    moving(motion, root, local)
 }
 
 /// Bends the path along its length, so that the body turns by `turn` degrees in all, positive to the left.
@@ -127,12 +112,7 @@ fn bent(motion: &Rotations, turn: f32) -> Rotations {
         pose[0] = turned.to_array().map(|x| x as f32);
         pose
     });
-    Rotations::new(
-        motion.rest().clone(),
-        places,
-        local.collect(),
-        motion.frames_per_second(),
-    )
+    moving(motion, places, local.collect())
 }
 
 /// Returns how far the body turns in all, in radians, positive to the left.
@@ -158,18 +138,12 @@ fn staying(motion: &Rotations) -> Rotations {
     };
     let places = { root.iter().enumerate() }
         .map(|(frame, &[x, y, z])| [x - average(frame, 0), y, z - average(frame, 2)]);
-    Rotations::new(
-        motion.rest().clone(),
-        places.collect(),
-        motion.local().to_vec(),
-        motion.frames_per_second(),
-    )
+    moving(motion, places.collect(), motion.local().to_vec())
 }
 
 /// Returns a rotation between two, the nearer way round.
 pub(super) fn between(a: [f32; 4], b: [f32; 4], share: f64) -> [f32; 4] {
     let [a, b] = [a, b].map(|turn| DQuat::from_array(turn.map(f64::from)).normalize());
-    let b = if a.dot(b) < 0.0 { -b } else { b };
     a.slerp(b, share).to_array().map(|x| x as f32)
 }
 

@@ -17,16 +17,14 @@ use serde_json::Value;
 
 use super::GlbError;
 use super::meshopt::{self, CompressedView, MAX_DECODED_BYTES};
-use super::reduction::{CompressedViews, DocumentPart, bind_matrix_accessors, reduce};
+use super::reduction::{CompressedViews, DocumentPart, reduce};
 use crate::vrma;
 
 /// The parts of a glTF file that are read.
 pub(super) struct GltfFile<'a> {
     pub(super) root: Root,
-    /// The accessor of the inverse bind matrices of each skin.
-    pub(super) bind_matrices: Vec<Option<usize>>,
-    /// The extension of VRM animations, if the file has it.
-    pub(super) vrm_animation: Option<Value>,
+    /// The whole document, for what `root` leaves out.
+    pub(super) document: Value,
     buffers: Vec<Cow<'a, [u8]>>,
     /// The bytes of compressed views, by the index of the view.
     decoded: HashMap<usize, Vec<u8>>,
@@ -71,14 +69,12 @@ impl<'a> GltfFile<'a> {
         let (json, chunk) = split_chunks(bytes).map_err(format_error)?;
         let Document {
             root,
-            bind_matrices,
+            document,
             compressed,
-            vrm_animation,
         } = parse_document(json, part).map_err(format_error)?;
         let mut file = GltfFile {
             root,
-            bind_matrices,
-            vrm_animation,
+            document,
             buffers: Vec::new(),
             decoded: HashMap::new(),
         };
@@ -377,9 +373,8 @@ pub fn split_chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
 /// The parts of a document that are read.
 struct Document {
     root: Root,
-    bind_matrices: Vec<Option<usize>>,
+    document: Value,
     compressed: CompressedViews,
-    vrm_animation: Option<Value>,
 }
 
 /// Parses and checks a part of the document, and ignores all that only changes the appearance.
@@ -417,9 +412,8 @@ fn parse_document(json: &[u8], part: DocumentPart<'_>) -> Result<Document, Forma
         Some(problem) => Err(problem),
         None => Ok(Document {
             root,
-            bind_matrices: bind_matrix_accessors(&document),
+            document,
             compressed,
-            vrm_animation: document["extensions"].get(vrma::EXTENSION).cloned(),
         }),
     }
 }

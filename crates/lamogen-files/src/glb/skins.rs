@@ -6,7 +6,7 @@ use gltf_json::Index;
 
 use super::GlbError;
 use super::container::GltfFile;
-use super::reduction::DocumentPart;
+use super::reduction::{DocumentPart, bind_matrix_accessors};
 
 /// Returns the inverse bind matrices of every skin of a `.glb` or `.gltf` file, which are 16 numbers each, column by column. A skin
 /// without them has `None`.
@@ -22,7 +22,8 @@ pub fn inverse_bind_matrices(
     folder: Option<&Path>,
 ) -> Result<Vec<Option<Vec<[f64; 16]>>>, GlbError> {
     let file = GltfFile::parse(bytes, path, folder, DocumentPart::BindMatrices)?;
-    let matrices = file.bind_matrices.iter().map(|accessor| {
+    let accessors = bind_matrix_accessors(&file.document).into_iter();
+    let matrices = accessors.map(|accessor| {
         let rows = accessor.map(|accessor| file.floats(Index::new(accessor as u32)));
         rows.transpose().map_err(|reason| GlbError::Format {
             path: path.to_owned(),

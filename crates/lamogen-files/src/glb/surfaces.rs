@@ -8,7 +8,7 @@ use gltf_json::accessor::Accessor;
 use serde_json::Value;
 
 use super::GlbError;
-use super::container::{FormatProblem, GltfFile, split_chunks};
+use super::container::{FormatProblem, GltfFile};
 use super::reduction::{DocumentPart, index};
 
 /// The surfaces of a file with all that they refer to.
@@ -88,12 +88,8 @@ pub fn surfaces(bytes: &[u8], path: &Path) -> Result<Surfaces, GlbError> {
         reason,
     };
     let file = GltfFile::parse(bytes, path, None, DocumentPart::Surfaces)?;
-    let (json, _) = split_chunks(bytes).map_err(failed)?;
-    let document: Value = serde_json::from_str(&String::from_utf8_lossy(json))
-        .map_err(|error| failed(format!("its JSON is not glTF's: {error}")))?;
     let mut reader = SurfaceReader {
         file: &file,
-        document: &document,
         rows: 0,
         vertices: 0,
         image_bytes: 0,
@@ -104,7 +100,6 @@ pub fn surfaces(bytes: &[u8], path: &Path) -> Result<Surfaces, GlbError> {
 /// What has been read of a file.
 struct SurfaceReader<'f> {
     file: &'f GltfFile<'f>,
-    document: &'f Value,
     rows: u64,
     vertices: usize,
     image_bytes: usize,
@@ -112,7 +107,7 @@ struct SurfaceReader<'f> {
 
 impl SurfaceReader<'_> {
     fn read(&mut self) -> Result<Surfaces, FormatProblem> {
-        let document = self.document;
+        let document = &self.file.document;
         let mut surfaces = Vec::new();
         let nodes = document["nodes"].as_array().into_iter().flatten();
         for (node, value) in nodes.enumerate() {
@@ -282,7 +277,7 @@ impl SurfaceReader<'_> {
         };
         let texture = index(&surface["baseColorTexture"]["index"]);
         let source = texture.and_then(|texture| {
-            let texture = &self.document["textures"][texture];
+            let texture = &self.file.document["textures"][texture];
             index(&texture["source"])
                 .or_else(|| index(&texture["extensions"]["EXT_texture_webp"]["source"]))
         });
@@ -320,7 +315,7 @@ impl SurfaceReader<'_> {
 
     /// Reads an image; `None` if it is in another file.
     fn image(&self, source: usize) -> Result<Option<SurfaceImage>, FormatProblem> {
-        let image = &self.document["images"][source];
+        let image = &self.file.document["images"][source];
         if let Some(view) = index(&image["bufferView"]) {
             let bytes = self.file.view(Index::new(view as u32))?.to_vec();
             let media_type = image["mimeType"].as_str().unwrap_or("image/png").to_owned();

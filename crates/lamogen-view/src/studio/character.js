@@ -281,13 +281,5 @@ function showCharacter(parent, { name, answer, isShown }, canDraw, { toggle, rem
   for (const notice of notices) append(parent, "p", "note", `${name}: ${notice}`);
   if (problem) append(parent, "p", "note", `It cannot be drawn here, but GLB is kept on it. ${problem}`);
   else if (!canDraw) append(parent, "p", "note", "This browser has no WebGL 2: the figure stands for the character.");
-  const buttons = append(parent, "div", "buttons");
-  const show = append(buttons, "button", "", "Put the motion on it");
-  show.type = "button";
-  show.setAttribute("aria-pressed", String(isShown));
-  show.addEventListener("click", toggle);
-  const away = append(buttons, "button", "", "Remove");
-  away.type = "button";
-  away.setAttribute("aria-label", `Remove ${name}`);
-  away.addEventListener("click", remove);
+  appendFileButtons(parent, name, { text: "Put the motion on it", isPressed: isShown, press: toggle, remove });
 }

@@ -80,11 +80,16 @@ function showReport(parent, { name, report, isLiked }, components, { use, remove
   }
   const sliding = motion.foot_sliding;
   append(parent, "p", "note", `Standing feet slide ${(100 * sliding.speed_m_s).toFixed(1)} cm/s; bones change by up to ${(1000 * motion.bone_drift.largest_m).toFixed(0)} mm; joints turn ${motion.turning.mean_deg.toFixed(1)}° a frame.`);
+  appendFileButtons(parent, name, { text: "Make the motion like it", isPressed: isLiked, press: use, remove });
+}
+
+/** Appends the buttons of a file that was dropped: one that uses it, pressed or not, and one that removes it. */
+function appendFileButtons(parent, name, { text, isPressed, press, remove }) {
   const buttons = append(parent, "div", "buttons");
-  const like = append(buttons, "button", "", "Make the motion like it");
-  like.type = "button";
-  like.setAttribute("aria-pressed", String(isLiked));
-  like.addEventListener("click", use);
+  const use = append(buttons, "button", "", text);
+  use.type = "button";
+  use.setAttribute("aria-pressed", String(isPressed));
+  use.addEventListener("click", press);
   const away = append(buttons, "button", "", "Remove");
   away.type = "button";
   away.setAttribute("aria-label", `Remove ${name}`);

@@ -11,7 +11,7 @@ use super::container::{FormatProblem, GltfFile};
 use super::reduction::DocumentPart;
 use crate::clip::Clip;
 use crate::schemes::JointNodes;
-use crate::vrma::human_joints;
+use crate::vrma::{self, human_joints};
 use clip::build_clip;
 
 /// The most keyframes in all curves together, and the most values of a clip. A motion of half an hour needs this many.
@@ -69,8 +69,9 @@ pub(crate) fn read(
         .map(|animation| animation.name.clone().unwrap_or("without a name".into()))
         .collect();
     let (clip, clip_index) = build_clip(&file, chosen).map_err(format_error)?;
-    let human_joints = file.vrm_animation.map(|extension| {
-        let joints = human_joints(&extension, clip_index.len())?;
+    let extension = file.document["extensions"].get(vrma::EXTENSION);
+    let human_joints = extension.map(|extension| {
+        let joints = human_joints(extension, clip_index.len())?;
         Ok(joints.map(|node| node.map(|node| clip_index[node])))
     });
     Ok(GltfMotion {
