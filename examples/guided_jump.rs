@@ -131,14 +131,8 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
     let tags: Vec<String> = arguments.tags.iter().map(Tag::to_string).collect();
     let tags = tags.join(", ");
     let rows = [
-        LabelledMotion {
-            label: "text alone",
-            motion: &result.baseline,
-        },
-        LabelledMotion {
-            label: &tags,
-            motion: &result.guided,
-        },
+        LabelledMotion::new("text alone", &result.baseline),
+        LabelledMotion::new(&tags, &result.guided),
     ];
     save(out("strip.svg"), &strip(&rows, 10))?;
     let title = format!("{}: {tags}", arguments.prompt);
@@ -157,6 +151,7 @@ fn write_files(arguments: &Arguments, result: &Generation) -> Result<(), Box<dyn
         notes: &tags,
         figures: &figures,
         curves: &lines,
+        captions: &[],
     };
     save(out("player.html"), &page(&player))?;
     Ok(())

@@ -102,7 +102,7 @@ fn run(arguments: Arguments) -> Result<(), Box<dyn Error>> {
     result.baseline.save_joints(out("baseline.npy"))?;
     result.guided.save_joints(out("guided.npy"))?;
     let rows = [("text alone", &result.baseline), (&label, &result.guided)];
-    let rows = rows.map(|(label, motion)| LabelledMotion { label, motion });
+    let rows = rows.map(|(label, motion)| LabelledMotion::new(label, motion));
     save(out("strip.svg"), &strip(&rows, 10))?;
     let lines = [
         LabanCurve::baseline(&result.baseline_laban),

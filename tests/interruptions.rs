@@ -148,6 +148,64 @@ fn a_signal_leaves_no_temporary_file_and_what_was_finished_counts() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_long_motion_that_is_stopped_keeps_its_finished_stretches() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let arguments = [
+        "generate",
+        "a person walks forward",
+        "--seconds",
+        "600",
+        "--then",
+        "a person jumps",
+        "--steps",
+        "2",
+        "--out",
+        "walk.npy",
+        "--out",
+        "walk.csv",
+    ];
+    // How long the first stretch takes is not known.
+    let kept = [2, 4, 8, 16, 32].into_iter().find_map(|seconds| {
+        let child = lamogen(folder, &arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn();
+        let child = child.unwrap();
+        std::thread::sleep(Duration::from_secs(seconds));
+        let killed = std::process::Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status();
+        assert!(killed.unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        let notices = String::from_utf8(output.stderr).unwrap();
+        match output.status.code() {
+            Some(6) => Some(notices),
+            Some(130) => {
+                assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
+                None
+            }
+            other => panic!("exit code {other:?}: {notices}"),
+        }
+    });
+    let notices = kept.expect("a stretch takes less than half a minute");
+    assert!(
+        notices.contains("walk-unfinished.npy has the first ")
+            && notices.contains(" s of 603.0 s (text alone)")
+            && notices.contains("stopped; 0 of 1 motions are finished"),
+        "{notices}"
+    );
+    let (report, _) = succeeds(folder, &["laban", "walk-unfinished.npy", "--json"]);
+    let report: Value = serde_json::from_str(&report).unwrap();
+    let frames = report["motions"][0]["frames"].as_u64().unwrap();
+    assert!((100..12_060).contains(&frames), "{frames}");
+    let table = fs::read_to_string(folder.join("walk-unfinished.csv")).unwrap();
+    assert_eq!(table.lines().count() as u64, frames + 1);
+    assert!(!folder.join("walk.npy").exists());
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn what_cannot_be_said_stops_no_work() {
     let folder = tempfile::tempdir().unwrap();

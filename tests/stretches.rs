@@ -140,7 +140,7 @@ fn a_long_run_that_is_stopped_has_the_stretches_before() {
         }
     };
     let early = stop_at(1, &mut total);
-    assert!(early.prediction.is_none() && early.baseline.is_none());
+    assert!(early.finished.is_none() && early.baseline.is_none());
     // The passes of the network and the fits of three stretches.
     assert!(total > 3 * (2 + 2));
     let mut guided_stops = 0;
@@ -159,7 +159,8 @@ fn a_long_run_that_is_stopped_has_the_stretches_before() {
     };
     let unfinished = &stopped.partial.unfinished[0];
     assert_eq!(unfinished.baseline.as_ref().unwrap().frames(), 640);
-    assert_eq!(unfinished.prediction.as_ref().unwrap().frames(), 213);
+    let finished = unfinished.finished.as_ref().unwrap();
+    assert_eq!((finished.motion.frames(), finished.is_guided), (213, true));
 }
 
 #[test]

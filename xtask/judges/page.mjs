@@ -383,6 +383,27 @@ try {
     await picture(page, "phone-side");
   });
 
+  await visit("captions", { viewport: { width: 1280, height: 800 } }, async (page) => {
+    const caption = () => page.evaluate(() => window.lamogen.caption);
+    const texts = await page.locator("#captions button").allTextContents();
+    if (texts.length < 2) {
+      check(!(await page.locator("#captions").isVisible()) && (await caption()) === null, "without captions there is no list of them");
+      return;
+    }
+    check((await caption()) === texts[0], "at the start the first caption holds", await caption());
+    await page.locator("#captions button").last().click();
+    const now = await soon(page, ({ frame }) => frame > 0);
+    check(now.frame > 0 && !now.playing && (await caption()) === texts.at(-1), "a caption that is clicked is where the motion goes", now);
+    await frames(page, 2);
+    check((await page.locator("#caption").textContent()) === texts.at(-1), "the caption of the moment stands below the figures");
+    check((await page.locator("#captions [aria-current]").count()) === 1, "it is marked in the list");
+    const [, before] = await press(page, "ArrowLeft");
+    check(before.frame === now.frame - 1 && (await caption()) === texts.at(-2), "a frame before, the one before holds", await caption());
+    check((await page.locator(".chart .border").count()) === 4 * (texts.length - 1), "borders are marked in the curves");
+    await noOverflow(page, "captions");
+    await picture(page, "captions");
+  });
+
   await visit("motion welcome", { viewport: { width: 1000, height: 700 }, reducedMotion: "no-preference" }, async (page) => {
     const now = await soon(page, ({ time }) => time > 0);
     check(now.playing === now.frames > 1 && (now.frames === 1 || now.time > 0), "it plays by itself", now);

@@ -99,7 +99,7 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
         })
         .collect::<Result<_, Box<dyn Error>>>()?;
     let rows: Vec<LabelledMotion<'_>> = { motions.iter() }
-        .map(|(label, motion)| LabelledMotion { label, motion })
+        .map(|(label, motion)| LabelledMotion::new(label, motion))
         .collect();
     let svg = strip(&rows, POSES);
     match options.out.extension().and_then(OsStr::to_str) {

@@ -280,7 +280,7 @@ pub fn run(
                     (name.as_str(), &generation.guided),
                 ]
             })
-            .map(|(label, motion)| LabelledMotion { label, motion })
+            .map(|(label, motion)| LabelledMotion::new(label, motion))
             .collect();
         save(out, &png(&strip(&rows, 9), 1.0)?)?;
     }

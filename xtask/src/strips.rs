@@ -98,10 +98,7 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
     let rows = sentences
         .iter()
         .zip(&motions)
-        .map(|(label, generation)| LabelledMotion {
-            label,
-            motion: &generation.guided,
-        });
+        .map(|(label, generation)| LabelledMotion::new(label, &generation.guided));
     let svg = strip(&rows.collect::<Vec<_>>(), POSES);
     match options.out.extension().and_then(OsStr::to_str) {
         Some("svg") => save(&options.out, &svg)?,

@@ -51,7 +51,7 @@ pub use vary::VaryArguments;
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done, 1 a motion could not be generated, 2 wrong arguments or requests, \
                   3 a file or model could not be read, 4 a file could not be written, 5 a batch is done \
-                  but for some motions, 6 a training stopped before its last step, 130 ended by a signal."
+                  but for some motions, 6 stopped with what is finished kept, 130 ended by a signal."
 )]
 pub struct Arguments {
     #[command(subcommand)]

@@ -22,7 +22,7 @@ pub enum FailureCode {
     Output = 4,
     /// A batch is finished except for some motions.
     Partial = 5,
-    /// A training was stopped, or reached its time limit, before its last step.
+    /// The command was stopped before its end, by the user or a time limit, and what is finished is kept.
     Stopped = 6,
 }
 

@@ -1,8 +1,6 @@
 //! `lamogen generate`: generates the motions of one sentence.
 
-use std::ops::ControlFlow;
-
-use lamogen::{Generation, NamedMotions, Request};
+use lamogen::{Error, FinishedStretches, Generation, NamedMotions, Request};
 use serde_json::{Map, Value, json};
 
 use crate::arguments::{BodyName, GenerateArguments, PassArguments, PresetName};
@@ -11,6 +9,7 @@ use crate::failure::{Failure, FailureCode};
 use crate::output::{OutputFile, OutputFormat};
 use crate::report;
 use crate::scene::{Scene, seconds};
+use crate::signals;
 use crate::source::ModelSource;
 
 /// Runs `lamogen generate`.
@@ -58,21 +57,42 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
             }
         })
         .collect();
+    let stop = signals::stop_on_signals().map_err(|error| Failure::new(FailureCode::Run, error))?;
     let bar = console.progress_bar("steps");
     // The files of each batch are written at once, so that a stop loses no finished motion.
     let batches = requests.len().div_ceil(BATCH_SIZE);
     let samples = { seeds.chunks(BATCH_SIZE) }.zip(outputs.chunks(BATCH_SIZE));
     let samples = requests.chunks(BATCH_SIZE).zip(samples);
+    let writer = SampleWriter {
+        options,
+        source: &source,
+        console,
+    };
+    let all = seeds.len();
     for (batch, (requests, (seeds, outputs))) in samples.enumerate() {
         let generations = source.model.generate_all_with(requests, &mut |progress| {
             bar.set_length((batches * progress.total) as u64);
             bar.set_message(progress.step.pass.to_string());
             bar.set_position((batch * progress.total + progress.done) as u64);
-            ControlFlow::Continue(())
-        })?;
-        for ((generation, &seed), outputs) in generations.into_iter().zip(seeds).zip(outputs) {
-            let sample = Sample { seed, outputs };
-            bar.suspend(|| sample.write(generation, options, &source, console))?;
+            stop.control_flow()
+        });
+        let sample = |place: usize| Sample {
+            seed: seeds[place],
+            outputs: &outputs[place],
+        };
+        let generations = match generations {
+            Ok(generations) => generations,
+            Err(error) => {
+                bar.finish_and_clear();
+                let early_end = EarlyEnd {
+                    finished: batch * BATCH_SIZE,
+                    all,
+                };
+                return Err(early_end.keep(error, sample, &writer)?);
+            }
+        };
+        for (place, generation) in generations.into_iter().enumerate() {
+            bar.suspend(|| writer.write(&sample(place), generation))?;
         }
     }
     bar.finish_and_clear();
@@ -82,21 +102,71 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
 /// The number of motions that are generated before their files are written.
 const BATCH_SIZE: usize = 8;
 
+/// A run that ended before all of its motions were generated.
+struct EarlyEnd {
+    /// The number of motions that were finished before that batch.
+    finished: usize,
+    /// The number of all motions.
+    all: usize,
+}
+
+impl EarlyEnd {
+    /// Writes the files of what the batch has finished: of motions, and of the stretches of long ones. Returns how the command
+    /// fails. If the user stopped it before anything was finished, the command ends here.
+    fn keep<'a>(
+        self,
+        mut error: Error,
+        sample: impl Fn(usize) -> Sample<'a>,
+        writer: &SampleWriter<'_>,
+    ) -> Result<Failure, Failure> {
+        let partial = match &mut error {
+            Error::Stopped(stopped) => std::mem::take(&mut stopped.partial),
+            Error::Failed(failed) => std::mem::take(&mut failed.partial),
+            Error::Request { .. } => return Ok(error.into()),
+        };
+        let finished = self.finished + partial.finished.len();
+        for (place, generation) in partial.finished {
+            writer.write(&sample(place), generation)?;
+        }
+        let mut kept = finished > 0;
+        for unfinished in partial.unfinished {
+            if let Some(stretches) = unfinished.finished {
+                writer.write_stretches(&sample(unfinished.request), stretches)?;
+                kept = true;
+            }
+        }
+        if !matches!(error, Error::Stopped(_)) {
+            return Ok(error.into());
+        }
+        if !kept {
+            signals::clean_up_and_exit();
+        }
+        let message = format!("stopped; {finished} of {} motions are finished", self.all);
+        Ok(Failure::new(FailureCode::Stopped, message))
+    }
+}
+
 /// One of the motions, with its seed and its files.
 struct Sample<'a> {
     seed: u64,
     outputs: &'a [OutputFile],
 }
 
-impl Sample<'_> {
-    /// Writes the files of the motion, and prints notices and measurements.
-    fn write(
-        &self,
-        generation: Generation,
-        options: &GenerateArguments,
-        source: &ModelSource,
-        console: &Console,
-    ) -> Result<(), Failure> {
+/// Writes the files of motions.
+struct SampleWriter<'a> {
+    options: &'a GenerateArguments,
+    source: &'a ModelSource,
+    console: &'a Console,
+}
+
+impl SampleWriter<'_> {
+    /// Writes the files of a motion, and prints notices and measurements.
+    fn write(&self, sample: &Sample<'_>, generation: Generation) -> Result<(), Failure> {
+        let SampleWriter {
+            options,
+            source,
+            console,
+        } = *self;
         if generation.cut_tokens > 0 {
             console.notice(format!(
                 "The prompt is too long: its last {} tokens were left out.",
@@ -106,12 +176,46 @@ impl Sample<'_> {
         if let Some(notice) = unseen_words_notice(&generation) {
             console.notice(notice);
         }
-        let facts = generation_facts(self.seed, &generation, &options.pass, source);
+        let facts = generation_facts(sample.seed, &generation, &options.pass, source);
         let scene = Scene::from_generation(generation, facts);
-        for output in self.outputs {
+        for output in sample.outputs {
             output.write(&scene, &options.writing, console)?;
         }
-        console.print(format_result(&scene, self.outputs, console.json))
+        console.print(format_result(&scene, sample.outputs, console.json))
+    }
+
+    /// Writes the files of the finished stretches of a long motion, under names that say that it is not the whole.
+    fn write_stretches(
+        &self,
+        sample: &Sample<'_>,
+        stretches: FinishedStretches,
+    ) -> Result<(), Failure> {
+        let following = self.options.sentences.iter();
+        let whole: f32 = following.fold(self.options.seconds, |sum, next| sum + next.seconds);
+        let seconds = stretches.motion.seconds();
+        let licence = self.source.model.licence().map(ToString::to_string);
+        let facts = json!({
+            "prompt": self.options.prompt,
+            "seed": sample.seed,
+            "seconds": seconds,
+            "unfinished": true,
+            "model": self.source.name,
+            "licence": licence,
+        });
+        let facts = facts.as_object().cloned().unwrap_or_default();
+        let label = match stretches.is_guided {
+            true => "guided",
+            false => "text alone",
+        };
+        let scene = Scene::from_stretches(label, stretches, facts, &self.source.device());
+        for output in sample.outputs {
+            let output = output.unfinished();
+            output.write(&scene, &self.options.writing, self.console)?;
+            self.console.notice(format!(
+                "{output} has the first {seconds:.1} s of {whole:.1} s ({label})"
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -181,11 +285,24 @@ pub fn generation_facts(
     });
     let mut facts = facts.as_object().cloned().unwrap_or_default();
     if generation.sentences.len() > 1 {
+        let is_guided = !generation.loss.is_empty();
+        let series = [
+            ("baseline", &generation.baseline_laban),
+            ("target", &generation.target),
+            ("guided", &generation.guided_laban),
+        ];
+        let series = &series[..if is_guided { 3 } else { 1 }];
         let sentences = generation.sentences.iter().map(|sentence| {
+            let laban = series.iter().map(|(name, series)| {
+                let summaries = report::section_summaries(series, sentence.frames.clone());
+                ((*name).to_owned(), summaries)
+            });
             json!({
                 "prompt": sentence.prompt,
                 "from": seconds(sentence.frames.start),
                 "until": seconds(sentence.frames.end),
+                "goals": sentence.goals.to_string(),
+                "laban": laban.collect::<Map<String, Value>>(),
             })
         });
         facts.insert("sentences".into(), sentences.collect());
@@ -206,7 +323,7 @@ fn format_result(scene: &Scene, outputs: &[OutputFile], json: bool) -> String {
         ([baseline, guided], Some(target)) => {
             report::guidance_table(scene, baseline, guided, target)
         }
-        _ => report::measurement_table(scene.main()),
+        _ => report::measurement_table(scene.main()) + &report::sentence_table(scene),
     };
     format!("{}\n{table}{}", scene.heading(), files.join("\n"))
 }

@@ -48,10 +48,10 @@ fn main() -> ExitCode {
     let arguments = arguments::parse(std::env::args_os().collect());
     let Arguments { command, console } = arguments.unwrap_or_else(|error| error.exit());
     let console = Console::new(&console);
-    // A training and a server have signal handlers of their own: they finish what they are at.
+    // These have signal handlers of their own: they finish or keep what they are at.
     if !matches!(
         command,
-        Command::Train(_) | Command::Studio(_) | Command::Serve(_)
+        Command::Generate(_) | Command::Train(_) | Command::Studio(_) | Command::Serve(_)
     ) {
         signals::clean_up_on_signals();
     }

@@ -139,9 +139,19 @@ impl fmt::Display for OutputFile {
 impl OutputFile {
     /// Returns the file of one of several samples: `jump.glb` becomes `jump-7.glb`.
     pub fn numbered(&self, number: u64) -> OutputFile {
+        self.with_suffix(&number.to_string())
+    }
+
+    /// Returns the file of a motion of which only the first part is finished: `jump.glb` becomes `jump-unfinished.glb`.
+    pub fn unfinished(&self) -> OutputFile {
+        self.with_suffix("unfinished")
+    }
+
+    /// Returns the file with a suffix to its name, before the ending.
+    fn with_suffix(&self, suffix: &str) -> OutputFile {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         let stem = name.len() - self.format.ending().len() - 1;
-        let name = format!("{}-{number}{}", &name[..stem], &name[stem..]);
+        let name = format!("{}-{suffix}{}", &name[..stem], &name[stem..]);
         OutputFile {
             path: self.path.with_file_name(name),
             format: self.format,
@@ -214,9 +224,15 @@ impl OutputFile {
     ) -> Result<Vec<u8>, Failure> {
         let path = &self.path;
         let failure = |error: &dyn fmt::Display| Failure::output(path, error);
+        let (captions, plain) = (scene.captions(), scene.plain_captions());
         let sheet = || {
-            sheet(&scene.heading(), &scene.rows(), POSES, &scene.curves())
-                .map_err(|error| failure(&error))
+            sheet(
+                &scene.heading(),
+                &scene.rows(&captions, &plain),
+                POSES,
+                &scene.curves(),
+            )
+            .map_err(|error| failure(&error))
         };
         Ok(match self.format {
             OutputFormat::Glb
@@ -227,7 +243,7 @@ impl OutputFile {
                 let options = write_options(scene, writing, self.format);
                 lamogen::files::write_bytes(path, &scene.main().motion, &options)?
             }
-            OutputFormat::Csv => csv::laban(&scene.series()).into_bytes(),
+            OutputFormat::Csv => csv::laban(&scene.series(), &captions).into_bytes(),
             OutputFormat::Svg => sheet()?.into_bytes(),
             OutputFormat::Png => png(&sheet()?, PIXELS).map_err(|error| failure(&error))?,
             OutputFormat::Gif => {
@@ -235,10 +251,14 @@ impl OutputFile {
                 let options = GifOptions {
                     width: writing.gif_width,
                 };
-                let bytes = gif(&scene.rows(), &options, &mut |done, all| {
-                    bar.set_length(all as u64);
-                    bar.set_position(done as u64);
-                });
+                let bytes = gif(
+                    &scene.rows(&captions, &plain),
+                    &options,
+                    &mut |done, all| {
+                        bar.set_length(all as u64);
+                        bar.set_position(done as u64);
+                    },
+                );
                 bar.finish_and_clear();
                 bytes.map_err(|error| failure(&error))?
             }
@@ -345,5 +365,7 @@ mod tests {
         let name = |name: &str| name.parse::<OutputFile>().unwrap().numbered(7).path;
         assert_eq!(name("b/jump.glb"), Path::new("b/jump-7.glb"));
         assert_eq!(name("jump.Features.npy"), Path::new("jump-7.Features.npy"));
+        let unfinished = "b/jump.glb".parse::<OutputFile>().unwrap().unfinished();
+        assert_eq!(unfinished.path, Path::new("b/jump-unfinished.glb"));
     }
 }

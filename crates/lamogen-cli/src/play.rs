@@ -32,6 +32,7 @@ pub fn run(options: &PlayArguments, console: &Console) -> Result<(), Failure> {
         free: [false; COMPONENTS],
         parts: Vec::new(),
         places: Vec::new(),
+        sentences: Vec::new(),
         facts: Map::new(),
     };
     let path = match &options.out {

@@ -1,15 +1,16 @@
 //! Measurements of motions, as text and as JSON.
 
 use std::fmt::Write;
+use std::ops::Range;
 
 use lamogen::motion::{BoneDrift, FootSliding, JointTurn};
 use lamogen::{
-    COMPONENTS, Component, FRAMES_PER_SECOND, JOINTS, Joint, LabanSeries, Motion, PartLaban,
-    PlaceOutcome, TimeSummary,
+    COMPONENTS, Component, FRAMES_PER_SECOND, GeneratedSentence, JOINTS, Joint, LabanOptions,
+    LabanSeries, Motion, PartLaban, PlaceOutcome, TimeSummary,
 };
 use serde_json::{Map, Value, json};
 
-use crate::scene::{Scene, SceneMotion, seconds};
+use crate::scene::{Scene, SceneMotion, SceneSentence, seconds};
 
 /// The number of peaks that the text lists.
 const PEAKS: usize = 3;
@@ -187,6 +188,19 @@ fn laban_summaries(laban: &LabanSeries) -> Value {
     })
 }
 
+/// Returns the maximum and the mean of every component in some of the frames.
+pub fn section_summaries(laban: &LabanSeries, frames: Range<usize>) -> Value {
+    let section = laban.section(frames);
+    let (maxima, means) = (
+        section.summary(TimeSummary::Maximum),
+        section.summary(TimeSummary::Mean),
+    );
+    by_component(|component| {
+        let at = component.index();
+        json!({ "maximum": maxima[at], "mean": means[at] })
+    })
+}
+
 /// Returns the values of every component at every frame.
 fn laban_series(laban: &LabanSeries) -> Value {
     by_component(|component| laban.component(component).collect())
@@ -313,10 +327,73 @@ pub fn guidance_table(
     guided: &SceneMotion,
     target: &LabanSeries,
 ) -> String {
-    let all = Component::ALL.into_iter().zip(scene.free);
     let (before, after) = (&baseline.laban, &guided.laban);
-    let table = format_comparison(["baseline", "guided"], before, after, Some(target), all);
-    table + &part_tables(scene) + &place_table(&scene.places)
+    let tables = match scene.sentences.is_empty() {
+        true => {
+            let all = Component::ALL.into_iter().zip(scene.free);
+            let table = format_comparison(["baseline", "guided"], before, after, Some(target), all);
+            table + &part_tables(scene.parts.iter())
+        }
+        // What was asked of one sentence says nothing about the largest values of the whole motion.
+        false => {
+            let tables = scene.sentences.iter().map(|sentence| {
+                let GeneratedSentence { frames, goals, .. } = &sentence.generated;
+                let of_sentence = |series: &LabanSeries| series.section(frames.clone());
+                let rows = Component::ALL.into_iter().map(|c| (c, goals.is_free(c)));
+                let table = format_comparison(
+                    ["baseline", "guided"],
+                    &of_sentence(before),
+                    &of_sentence(after),
+                    Some(&of_sentence(target)),
+                    rows,
+                );
+                let parts = parts_of_sentence(scene, sentence);
+                format!("{sentence}\n{table}{}", part_tables(parts.iter()))
+            });
+            let tables: Vec<String> = tables.collect();
+            tables.join("\n")
+        }
+    };
+    tables + &place_table(&scene.places)
+}
+
+/// Formats the largest and the mean values of a motion in each of its sentences; nothing if there is only one.
+pub fn sentence_table(scene: &Scene) -> String {
+    let mut text = String::new();
+    for sentence in &scene.sentences {
+        let series = scene
+            .main()
+            .laban
+            .section(sentence.generated.frames.clone());
+        let (maxima, means) = (
+            series.summary(TimeSummary::Maximum),
+            series.summary(TimeSummary::Mean),
+        );
+        text += &format!("\n{sentence}\n");
+        for component in Component::ALL {
+            let [maximum, mean] =
+                [maxima, means].map(|values| format_value(values[component.index()]));
+            writeln!(
+                text,
+                "{component:<12} {maximum:>10} {mean:>10}   {}",
+                component.unit()
+            )
+            .expect("a string takes all");
+        }
+    }
+    text
+}
+
+/// Returns the features, in the frames of a sentence, of those parts of the body that it has goals for, and of the rest.
+fn parts_of_sentence(scene: &Scene, sentence: &SceneSentence) -> Vec<PartLaban> {
+    let GeneratedSentence { frames, goals, .. } = &sentence.generated;
+    let sets = goals.terms(&LabanOptions::default().end_effectors);
+    let has_goals = |part: &&PartLaban| {
+        let mut sets = sets.iter().skip(1);
+        sets.any(|term| term.end_effectors == part.end_effectors)
+    };
+    let parts = scene.parts.iter().filter(has_goals);
+    parts.map(|part| part.section(frames.clone())).collect()
 }
 
 /// Formats a table of the places that were asked for, with what was reached.
@@ -351,8 +428,8 @@ fn place_table(places: &[PlaceOutcome]) -> String {
 }
 
 /// Formats a table for each part of the body that has goals of its own.
-fn part_tables(scene: &Scene) -> String {
-    let parts = scene.parts.iter().map(|part| {
+fn part_tables<'a>(parts: impl Iterator<Item = &'a PartLaban>) -> String {
+    let parts = parts.map(|part| {
         let PartLaban {
             end_effectors,
             baseline,

@@ -2,13 +2,14 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 use lamogen::files::ImportedMotion;
-use lamogen::motion::{JointTurning, Rotations};
+use lamogen::motion::{Caption, JointTurning, Rotations};
 use lamogen::{
-    COMPONENTS, Component, Device, FRAMES_PER_SECOND, Generation, LabanOptions, LabanSeries,
-    Motion, PartLaban, PlaceOutcome, RootMotion,
+    COMPONENTS, Component, Device, FRAMES_PER_SECOND, FinishedStretches, GeneratedSentence,
+    Generation, LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, RootMotion,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -75,13 +76,63 @@ pub struct Scene {
     pub parts: Vec<PartLaban>,
     /// How near the main motion comes to the places that were asked for.
     pub places: Vec<PlaceOutcome>,
+    /// The sentences of the motions, if there are several.
+    pub sentences: Vec<SceneSentence>,
     /// Facts that the JSON contains beside the motions.
     pub facts: Map<String, Value>,
 }
 
+/// One of several sentences of a scene.
+pub struct SceneSentence {
+    /// The sentence, with its goals if it has some.
+    pub caption: String,
+    pub generated: GeneratedSentence,
+}
+
+impl SceneSentence {
+    /// Makes the sentences of a scene. A single one stands in the title, and nowhere else.
+    fn several(sentences: Vec<GeneratedSentence>) -> Vec<SceneSentence> {
+        match sentences.len() {
+            1 => Vec::new(),
+            _ => sentences.into_iter().map(SceneSentence::new).collect(),
+        }
+    }
+
+    fn new(generated: GeneratedSentence) -> SceneSentence {
+        let caption = match generated.goals.change() {
+            true => format!("{} ({})", generated.prompt, generated.goals),
+            false => generated.prompt.clone(),
+        };
+        SceneSentence { caption, generated }
+    }
+}
+
+/// When the sentence holds, and the sentence.
+impl fmt::Display for SceneSentence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames = &self.generated.frames;
+        let [from, until] = [frames.start, frames.end].map(seconds);
+        write!(f, "{from:.2} to {until:.2} s: {}", self.caption)
+    }
+}
+
+/// Returns sentences in a row as one text.
+fn joined_prompts(sentences: &[GeneratedSentence]) -> String {
+    let prompts: Vec<&str> = { sentences.iter() }
+        .map(|sentence| &sentence.prompt[..])
+        .collect();
+    prompts.join(", then ")
+}
+
 /// Returns the label of a guided motion: its goals, and whether it has places. Goals that leave everything free are left out
-/// beside places.
+/// beside places; those of several sentences stand beside the sentences.
 fn goals_label(generation: &Generation) -> String {
+    if generation.sentences.len() > 1 {
+        return match generation.places.is_empty() {
+            true => "guided".to_owned(),
+            false => "guided, with places".to_owned(),
+        };
+    }
     let is_free = Component::ALL.map(|component| generation.goals.is_free(component));
     let goals = generation.goals.to_string();
     match (&generation.places[..], is_free == [true; COMPONENTS]) {
@@ -104,9 +155,7 @@ const COLOURS: [[u8; 3]; 4] = [[194, 65, 12], [107, 114, 128], [3, 105, 161], [2
 impl Scene {
     /// Makes a scene of a generated motion. If it was guided, the baseline comes before it.
     pub fn from_generation(generation: Generation, facts: Map<String, Value>) -> Scene {
-        let sentences = generation.sentences.iter();
-        let sentences: Vec<&str> = sentences.map(|sentence| &sentence.prompt[..]).collect();
-        let title = sentences.join(", then ");
+        let title = joined_prompts(&generation.sentences);
         let scale = goals_label(&generation);
         let is_guided = !generation.loss.is_empty();
         let text_alone = "text alone".to_owned();
@@ -126,9 +175,11 @@ impl Scene {
             seed,
         ];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
+        let sentences = SceneSentence::several(generation.sentences);
         Scene {
             title,
             notes: notes.join(", "),
+            sentences,
             motions: if is_guided {
                 vec![baseline, guided]
             } else {
@@ -138,6 +189,28 @@ impl Scene {
             free: Component::ALL.map(|component| generation.goals.is_free(component)),
             parts: generation.parts,
             places: generation.places,
+            facts,
+        }
+    }
+
+    /// Makes a scene of the finished stretches of a motion.
+    pub fn from_stretches(
+        label: &str,
+        stretches: FinishedStretches,
+        facts: Map<String, Value>,
+        device: &Device,
+    ) -> Scene {
+        let motion = stretches.motion;
+        let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
+        Scene {
+            title: joined_prompts(&stretches.sentences),
+            notes: "unfinished".to_owned(),
+            sentences: SceneSentence::several(stretches.sentences),
+            motions: vec![SceneMotion::new(label.to_owned(), motion, laban)],
+            target: None,
+            free: [false; COMPONENTS],
+            parts: Vec::new(),
+            places: Vec::new(),
             facts,
         }
     }
@@ -167,6 +240,7 @@ impl Scene {
             free: [false; COMPONENTS],
             parts: Vec::new(),
             places: Vec::new(),
+            sentences: Vec::new(),
             facts: facts.as_object().cloned().unwrap_or_default(),
         }
     }
@@ -211,13 +285,39 @@ impl Scene {
         }
     }
 
-    /// Returns the rows of a picture, one for each motion.
-    pub fn rows(&self) -> Vec<LabelledMotion<'_>> {
-        let scene_motion = self.motions.iter();
-        scene_motion
-            .map(|scene_motion| LabelledMotion {
-                label: &scene_motion.label,
-                motion: &scene_motion.motion,
+    /// Returns what is said when, with goals, if there are several sentences.
+    pub fn captions(&self) -> Vec<Caption<'_>> {
+        self.captions_of(|sentence| &sentence.caption)
+    }
+
+    /// Returns what is said when, without goals, if there are several sentences: the captions of the motion of the text alone.
+    pub fn plain_captions(&self) -> Vec<Caption<'_>> {
+        self.captions_of(|sentence| &sentence.generated.prompt)
+    }
+
+    fn captions_of<'a>(&'a self, text: impl Fn(&'a SceneSentence) -> &'a str) -> Vec<Caption<'a>> {
+        let sentences = self.sentences.iter();
+        sentences
+            .map(|sentence| Caption {
+                text: text(sentence),
+                frames: sentence.generated.frames.clone(),
+            })
+            .collect()
+    }
+
+    /// Returns the rows of a picture, one for each motion, with the [captions](Self::captions) of the main motion and those of the
+    /// others.
+    pub fn rows<'a>(
+        &'a self,
+        captions: &'a [Caption<'a>],
+        plain: &'a [Caption<'a>],
+    ) -> Vec<LabelledMotion<'a>> {
+        let last = self.motions.len() - 1;
+        let scene_motions = self.motions.iter().enumerate();
+        scene_motions
+            .map(|(place, scene_motion)| LabelledMotion {
+                captions: if place == last { captions } else { plain },
+                ..LabelledMotion::new(&scene_motion.label, &scene_motion.motion)
             })
             .collect()
     }
@@ -286,10 +386,11 @@ impl Scene {
             notes: &self.notes,
             figures: &figures,
             curves: &curves,
+            captions: &self.captions(),
         })
     }
 
-    /// Returns the custom properties of a GLB file: the facts that are a text or a number.
+    /// Returns the custom properties of a GLB file: the facts that are a text or a number, and the sentences.
     pub fn glb_notes(&self) -> BTreeMap<String, String> {
         let text = |value: &Value| match value {
             Value::String(text) => Some(text.clone()),
@@ -297,9 +398,16 @@ impl Scene {
             _ => None,
         };
         let facts = self.facts.iter();
-        facts
+        let mut notes: BTreeMap<String, String> = facts
             .filter_map(|(name, value)| Some((name.clone(), text(value)?)))
-            .collect()
+            .collect();
+        if !self.sentences.is_empty() {
+            let lines: Vec<String> = { self.sentences.iter() }
+                .map(SceneSentence::to_string)
+                .collect();
+            notes.insert("sentences".into(), lines.join("\n"));
+        }
+        notes
     }
 }
 

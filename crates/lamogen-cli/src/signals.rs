@@ -1,6 +1,12 @@
 //! Handling of signals that end the command.
 
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use lamogen::motion::remove_temporaries;
+
+use crate::console::print_to_stderr;
 
 /// Exit code of a command that a signal ended: the one that shells report after Ctrl-C.
 pub const INTERRUPTED: i32 = 130;
@@ -9,6 +15,35 @@ pub const INTERRUPTED: i32 = 130;
 pub fn clean_up_on_signals() {
     // If no handler can be installed, the command still works, but may leave incomplete files behind.
     let _ = ctrlc::set_handler(clean_up_and_exit);
+}
+
+/// Installs a handler that asks for a stop on the first signal, and ends the command at once on the second one.
+pub fn stop_on_signals() -> Result<StopRequest, ctrlc::Error> {
+    let request = StopRequest::default();
+    let asked = Arc::clone(&request.asked);
+    ctrlc::set_handler(move || {
+        if asked.swap(true, Ordering::Relaxed) {
+            clean_up_and_exit();
+        }
+        print_to_stderr("Stopping after this step; once more stops at once.");
+    })?;
+    Ok(request)
+}
+
+/// Whether the user has asked for a stop.
+#[derive(Clone, Debug, Default)]
+pub struct StopRequest {
+    asked: Arc<AtomicBool>,
+}
+
+impl StopRequest {
+    /// Returns what an observer answers: to break off once a stop is asked for.
+    pub fn control_flow(&self) -> ControlFlow<()> {
+        match self.asked.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
 }
 
 /// Removes incomplete files, and ends the command.

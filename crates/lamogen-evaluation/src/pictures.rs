@@ -125,10 +125,8 @@ impl<'a, D: Denoiser> ReportPictures<'a, D> {
         let blocks = TAGS.map(|tag| {
             let rows = labels.iter().zip(&generations);
             let rows = rows.filter(|((row_tag, _), _)| *row_tag == tag);
-            let rows = rows.map(|((_, label), generation)| LabelledMotion {
-                label,
-                motion: &generation.guided,
-            });
+            let rows =
+                rows.map(|((_, label), generation)| LabelledMotion::new(label, &generation.guided));
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
             let caption = format!("\"{}\", {tag}: {name}", self.caption());
             ReportBlock::picture(&format!("{name} {tag}"), caption, svg)
@@ -145,10 +143,8 @@ impl<'a, D: Denoiser> ReportPictures<'a, D> {
             let labels =
                 INTERPOLATION.map(|factor| format!("{}, {component} × {factor}", self.caption()));
             let rows = labels.iter().zip(&generations);
-            let rows = rows.map(|(label, generation)| LabelledMotion {
-                label,
-                motion: &generation.guided,
-            });
+            let rows =
+                rows.map(|(label, generation)| LabelledMotion::new(label, &generation.guided));
             let svg = strip(&rows.collect::<Vec<_>>(), POSES);
             let title = format!("Interpolation of {component}");
             let caption = format!("{component} from half to one and a half");

@@ -5,7 +5,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use lamogen_laban::{Component, LabanSeries};
-use lamogen_motion::{FRAMES_PER_SECOND, write_atomically};
+use lamogen_motion::{Caption, FRAMES_PER_SECOND, write_atomically};
 
 /// The error of a CSV file that cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -21,7 +21,7 @@ pub struct CsvError {
 /// The first line has the column names, and every other line has one frame. The columns are `seconds`, `frame` (from 0),
 /// and for each series `weight` (m²/frame²), `time` (m/frame²), `flow` (m/frame³) and `shape` (m³), with frames of 1/20 s.
 /// The columns of a named series are called `name_weight` and so on; a series with an empty name has the column names
-/// without a prefix. If a series is shorter than another one, its last cells are empty.
+/// without a prefix. If there are captions, the column `caption` after `frame` has the one that holds at the frame. If a series is shorter than another one, its last cells are empty.
 ///
 /// Numbers have a decimal point in every locale, and as many digits as are needed to read the same 32-bit number back.
 ///
@@ -33,13 +33,16 @@ pub struct CsvError {
 /// let motion = Motion::from_joints(vec![[[0.0; 3]; 22]; 2])?;
 /// let series = LabanSeries::of(&motion, &LabanOptions::default(), &burn::tensor::Device::flex());
 /// assert_eq!(
-///     laban(&[("", &series)]),
+///     laban(&[("", &series)], &[]),
 ///     "seconds,frame,weight,time,flow,shape\n0,0,0,0,0,0\n0.05,1,0,0,0,0\n"
 /// );
 /// # Ok::<(), lamogen_motion::MotionError>(())
 /// ```
-pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
+pub fn laban(series: &[(&str, &LabanSeries)], captions: &[Caption<'_>]) -> String {
     let mut text = String::from("seconds,frame");
+    if !captions.is_empty() {
+        text.push_str(",caption");
+    }
     for (name, _) in series {
         for component in Component::ALL {
             let word = component.to_string().to_lowercase();
@@ -56,6 +59,12 @@ pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
     for frame in 0..frames.unwrap_or(0) {
         let seconds = frame as f32 / FRAMES_PER_SECOND;
         write!(text, "{seconds},{frame}").expect("a string takes all");
+        if !captions.is_empty() {
+            let holds = |caption: &&Caption<'_>| caption.frames.contains(&frame);
+            let caption = captions.iter().find(holds);
+            text.push(',');
+            text.push_str(&quote_cell(caption.map_or("", |caption| caption.text)));
+        }
         for (_, series) in series {
             for component in Component::ALL {
                 text.push(',');
@@ -78,9 +87,10 @@ pub fn laban(series: &[(&str, &LabanSeries)]) -> String {
 pub fn write_laban(
     path: impl AsRef<Path>,
     series: &[(&str, &LabanSeries)],
+    captions: &[Caption<'_>],
 ) -> Result<(), CsvError> {
     let path = path.as_ref();
-    let text = laban(series);
+    let text = laban(series, captions);
     write_atomically(path, |file| file.write_all(text.as_bytes())).map_err(|reason| CsvError {
         path: path.to_owned(),
         reason,
@@ -108,7 +118,7 @@ mod tests {
     fn one_series_has_bare_columns() {
         let series = series([[0.0, 0.0, 0.0, 0.125], [0.1, 1e-12, 123456.79, 1.0 / 3.0]]);
         assert_eq!(
-            laban(&[("", &series)]),
+            laban(&[("", &series)], &[]),
             "seconds,frame,weight,time,flow,shape\n\
              0,0,0,0,0,0.125\n\
              0.05,1,0.1,0.000000000001,123456.79,0.33333334\n"
@@ -120,11 +130,24 @@ mod tests {
         let long = series([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]);
         let short = series([[0.5; 4]]);
         assert_eq!(
-            laban(&[("baseline", &long), ("a \"b\", c", &short)]),
+            laban(&[("baseline", &long), ("a \"b\", c", &short)], &[]),
             "seconds,frame,baseline_weight,baseline_time,baseline_flow,baseline_shape,\
              \"a \"\"b\"\", c_weight\",\"a \"\"b\"\", c_time\",\"a \"\"b\"\", c_flow\",\"a \"\"b\"\", c_shape\"\n\
              0,0,1,2,3,4,0.5,0.5,0.5,0.5\n\
              0.05,1,5,6,7,8,,,,\n"
+        );
+    }
+
+    #[test]
+    fn every_frame_has_its_caption() {
+        let caption = |text, frames| Caption { text, frames };
+        let captions = [caption("walks, slowly", 0..1), caption("jumps", 1..2)];
+        assert_eq!(
+            laban(&[("", &series([[0.5; 4]; 3]))], &captions),
+            "seconds,frame,caption,weight,time,flow,shape\n\
+             0,0,\"walks, slowly\",0.5,0.5,0.5,0.5\n\
+             0.05,1,jumps,0.5,0.5,0.5,0.5\n\
+             0.1,2,,0.5,0.5,0.5,0.5\n"
         );
     }
 
@@ -135,7 +158,7 @@ mod tests {
             [16_777_217.0, 0.333_333_34, 2.7e-7, 9.999_999e-5],
             [1.0, 1e10, 1e-10, 0.0],
         ];
-        let text = laban(&[("", &series(rows))]);
+        let text = laban(&[("", &series(rows))], &[]);
         for (line, row) in text.lines().skip(1).zip(rows) {
             let cells: Vec<f32> = line
                 .split(',')
@@ -148,7 +171,8 @@ mod tests {
 
     #[test]
     fn the_error_names_a_file_that_cannot_be_written() {
-        let error = write_laban("no/such/folder/a.csv", &[("", &series([[0.0; 4]]))]).unwrap_err();
+        let error =
+            write_laban("no/such/folder/a.csv", &[("", &series([[0.0; 4]]))], &[]).unwrap_err();
         assert!(
             error.to_string().contains("no/such/folder/a.csv"),
             "{error}"

@@ -9,6 +9,7 @@
 //! Units are metres and frames at [`FRAMES_PER_SECOND`]; Y points up. Functions of tensors are
 //! differentiable and work on whole batches; [`Motion`] holds one motion on the host.
 
+mod caption;
 mod decode;
 mod encode;
 mod features;
@@ -26,6 +27,7 @@ mod skeleton;
 mod travel;
 mod turning;
 
+pub use caption::Caption;
 pub use encode::{canonical, encode, encode_canonical, encode_every_frame};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;

@@ -70,10 +70,7 @@ mod tests {
     #[test]
     fn every_kind_of_picture_holds_the_terms_once_where_nobody_sees_them() {
         let (ours, free) = (motion(Some(TERMS)), motion(None));
-        let row = |motion| LabelledMotion {
-            label: "walk",
-            motion,
-        };
+        let row = |motion| LabelledMotion::new("walk", motion);
         let rows = [row(&ours), row(&free), row(&ours)];
         let pictures = [strip(&rows, 2), sheet("walk", &rows, 2, &[]).unwrap()];
         for svg in pictures {
@@ -91,6 +88,7 @@ mod tests {
             notes: "",
             figures: &[PageFigure::guided(&ours)],
             curves: &[],
+            captions: &[],
         });
         let meta =
             "<meta name=\"copyright\" content=\"Made with a model under &lt;CC-BY-4.0&gt; &amp;";
@@ -105,6 +103,7 @@ mod tests {
             notes: "",
             figures: &[PageFigure::guided(&free)],
             curves: &[],
+            captions: &[],
         });
         assert!(!text.contains("copyright\""));
     }
@@ -113,10 +112,7 @@ mod tests {
     fn long_terms_are_whole_in_an_animation() {
         let terms = "Ä".repeat(400);
         let ours = motion(Some(&terms));
-        let row = LabelledMotion {
-            label: "",
-            motion: &ours,
-        };
+        let row = LabelledMotion::new("", &ours);
         let file = gif(&[row], &GifOptions::default(), &mut |_, _| {}).unwrap();
         let start = file
             .windows(2)

@@ -1,7 +1,7 @@
 //! Curves of Laban features over time.
 
 use lamogen_laban::{Component, LabanSeries};
-use lamogen_motion::FRAMES_PER_SECOND;
+use lamogen_motion::{Caption, FRAMES_PER_SECOND};
 use plotters::prelude::*;
 
 use crate::printable;
@@ -69,17 +69,20 @@ const TITLE: u32 = 22;
 ///
 /// If the picture cannot be drawn.
 pub fn curves(title: &str, curves: &[LabanCurve<'_>]) -> Result<String, PlotError> {
-    panels(title, curves, SIZE)
+    panels(title, curves, &[], SIZE)
 }
 
-/// Draws the panels of [`curves`] in a picture of a size in pixels. An empty title is left out.
+/// Draws the panels of [`curves`] in a picture of a size in pixels, with a line where a caption begins after another one. An
+/// empty title is left out.
 pub(crate) fn panels(
     title: &str,
     curves: &[LabanCurve<'_>],
+    captions: &[Caption<'_>],
     size: (u32, u32),
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
-    draw_panels(&mut svg, title, curves, size).map_err(|error| PlotError(error.to_string()))?;
+    draw_panels(&mut svg, title, curves, captions, size)
+        .map_err(|error| PlotError(error.to_string()))?;
     Ok(svg)
 }
 
@@ -88,6 +91,7 @@ fn draw_panels(
     svg: &mut String,
     title: &str,
     curves: &[LabanCurve<'_>],
+    captions: &[Caption<'_>],
     size: (u32, u32),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let mut area = SVGBackend::with_string(svg, size).into_drawing_area();
@@ -123,6 +127,11 @@ fn draw_panels(
             .label_style(("sans-serif", 12))
             .y_label_formatter(&|value| tick_label(*value, top))
             .draw()?;
+        let borders = captions.iter().skip(1).map(|caption| {
+            let x = caption.frames.start as f32 / FRAMES_PER_SECOND;
+            PathElement::new([(x, 0.0), (x, top)], RGBColor(156, 163, 175))
+        });
+        chart.draw_series(borders)?;
         for curve in curves {
             let [red, green, blue] = curve.colour;
             let style = RGBColor(red, green, blue).stroke_width(2);

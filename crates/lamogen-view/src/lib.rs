@@ -4,6 +4,7 @@
 mod animation;
 mod camera;
 mod camera_path;
+mod captions;
 mod copyright;
 mod curves;
 mod figure;
@@ -18,6 +19,8 @@ mod sheet;
 mod strip;
 mod studio;
 mod text;
+
+pub use lamogen_motion::Caption;
 
 pub use animation::{GifError, GifOptions, gif};
 pub use curves::{LabanCurve, PlotError, curves};

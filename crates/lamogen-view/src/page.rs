@@ -7,6 +7,7 @@
 //! markup.rs       HTML escaping, template filling   page/colour.js, page/scene.js  drawing on a 2D canvas
 //! numbers.rs      the table of largest values       page/stage.js    the figures side by side or in one view
 //!                                                   page/chart.js    the curves
+//!                                                   page/captions.js what is said when
 //!                                                   page/player.js, page/controls.js, page/main.js
 //! ```
 
@@ -14,12 +15,12 @@ mod data;
 mod markup;
 mod numbers;
 
-use lamogen_motion::Motion;
+use lamogen_motion::{Caption, Motion};
 
 use crate::LabanCurve;
 use crate::copyright::copyright_of;
 use crate::text::printable;
-use markup::{escape, fill_template};
+use markup::{escape, fill_template, without_comments};
 
 /// A motion of a [`Page`].
 #[derive(Clone, Copy, Debug)]
@@ -64,10 +65,12 @@ pub struct Page<'a> {
     pub figures: &'a [PageFigure<'a>],
     /// The Laban curves beside the motions. If there are none, the page has no section for them.
     pub curves: &'a [LabanCurve<'a>],
+    /// What is said beside the motions, and when, in the order of time. It may be empty.
+    pub captions: &'a [Caption<'a>],
 }
 
 /// The scripts of the player without its program, in this order.
-pub(crate) const PLAYER_SCRIPTS: [&str; 9] = [
+pub(crate) const PLAYER_SCRIPTS: [&str; 10] = [
     include_str!("page/motion.js"),
     include_str!("page/camera.js"),
     include_str!("page/body.js"),
@@ -75,6 +78,7 @@ pub(crate) const PLAYER_SCRIPTS: [&str; 9] = [
     include_str!("page/scene.js"),
     include_str!("page/stage.js"),
     include_str!("page/chart.js"),
+    include_str!("page/captions.js"),
     include_str!("page/player.js"),
     include_str!("page/controls.js"),
 ];
@@ -85,11 +89,11 @@ pub(crate) const PLAYER_SCRIPTS: [&str; 9] = [
 /// opened from a disk. The same content always gives the same text.
 ///
 /// The view can be turned, zoomed and moved with the mouse, fingers and keys. Time can be dragged, stepped, slowed down and
-/// looped. Positions of joints are embedded with an error of at most half a tenth of a millimetre, unless a joint is farther
+/// looped. The caption of the moment stands below the figures, and all of them along the bar of time. Positions of joints are embedded with an error of at most half a tenth of a millimetre, unless a joint is farther
 /// than 3.2 m from the pelvis. A pair of motions of four seconds takes less than 100 kB.
 ///
 /// `window.lamogen` gives tests access to the state of the player: `time`, `frame`, `playing`, `speed`, `loop`,
-/// `overlay`, `follow`, `trails`, `camera`, `motions[i].pose(seconds)` (`page/main.js`).
+/// `overlay`, `follow`, `trails`, `camera`, `caption`, `motions[i].pose(seconds)` (`page/main.js`).
 pub fn page(page: &Page<'_>) -> String {
     let labels: String = page
         .figures
@@ -106,8 +110,8 @@ pub fn page(page: &Page<'_>) -> String {
     });
     let script = format!(
         "(() => {{\n\"use strict\";\n{}{}}})();\n",
-        PLAYER_SCRIPTS.concat(),
-        include_str!("page/main.js")
+        without_comments(&PLAYER_SCRIPTS.concat()),
+        without_comments(include_str!("page/main.js"))
     );
     fill_template(
         include_str!("page/page.html"),
@@ -119,7 +123,10 @@ pub fn page(page: &Page<'_>) -> String {
             ("style", include_str!("page/page.css")),
             ("figures", &labels),
             ("numbers", &numbers::table(page.curves)),
-            ("data", &data::page_data(page.figures, page.curves)),
+            (
+                "data",
+                &data::page_data(page.figures, page.curves, page.captions),
+            ),
             ("script", &script),
         ],
     )
@@ -161,6 +168,7 @@ mod tests {
                     ..LabanCurve::guided(&series)
                 },
             ],
+            captions: &[],
         })
     }
 
@@ -246,6 +254,7 @@ mod tests {
             notes,
             figures: &figures,
             curves: &[],
+            captions: &[],
         });
         assert!(alone.contains("<bdi>baseline</bdi>") && !alone.contains("<table id"));
         let empty = page(&Page {
@@ -253,6 +262,7 @@ mod tests {
             notes,
             figures: &[],
             curves: &[],
+            captions: &[],
         });
         assert!(empty.contains("\"motions\":[]"));
     }

@@ -18,7 +18,7 @@ const MIN_WIDTH: f32 = 900.0;
 const PANELS_HEIGHT: u32 = 640;
 
 /// Draws a title, a [`strip`](crate::strip()) and, below it, [`curves`](crate::curves()) as one SVG document. An empty title
-/// is left out, and so are the panels if there are no curves.
+/// is left out, and so are the panels if there are no curves. The captions of the last motion are marked in the panels.
 ///
 /// # Errors
 ///
@@ -49,7 +49,8 @@ pub fn sheet(
     parts = parts.add(content.set("transform", format!("translate({left} {height})")));
     height += strip.height;
     if !curves.is_empty() {
-        let svg = panels("", curves, (width as u32, PANELS_HEIGHT))?;
+        let captions = rows.last().map_or(&[][..], |row| row.captions);
+        let svg = panels("", curves, captions, (width as u32, PANELS_HEIGHT))?;
         let place = format!("<svg x=\"{MARGIN}\" y=\"{height}\" ");
         parts = parts.add(Blob::new(svg.replacen("<svg ", &place, 1)));
         height += PANELS_HEIGHT as f32;
@@ -77,10 +78,7 @@ mod tests {
     fn title_figures_and_panels_are_all_there() {
         let motion = motion();
         let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
-        let rows = [LabelledMotion {
-            label: "text alone",
-            motion: &motion,
-        }];
+        let rows = [LabelledMotion::new("text alone", &motion)];
         let lines = [LabanCurve::baseline(&series)];
         let svg = sheet("a person <jumps>", &rows, 6, &lines).unwrap();
         assert!(svg.contains("a person &lt;jumps&gt;") && svg.contains("text alone"));
@@ -100,12 +98,26 @@ mod tests {
     }
 
     #[test]
+    fn where_a_caption_follows_another_every_panel_has_a_line() {
+        let motion = motion();
+        let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
+        let caption = |text, frames| lamogen_motion::Caption { text, frames };
+        let captions = [caption("stands", 0..12), caption("rises", 12..20)];
+        let lines = |captions| {
+            let row = LabelledMotion {
+                captions,
+                ..LabelledMotion::new("", &motion)
+            };
+            let svg = sheet("", &[row], 6, &[LabanCurve::guided(&series)]).unwrap();
+            svg.matches("#9CA3AF").count()
+        };
+        assert_eq!((lines(&[]), lines(&captions)), (0, 4));
+    }
+
+    #[test]
     fn without_curves_or_title_less_is_drawn() {
         let motion = motion();
-        let rows = [LabelledMotion {
-            label: "",
-            motion: &motion,
-        }];
+        let rows = [LabelledMotion::new("", &motion)];
         let height = |title: &str| {
             let svg = sheet(title, &rows, 3, &[]).unwrap();
             render(&svg, 1.0, MissingGlyphs::Boxes).unwrap().height()

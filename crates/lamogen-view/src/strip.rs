@@ -1,10 +1,11 @@
 //! Strips: stick figures of motions side by side.
 
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
+use lamogen_motion::{Caption, FRAMES_PER_SECOND, Joint, Motion};
 use svg::Document;
 use svg::node::element::{Ellipse, Group, Line, Rectangle};
 
 use crate::camera::{Camera, CameraView};
+use crate::captions::{captions_height, draw_captions};
 use crate::copyright::{copyright_of, metadata};
 use crate::figure::{Extent, stick_figure};
 use crate::text::{LINE_HEIGHT, text_block, text_line, wrap};
@@ -16,6 +17,19 @@ pub struct LabelledMotion<'a> {
     pub label: &'a str,
     /// The motion to draw.
     pub motion: &'a Motion,
+    /// What is said beside the motion, and when, in the order of time. It may be empty.
+    pub captions: &'a [Caption<'a>],
+}
+
+impl<'a> LabelledMotion<'a> {
+    /// Creates a motion with a label and without captions.
+    pub fn new(label: &'a str, motion: &'a Motion) -> Self {
+        LabelledMotion {
+            label,
+            motion,
+            captions: &[],
+        }
+    }
 }
 
 /// Pixels per metre, unless figures are very large.
@@ -35,6 +49,8 @@ const SHADOW: f32 = 0.3;
 const LABEL: f32 = 17.0;
 /// The size of the letters of times, in pixels.
 const TIME: f32 = 12.0;
+/// The size of the letters of captions, in pixels.
+const CAPTION: f32 = 14.0;
 /// The most lines of a label.
 const LABEL_LINES: usize = 2;
 /// The distance of labels from the left edge, in pixels.
@@ -46,7 +62,7 @@ pub(crate) const LABEL_LEFT: f32 = 12.0;
 /// the ground are kept. All rows have the same scale. The camera looks down a little from the front left.
 ///
 /// If motions have different lengths, each of them is spread over its own length. Labels that are too long for two lines
-/// are shortened.
+/// are shortened. Captions are below the times, each as long as its frames.
 pub fn strip(rows: &[LabelledMotion<'_>], poses: usize) -> String {
     let StripDrawing {
         content,
@@ -156,6 +172,16 @@ pub(crate) fn draw_strip(
                 .add(stick_figure(&row.motion.joints()[frame], &view));
         }
         height = times + 1.2 * TIME;
+        if !row.captions.is_empty() {
+            // A frame is where a figure of it would be; the first and the last figure are in the middle of their columns.
+            let last = (row.motion.frames() - 1).max(1) as f32;
+            let place = |frame: f32| match poses {
+                1 => width * frame / row.motion.frames() as f32,
+                _ => column * (0.5 + frame * (poses - 1) as f32 / last),
+            };
+            content = content.add(draw_captions(row.captions, place, height, CAPTION));
+            height += captions_height(row.captions, CAPTION);
+        }
     }
     StripDrawing {
         content,
@@ -212,10 +238,7 @@ mod tests {
     #[test]
     fn every_pose_has_its_parts_a_head_and_a_time() {
         let motion = still([0.1, 0.9, 0.2], 30);
-        let rows = [LabelledMotion {
-            label: "a <b>",
-            motion: &motion,
-        }; 2];
+        let rows = [LabelledMotion::new("a <b>", &motion); 2];
         let svg = strip(&rows, 7);
         assert_eq!(svg.matches("<path").count(), 2 * 7 * PARTS);
         assert_eq!(svg.matches("<circle").count(), 2 * 7);
@@ -229,10 +252,7 @@ mod tests {
     #[test]
     fn one_frame_and_one_pose_are_enough() {
         let motion = still([0.0; 3], 1);
-        let rows = [LabelledMotion {
-            label: "",
-            motion: &motion,
-        }];
+        let rows = [LabelledMotion::new("", &motion)];
         for poses in [0, 1, 4] {
             assert!(strip(&rows, poses).contains("<path"));
         }
@@ -243,10 +263,7 @@ mod tests {
     fn a_motion_far_away_takes_no_more_space() {
         let size = |z: f32| {
             let motion = still([0.1, 0.9, z], 30);
-            let row = LabelledMotion {
-                label: "",
-                motion: &motion,
-            };
+            let row = LabelledMotion::new("", &motion);
             size(&strip(&[row], 3))
         };
         assert_eq!(size(0.0), size(-10.0));
@@ -258,10 +275,7 @@ mod tests {
             let mut joints = vec![[[0.0, 1.0, 0.0]; JOINTS]; 3];
             joints[1][Joint::LeftWrist.index()][1] = height;
             let motion = Motion::from_joints(joints).unwrap();
-            let row = LabelledMotion {
-                label: "",
-                motion: &motion,
-            };
+            let row = LabelledMotion::new("", &motion);
             size(&strip(&[row], 3)).1
         };
         assert!(jump(3.0) > jump(1.5) + 1.2 * SCALE);
@@ -272,21 +286,37 @@ mod tests {
     #[test]
     fn the_same_motions_give_the_same_picture() {
         let motion = still([0.0, 1.0, 0.0], 2);
-        let row = LabelledMotion {
-            label: "a",
-            motion: &motion,
-        };
+        let row = LabelledMotion::new("a", &motion);
         assert_eq!(strip(&[row; 2], 3), strip(&[row; 2], 3));
+    }
+
+    #[test]
+    fn captions_stand_below_the_figures_of_their_frames() {
+        let motion = still([0.0, 1.0, 0.0], 41);
+        let caption = |text, frames| Caption { text, frames };
+        let captions = [caption("stands", 0..20), caption("stands on", 20..41)];
+        let with = strip(
+            &[LabelledMotion {
+                captions: &captions,
+                ..LabelledMotion::new("", &motion)
+            }],
+            5,
+        );
+        let without = strip(&[LabelledMotion::new("", &motion)], 5);
+        let ((width, height), before) = (size(&with), size(&without));
+        assert!(width == before.0 && height > before.1 + 20.0);
+        // The second begins below the third of five figures, which is frame 20.
+        let (bar, _) = with.split_once("stands on").unwrap();
+        let (_, bar) = bar.rsplit_once(" x1=\"").unwrap();
+        let left: f32 = bar.split('"').next().unwrap().parse().unwrap();
+        assert!((left - width / 2.0).abs() < 1.0, "{left} {width}");
     }
 
     #[test]
     fn long_labels_take_two_lines_and_no_more() {
         let motion = still([0.0, 1.0, 0.0], 2);
         let height = |label: &str| {
-            let row = LabelledMotion {
-                label,
-                motion: &motion,
-            };
+            let row = LabelledMotion::new(label, &motion);
             size(&strip(&[row], 3)).1
         };
         let words = |count| "jump ".repeat(count);

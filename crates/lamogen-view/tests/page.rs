@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen_laban::{LabanOptions, LabanSeries};
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+use lamogen_motion::{Caption, FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 use lamogen_view::{LabanCurve, Page, PageFigure, page, save};
 
 /// Returns the two joints of a limb with two bones that starts at `root`. Lengths are in metres; angles are in radians,
@@ -101,6 +101,7 @@ fn a_pair_with_its_curves_is_a_page_below_a_hundred_kilobytes() {
             LabanCurve::target(&target),
             LabanCurve::guided(&after),
         ],
+        captions: &[],
     });
     save_page("page.html", &html);
     assert!(html.len() < 100_000, "{} bytes", html.len());
@@ -134,9 +135,30 @@ fn four_motions_of_any_length_and_hard_names_are_a_page() {
         notes: labels[2],
         figures: &figures,
         curves: &[],
+        captions: &[],
     });
     save_page("page-four.html", &html);
     assert!(!html.contains("<b>") && !html.contains("<script>alert"));
+}
+
+#[test]
+fn sentences_in_a_row_are_captions_of_a_page() {
+    let walk = walk(120, 1.0, 0.4);
+    let series = LabanSeries::of(&walk, &LabanOptions::default(), &Device::flex());
+    let caption = |text, frames| Caption { text, frames };
+    let html = page(&Page {
+        title: "a scene",
+        notes: "",
+        figures: &[PageFigure::guided(&walk)],
+        curves: &[LabanCurve::guided(&series)],
+        captions: &[
+            caption("a person walks forward, slowly and with long arms", 0..60),
+            caption("</script><b>jumps</b>", 60..70),
+            caption("a person walks on", 80..120),
+        ],
+    });
+    save_page("page-captions.html", &html);
+    assert!(!html.contains("<b>") && html.contains("\"from\":80"));
 }
 
 #[test]
@@ -148,6 +170,7 @@ fn a_motion_of_one_frame_is_a_page() {
         notes: "",
         figures: &[PageFigure::baseline(&still)],
         curves: &[LabanCurve::baseline(&series)],
+        captions: &[],
     });
     save_page("page-still.html", &html);
     assert!(html.contains("\"frames\":1"));

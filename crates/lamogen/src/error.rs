@@ -8,7 +8,7 @@ use lamogen_laban::{GoalError, ScaleError};
 use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
 use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
 
-use crate::generation::Generation;
+use crate::generation::{GeneratedSentence, Generation};
 use crate::request::{Length, Request};
 
 /// Why a model cannot be loaded.
@@ -324,10 +324,25 @@ pub struct UnfinishedRequest {
     pub request: usize,
     /// The motion of the text alone, if that pass was finished.
     pub baseline: Option<Motion>,
-    /// The last prediction of the clean motion by the pass that was stopped, if it is a usable motion.
+    /// The last prediction of the clean motion by the pass that was stopped, if it is a usable motion. Long motions, which are
+    /// made a stretch at a time, have none.
     pub prediction: Option<Motion>,
+    /// What is finished of a long motion: the stretches from its start to the one that was running. They are those of the
+    /// guided motion or, before the first of these, of the text alone.
+    pub finished: Option<FinishedStretches>,
     /// The Laban loss at every step before the stop.
     pub loss: Vec<f32>,
+}
+
+/// The stretches of a long motion that were finished when the run ended early.
+#[derive(Clone, Debug)]
+pub struct FinishedStretches {
+    /// The stretches as one motion, which begins where the whole motion would.
+    pub motion: Motion,
+    /// Whether the motion is guided; otherwise it is that of the text alone.
+    pub is_guided: bool,
+    /// The sentences of the motion, each with those of its frames that are finished.
+    pub sentences: Vec<GeneratedSentence>,
 }
 
 impl fmt::Display for StoppedRun {

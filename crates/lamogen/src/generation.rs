@@ -78,13 +78,15 @@ pub struct Generation {
 }
 
 /// A sentence of a motion.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct GeneratedSentence {
     /// The sentence as it was requested.
     pub prompt: String,
     /// The frames of the motion for which it holds.
     pub frames: Range<usize>,
+    /// The goals of these frames. A sentence without goals beside others keeps the motion of its text.
+    pub goals: Goals,
 }
 
 /// The values of a loss term before and after guidance, frame by frame.
@@ -127,6 +129,20 @@ pub struct PartLaban {
     pub target: LabanSeries,
     /// Features of the part in the guided motion.
     pub guided: LabanSeries,
+}
+
+impl PartLaban {
+    /// Returns the features in some of the frames. Frames past the end of the motion are left out.
+    pub fn section(&self, frames: Range<usize>) -> PartLaban {
+        let [baseline, target, guided] = [&self.baseline, &self.target, &self.guided]
+            .map(|series| series.section(frames.clone()));
+        PartLaban {
+            end_effectors: self.end_effectors.clone(),
+            baseline,
+            target,
+            guided,
+        }
+    }
 }
 
 /// The progress of a call.

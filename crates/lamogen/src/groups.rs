@@ -46,6 +46,8 @@ pub(crate) struct JobSegment {
     pub(crate) tokens: Tokens,
     /// The number of frames for which the sentence holds.
     pub(crate) frames: usize,
+    /// What is asked of these frames. `None` where the motion of the text alone is requested.
+    pub(crate) goals: Option<Goals>,
 }
 
 impl GenerationJob {
@@ -216,18 +218,18 @@ pub(crate) fn requested_goals(request: &Request) -> Result<Option<Goals>, Reques
     })
 }
 
-/// Joins the goals of sentences, each with its number of frames. A sentence without goals beside others keeps the motion of the
-/// text as it is. Returns `None` if none has goals.
-fn joined_goals(goals: Vec<Option<Goals>>, segments: &[JobSegment]) -> Option<Goals> {
-    if goals.iter().all(Option::is_none) {
+/// Joins the goals of sentences. A sentence without goals beside others keeps the motion of the text as it is. Returns `None`
+/// if none has goals.
+fn joined_goals(segments: &[JobSegment]) -> Option<Goals> {
+    if segments.iter().all(|segment| segment.goals.is_none()) {
         return None;
     }
     let mut start = 0;
-    let starts = segments.iter().map(|segment| {
+    let goals = segments.iter().map(|segment| {
         start += segment.frames;
-        start - segment.frames
+        let goals = segment.goals.clone().unwrap_or_default();
+        (goals, start - segment.frames)
     });
-    let goals = goals.into_iter().map(Option::unwrap_or_default).zip(starts);
     goals
         .reduce(|(joined, _), (goals, start)| (joined.then(start, goals), 0))
         .map(|(goals, _)| goals)
@@ -277,10 +279,7 @@ struct RequestedSentences<'a> {
 
 impl RequestedSentences<'_> {
     /// Checks all sentences of a request.
-    fn check_all(
-        &self,
-        request: &Request,
-    ) -> Result<(Vec<JobSegment>, Vec<Option<Goals>>), RequestError> {
+    fn check_all(&self, request: &Request) -> Result<Vec<JobSegment>, RequestError> {
         let checked = request.sentences().enumerate().map(|(place, segment)| {
             let checked = match place > 0 && !segment.is_segment() {
                 true => Err(RequestError::SegmentOptions),
@@ -294,12 +293,11 @@ impl RequestedSentences<'_> {
                 },
             })
         });
-        let checked: Vec<_> = checked.collect::<Result<_, _>>()?;
-        Ok(checked.into_iter().unzip())
+        checked.collect()
     }
 
     /// Checks a sentence with its length and its goals.
-    fn check(&self, request: &Request) -> Result<(JobSegment, Option<Goals>), RequestError> {
+    fn check(&self, request: &Request) -> Result<JobSegment, RequestError> {
         check_prompt(&request.prompt)?;
         let tokens = encode(self.tokenizer, &request.prompt)?;
         let stand_in = (self.stand_in)(&request.prompt);
@@ -309,7 +307,11 @@ impl RequestedSentences<'_> {
         if let Some(goals) = &goals {
             goals.check(frames, self.all)?;
         }
-        Ok((JobSegment { tokens, frames }, goals))
+        Ok(JobSegment {
+            tokens,
+            frames,
+            goals,
+        })
     }
 }
 
@@ -391,7 +393,7 @@ pub(crate) fn assign_to_group(
         tokenizer,
         stand_in,
     };
-    let (segments, goals) = sentences.check_all(request)?;
+    let segments = sentences.check_all(request)?;
     let requested: usize = segments.iter().map(|segment| segment.frames).sum();
     if requested > Request::LONGEST_MOTION {
         return Err(RequestError::LongMotion { found: requested });
@@ -405,7 +407,7 @@ pub(crate) fn assign_to_group(
     };
     let kept = before..before + requested;
     let frames = kept.end + end.len();
-    let requested_goals = joined_goals(goals, &segments);
+    let requested_goals = joined_goals(&segments);
     let goals = { requested_goals.clone() }
         .map(|goals| goals_of_kept(goals, &kept, frames, request.after.as_ref()));
     let tiling = match model.window().is_none() && !is_looped {

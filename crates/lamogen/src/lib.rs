@@ -68,8 +68,8 @@ mod stretches;
 
 pub use device::{DeviceError, DeviceName};
 pub use error::{
-    Error, FailedRun, LoadError, PartialResults, PassError, RequestError, RequestIndex, StoppedRun,
-    UnfinishedRequest,
+    Error, FailedRun, FinishedStretches, LoadError, PartialResults, PassError, RequestError,
+    RequestIndex, StoppedRun, UnfinishedRequest,
 };
 pub use generation::{
     GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban, Progress, TermValues,

@@ -12,8 +12,8 @@ use lamogen_laban::{EndEffectors, LabanOptions, LabanSeries};
 use lamogen_model::Denoiser;
 use lamogen_motion::Motion;
 
-use crate::error::{Error, RequestIndex, UnfinishedRequest};
-use crate::generation::{Generation, LaMoGen, NetworkMotions, PartLaban};
+use crate::error::{Error, FinishedStretches, RequestIndex, UnfinishedRequest};
+use crate::generation::{GeneratedSentence, Generation, LaMoGen, NetworkMotions, PartLaban};
 use crate::groups::{JobGroup, requested_goals};
 use crate::neighbours::StretchEnd;
 use crate::request::Request;
@@ -122,6 +122,17 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             .collect()
     }
 
+    /// Returns the sentences of the first frames of the motion.
+    fn sentences_until(&self, end: usize) -> Vec<GeneratedSentence> {
+        let run = BatchRun::new(self.model, self.group, self.requests);
+        let mut sentences = run.sentences(&self.group.jobs[0]);
+        sentences.retain(|sentence| sentence.frames.start < end);
+        for sentence in &mut sentences {
+            sentence.frames.end = sentence.frames.end.min(end);
+        }
+        sentences
+    }
+
     /// Returns whether the goals of a stretch differ from those of the one before.
     fn changes_goals(&self, stretch: usize, sentences: &[Sentence]) -> bool {
         let sentence = |section: Option<&Section>| section.map(|section| section.sentence);
@@ -152,7 +163,8 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         run(&BatchRun::new(self.model, &groups[0], &requests))
     }
 
-    /// Turns the error of a stretch into that of the whole motion. It has the finished stretches of the pass.
+    /// Turns the error of a stretch into that of the whole motion. `finished` are the stretches of the pass before it, which is
+    /// the guided pass if there is a baseline.
     fn unfinished(
         &self,
         mut error: Error,
@@ -160,10 +172,21 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         finished: &[Motion],
     ) -> Error {
         let which = RequestIndex::new(self.requests, self.index);
+        let is_guided = baseline.is_some() && self.group.is_guided && !finished.is_empty();
+        let motion = match finished {
+            [] => baseline.cloned(),
+            finished => Some(joined(finished)),
+        };
+        let stretches = motion.map(|motion| FinishedStretches {
+            sentences: self.sentences_until(motion.frames()),
+            is_guided,
+            motion,
+        });
         let unfinished = |loss| UnfinishedRequest {
             request: self.index,
             baseline: baseline.cloned(),
-            prediction: (!finished.is_empty()).then(|| joined(finished)),
+            prediction: None,
+            finished: stretches.clone(),
             loss,
         };
         match &mut error {

@@ -356,6 +356,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 GeneratedSentence {
                     prompt: request.prompt.clone(),
                     frames,
+                    goals: segment.goals.clone().unwrap_or_default(),
                 }
             })
             .collect()
@@ -697,6 +698,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             request: job.request,
             baseline: baselines.get(index).cloned(),
             prediction: None,
+            finished: None,
             loss: Vec::new(),
         });
         PartialResults {

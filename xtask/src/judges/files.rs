@@ -6,7 +6,7 @@ use burn::tensor::Device;
 use lamogen::{Generation, LaMoGen, Request, Tag};
 use lamogen_files::{ReadOptions, WriteOptions};
 use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
-use lamogen_view::{LabanCurve, Page, PageFigure};
+use lamogen_view::{Caption, LabanCurve, Page, PageFigure};
 use serde_json::json;
 
 use super::vrm::VrmFiles;
@@ -113,6 +113,8 @@ impl MotionFiles {
 /// Writes the page that shows a motion before and after guidance.
 fn page(folder: &Path, jump: &Generation) -> Result<PathBuf> {
     let path = folder.join("jump.html");
+    let frames = jump.guided.frames();
+    let caption = |text, frames| Caption { text, frames };
     let html = lamogen_view::page(&Page {
         title: "a person jumps",
         notes: "strong, sudden",
@@ -124,6 +126,10 @@ fn page(folder: &Path, jump: &Generation) -> Result<PathBuf> {
             LabanCurve::baseline(&jump.baseline_laban),
             LabanCurve::target(&jump.target),
             LabanCurve::guided(&jump.guided_laban),
+        ],
+        captions: &[
+            caption("a person bends the knees", 0..frames / 2),
+            caption("a person jumps", frames / 2..frames),
         ],
     });
     lamogen_view::save(&path, &html)?;

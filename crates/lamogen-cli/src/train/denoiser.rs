@@ -256,10 +256,7 @@ impl SampleStrips<'_> {
             .sentences
             .iter()
             .zip(&motions)
-            .map(|(label, generation)| LabelledMotion {
-                label,
-                motion: &generation.guided,
-            });
+            .map(|(label, generation)| LabelledMotion::new(label, &generation.guided));
         let rows: Vec<LabelledMotion<'_>> = rows.collect();
         let folder = self.options.out.join("samples");
         fs::create_dir_all(&folder).map_err(|reason| Failure::output(&folder, reason))?;

@@ -2,8 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use indicatif::ProgressBar;
@@ -11,9 +9,9 @@ use lamogen_train::{LogLine, RunObserver, RunProgress, StepReport, TrainingTask}
 use lamogen_view::{LossCurve, losses, save};
 
 use crate::arguments::TrainArguments;
-use crate::console::{Console, print_to_stderr};
+use crate::console::Console;
 use crate::failure::{Failure, FailureCode};
-use crate::signals;
+use crate::signals::{self, StopRequest};
 
 /// The largest number of points of the training curve in the plot. Each point is a mean over several steps.
 const MAX_POINTS: usize = 300;
@@ -30,8 +28,7 @@ pub struct TrainingMonitor<'a, T: TrainingTask> {
     bar: ProgressBar,
     draw_samples: Box<SampleCallback<'a, T>>,
     start: Instant,
-    /// Whether the user stopped the run.
-    is_stopped: Arc<AtomicBool>,
+    stop: StopRequest,
     /// An exponential mean of the loss over the last steps.
     loss: Option<f64>,
     /// The first failure to draw a picture.
@@ -45,23 +42,16 @@ impl<'a, T: TrainingTask> TrainingMonitor<'a, T> {
         console: &'a Console,
         draw_samples: impl FnMut(u64, &T::Network) -> Result<(), Failure> + 'a,
     ) -> Result<Self, Failure> {
-        let is_stopped = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&is_stopped);
-        let handler = move || {
-            if flag.swap(true, Ordering::Relaxed) {
-                // The second signal ends the program at once. The last checkpoint is kept.
-                signals::clean_up_and_exit();
-            }
-            print_to_stderr("Stopping after this step; once more stops at once.");
-        };
-        ctrlc::set_handler(handler).map_err(|error| Failure::new(FailureCode::Run, error))?;
+        // If a second signal ends the program at once, the last checkpoint is kept.
+        let stop =
+            signals::stop_on_signals().map_err(|error| Failure::new(FailureCode::Run, error))?;
         Ok(TrainingMonitor {
             bar: console.progress_bar("steps"),
             options,
             console,
             draw_samples: Box::new(draw_samples),
             start: Instant::now(),
-            is_stopped,
+            stop,
             loss: None,
             drawing_failure: None,
         })
@@ -91,9 +81,9 @@ impl<T: TrainingTask> RunObserver<T> for TrainingMonitor<'_, T> {
             .options
             .time_limit
             .is_some_and(|time_limit| minutes > time_limit);
-        match is_over_time_limit || self.is_stopped.load(Ordering::Relaxed) {
+        match is_over_time_limit {
             true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+            false => self.stop.control_flow(),
         }
     }
 

@@ -6,6 +6,7 @@ use svg::node::element::{Ellipse, Group};
 use super::{GifError, GifOptions};
 use crate::camera::{Camera, CameraView};
 use crate::camera_path::camera_path;
+use crate::captions::caption_at;
 use crate::figure::{Extent, shadow, stick_figure};
 use crate::ground::ground_grid;
 use crate::strip::{LabelledMotion, blank_page};
@@ -31,6 +32,8 @@ const LABEL: (f32, f32) = (0.05, 16.0);
 const TIME: (f32, f32) = (0.04, 12.0);
 /// The most lines of a label.
 const LABEL_LINES: usize = 3;
+/// The most lines of a caption.
+const CAPTION_LINES: usize = 2;
 
 /// The panel of one motion, and the path of its camera.
 struct MotionPanel<'a> {
@@ -53,6 +56,8 @@ pub(super) struct Scene<'a> {
     panels: Vec<MotionPanel<'a>>,
     /// The lines of the label of each panel.
     labels: Vec<Vec<String>>,
+    /// The lines of the captions of each panel.
+    captions: Vec<Vec<Vec<String>>>,
     camera: Camera,
     /// The width of one panel in pixels.
     panel_width: f32,
@@ -120,6 +125,16 @@ impl<'a> Scene<'a> {
         let lines = labels.iter().map(Vec::len).max().unwrap_or(0);
         let above = 0.6 * label + lines as f32 * label * LINE_HEIGHT;
         let ground = above + (visible_height - bottom) * scale;
+        let captions: Vec<Vec<Vec<String>>> = { rows.iter() }
+            .map(|row| {
+                let texts = row.captions.iter().map(|caption| caption.text);
+                texts
+                    .map(|text| wrap(text, label, panel_width - 2.0 * label, CAPTION_LINES))
+                    .collect()
+            })
+            .collect();
+        let caption_lines = captions.iter().flatten().map(Vec::len).max().unwrap_or(0);
+        let below = caption_lines as f32 * label * LINE_HEIGHT;
         let panels = rows.iter().zip(targets).enumerate();
         let panels = panels.map(|(index, (row, targets))| MotionPanel {
             row: *row,
@@ -129,9 +144,10 @@ impl<'a> Scene<'a> {
         Ok(Scene {
             panels: panels.collect(),
             labels,
+            captions,
             camera,
             panel_width,
-            height: ground + bottom * scale + 2.0 * font_size(TIME, panel_width),
+            height: ground + bottom * scale + below + 2.0 * font_size(TIME, panel_width),
             scale,
             radius,
         })
@@ -188,10 +204,20 @@ impl<'a> Scene<'a> {
                 self.height - 0.8 * size,
             ];
             let time = text_line(&format!("{seconds:.2} s"), position, size, "#6b7280");
+            let label = font_size(LABEL, self.panel_width);
+            let lines = match caption_at(panel.row.captions, motion_frame) {
+                Some(caption) => &self.captions[index][caption][..],
+                None => &[],
+            };
+            // The last line stands above the time.
+            let lines_below = lines.len().saturating_sub(1) as f32;
+            let first = position[1] - 1.2 * size - lines_below * label * LINE_HEIGHT;
+            let caption = text_block(lines, [position[0], first], label, "#111827");
             document
                 .add(ground_grid(&view, self.radius))
                 .add(shadow(pose, &view, "#d1d5db"))
                 .add(stick_figure(pose, &view))
+                .add(caption.set("text-anchor", "middle"))
                 .add(time.set("text-anchor", "middle"))
         });
         document.to_string()

@@ -67,10 +67,7 @@ fn decode(bytes: &[u8]) -> DecodedGif {
 fn animate(motions: &[&Motion], options: &GifOptions) -> Vec<u8> {
     let rows: Vec<LabelledMotion<'_>> = motions
         .iter()
-        .map(|motion| LabelledMotion {
-            label: "a hand",
-            motion,
-        })
+        .map(|motion| LabelledMotion::new("a hand", motion))
         .collect();
     gif(&rows, options, &mut |_, _| ()).unwrap()
 }
@@ -79,7 +76,7 @@ fn animate(motions: &[&Motion], options: &GifOptions) -> Vec<u8> {
 fn it_runs_in_real_time_for_ever_with_one_palette() {
     let (long, short) = (hand_raise(1.0, 6), hand_raise(0.5, 4));
     let rows =
-        [("a", &long), ("b", &short)].map(|(label, motion)| LabelledMotion { label, motion });
+        [("a", &long), ("b", &short)].map(|(label, motion)| LabelledMotion::new(label, motion));
     let mut progress = Vec::new();
     let options = GifOptions { width: Some(300) };
     let bytes = gif(&rows, &options, &mut |done, all| progress.push((done, all))).unwrap();
@@ -95,10 +92,7 @@ fn it_runs_in_real_time_for_ever_with_one_palette() {
 #[test]
 fn decoded_frames_are_the_pictures_that_were_drawn() {
     let motion = hand_raise(1.0, 5);
-    let row = LabelledMotion {
-        label: "a hand",
-        motion: &motion,
-    };
+    let row = LabelledMotion::new("a hand", &motion);
     let decoded = decode(&animate(&[&motion], &GifOptions::default()));
     let scene = Scene::new(&[row], &GifOptions::default()).unwrap();
     let mut palette = Palette::new();
@@ -197,10 +191,7 @@ fn no_motions_and_bad_widths_are_errors() {
     let draw = |rows: &[LabelledMotion<'_>], width| gif(rows, &options(width), &mut |_, _| ());
     assert!(matches!(draw(&[], None), Err(GifError::Empty)));
     let motion = hand_raise(1.0, 1);
-    let rows = [LabelledMotion {
-        label: "",
-        motion: &motion,
-    }; 2];
+    let rows = [LabelledMotion::new("", &motion); 2];
     for width in [0, 159, 4097, u32::MAX] {
         let message = draw(&rows, Some(width)).unwrap_err().to_string();
         assert!(
@@ -211,4 +202,39 @@ fn no_motions_and_bad_widths_are_errors() {
     assert!(draw(&rows, Some(160)).is_ok());
     // More motions than there is room for.
     assert!(draw(&[rows[0]; 60], None).is_err());
+}
+
+#[test]
+fn the_caption_of_the_moment_stands_below() {
+    let motion = hand_raise(0.3, 30);
+    let caption = |text, frames| lamogen_motion::Caption { text, frames };
+    let captions = [
+        caption("a person stands", 0..10),
+        caption("a person raises the left hand", 10..20),
+    ];
+    let with = LabelledMotion {
+        captions: &captions,
+        ..LabelledMotion::new("", &motion)
+    };
+    let draw = |row| {
+        let bytes = gif(&[row], &GifOptions::default(), &mut |_, _| {}).unwrap();
+        decode(&bytes)
+    };
+    let (with, without) = (draw(with), draw(LabelledMotion::new("", &motion)));
+    let added = usize::from(with.size.1 - without.size.1);
+    assert!(added > 10, "{added}");
+    // The rows between the ground and the time.
+    let width = usize::from(with.size.0);
+    let below = |picture: &[u8]| {
+        let rows = usize::from(with.size.1) - 22 - added..usize::from(with.size.1) - 22;
+        picture[rows.start * width..rows.end * width].to_vec()
+    };
+    let pictures: Vec<Vec<u8>> = with.pictures.iter().map(|picture| below(picture)).collect();
+    assert_eq!(pictures[2], pictures[9]);
+    assert!(pictures[9] != pictures[10] && pictures[19] != pictures[20]);
+    assert_eq!(pictures[10], pictures[19]);
+    // After the last caption nothing is said.
+    let mut colours = pictures[29].clone();
+    colours.dedup();
+    assert_eq!(colours.len(), 1);
 }

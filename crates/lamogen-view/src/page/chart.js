@@ -29,10 +29,10 @@ function roundStep(range, parts) {
 class Chart {
   /**
    * Curves are [{ label, colour, dashed, values }], with one value for each frame; `duration` is in seconds.
-   * `seek` is called with the time at which the pointer is.
+   * `seek` is called with the time at which the pointer is. `borders` are moments that are marked by lines, in seconds.
    */
-  constructor(parent, component, curves, rate, duration, seek) {
-    Object.assign(this, { curves, rate });
+  constructor(parent, component, curves, rate, duration, seek, borders = []) {
+    Object.assign(this, { curves, rate, borders });
     this.duration = Math.max(duration, 1 / rate);
     const finite = curves.flatMap((curve) => curve.values.filter(Number.isFinite));
     const largest = finite.reduce((a, b) => Math.max(a, b), 0) || 1;
@@ -99,6 +99,7 @@ class Chart {
       const text = draw(svg, "text", { x: Math.min(x, width), y: height - 5, "text-anchor": x > width - 20 ? "end" : "middle" });
       text.textContent = `${Number((i * step).toPrecision(3))} s`;
     }
+    for (const time of this.borders) draw(svg, "path", { d: `M${this.x(time).toFixed(1)} ${EDGE.top}V${height - EDGE.bottom}`, class: "border" });
     curves.forEach((curve, i) => {
       const colour = css(readable(curve.colour, dark));
       let pen = "M";

@@ -1,7 +1,7 @@
 //! The data that the script of the page reads: motions and curves, as JSON with numbers in base64.
 
 use lamogen_laban::{Component, Tag};
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+use lamogen_motion::{Caption, FRAMES_PER_SECOND, JOINTS, Joint, Motion};
 use serde_json::{Value, json};
 
 use super::PageFigure;
@@ -21,7 +21,12 @@ const STEP: f64 = 1e-4;
 ///     `step` metres
 /// - `components`: `name`, `unit`, `less` and `more` (the words for low and high values)
 /// - `curves`: `label`, `colour`, `dashed`, `values`: base64 of little-endian `f32`, frames × 4
-pub(super) fn page_data(figures: &[PageFigure<'_>], curves: &[LabanCurve<'_>]) -> String {
+/// - `captions`: `text`, `from` and `until`: frames, the second one past the end
+pub(super) fn page_data(
+    figures: &[PageFigure<'_>],
+    curves: &[LabanCurve<'_>],
+    captions: &[Caption<'_>],
+) -> String {
     let motions = figures.iter().map(|figure| {
         let mut encoded = encode_motion(figure.motion);
         encoded["label"] = printable(figure.label).into();
@@ -41,12 +46,17 @@ pub(super) fn page_data(figures: &[PageFigure<'_>], curves: &[LabanCurve<'_>]) -
             "values": base64_floats(curve.series.frames().as_flattened()),
         })
     });
+    let captions = captions.iter().map(|caption| {
+        let (from, until) = (caption.frames.start, caption.frames.end);
+        json!({ "text": printable(caption.text), "from": from, "until": until })
+    });
     let data = json!({
         "rate": FRAMES_PER_SECOND,
         "joints": Joint::ALL.map(Joint::name),
         "motions": motions.collect::<Vec<Value>>(),
         "components": components,
         "curves": curves.collect::<Vec<Value>>(),
+        "captions": captions.collect::<Vec<Value>>(),
     });
     escape_json(&data.to_string())
 }
@@ -212,7 +222,7 @@ mod tests {
         let rows = [[0.1, 1e-9, 3.0, f32::INFINITY], [0.2, -0.0, f32::MAX, 7.5]];
         let series = LabanSeries::from_tensor(Tensor::from(rows));
         let data: Value =
-            serde_json::from_str(&page_data(&[], &[LabanCurve::target(&series)])).unwrap();
+            serde_json::from_str(&page_data(&[], &[LabanCurve::target(&series)], &[])).unwrap();
         let curve = &data["curves"][0];
         assert_eq!(decode_floats(&curve["values"]), rows.as_flattened());
         assert_eq!(

@@ -12,10 +12,14 @@ let drawing = 0;
 let lastMoment = 0;
 
 const player = new Player(frames, data.rate, () => redraw());
+/** The moments at which one caption follows another, in seconds. */
+const borders = data.captions.slice(1).map(({ from }) => from / data.rate);
 const charts = curves.length === 0 ? [] : data.components.map((component, c) => {
   const lines = curves.map((curve) => ({ ...curve, values: Array.from(curve.values.filter((_, i) => i % components === c)) }));
-  return new Chart(byId("charts"), component, lines, data.rate, player.duration, (time) => player.goTo(time * data.rate));
+  return new Chart(byId("charts"), component, lines, data.rate, player.duration, (time) => player.goTo(time * data.rate), borders);
 });
+
+const captions = new Captions({ list: byId("captions"), line: byId("caption") }, data.captions, (frame) => player.goTo(frame));
 
 const canvas = byId("view");
 const stage = new Stage(canvas, byId("figures"), index, player);
@@ -34,6 +38,7 @@ function tick(moment) {
   if (stage.arrange(darkness.matches)) for (const chart of charts) chart.layout(darkness.matches);
   stage.draw();
   for (const chart of charts) chart.show(player.time);
+  captions.show(player.frame);
   showControls(player);
   if (player.playing) redraw();
 }
@@ -87,6 +92,8 @@ window.lamogen = {
     Object.assign(camera, { azimuth, elevation, zoom, pan });
     redraw();
   },
+  /** What is said at the time, or null. */
+  get caption() { return data.captions[captions.at(player.frame)]?.text ?? null; },
   /** For every motion: its label, its number of frames, and its pose (joints × 3) at a time. */
   motions: motions.map((motion) => ({ label: motion.label, frames: motion.frames, pose: (time) => motion.pose(time) })),
 };

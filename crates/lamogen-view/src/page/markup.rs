@@ -33,6 +33,22 @@ pub(super) fn escape_json(json: &str) -> String {
     escaped
 }
 
+/// Returns a script without indentation and without comments that have lines of their own. The scripts of the page have no
+/// texts of several lines.
+pub(super) fn without_comments(script: &str) -> String {
+    let mut shorter = String::with_capacity(script.len());
+    let mut is_comment = false;
+    for line in script.lines().map(str::trim_start) {
+        is_comment |= line.starts_with("/*");
+        if !is_comment && !line.is_empty() && !line.starts_with("//") {
+            shorter.push_str(line);
+            shorter.push('\n');
+        }
+        is_comment &= !line.ends_with("*/");
+    }
+    shorter
+}
+
 /// Replaces the placeholders `{{name}}` of a template. Placeholders in inserted texts are not replaced.
 ///
 /// # Panics
@@ -71,6 +87,15 @@ mod tests {
         assert_eq!(
             serde_json::from_str::<serde_json::Value>(&escaped).unwrap(),
             value
+        );
+    }
+
+    #[test]
+    fn comments_are_left_out_of_scripts_and_code_is_not() {
+        let script = "// a\n/** b */\nclass A {\n  /**\n   * c\n   */\n  d() { return 6 /* e */ / 2; } // f\n\n}\n";
+        assert_eq!(
+            without_comments(script),
+            "class A {\nd() { return 6 /* e */ / 2; } // f\n}\n"
         );
     }
 

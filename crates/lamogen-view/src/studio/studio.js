@@ -155,10 +155,11 @@ async function start() {
     player.time = Math.min(player.time, player.duration);
     stage.show(motions);
     byId("charts").replaceChildren();
+    const borders = (scene?.sentences ?? []).slice(1).map(({ from }) => from);
     charts = components.map((component) => {
       const [less, more] = component.words.map(({ word }) => word);
       const lines = curves.map(({ series, ...rest }) => ({ ...rest, values: series[component.key] }));
-      return new Chart(byId("charts"), { ...component, less, more }, lines, rate, player.duration, (time) => player.goTo(time * rate));
+      return new Chart(byId("charts"), { ...component, less, more }, lines, rate, player.duration, (time) => player.goTo(time * rate), borders);
     });
     byId("scrub").max = String(player.frames - 1);
     for (const id of ["back", "play", "forward", "scrub"]) byId(id).disabled = player.frames === 1;
