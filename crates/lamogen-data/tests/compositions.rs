@@ -128,8 +128,9 @@ fn a_part_is_reversed_slowed_cut_and_kept_in_its_place() {
     let part = r#"{"of": {"content": ["walk"]}, "in_place": true}"#;
     let (_, motion) = composed(part, r#""a person walks in place""#);
     let joints = motion.joints();
+    // Nothing is left of the 0.05 m that the walk covers a frame, at the ends neither.
     for pose in joints {
-        assert!(distance(pose[0], joints[0][0]) < 0.35, "{:?}", pose[0]);
+        assert!(distance(pose[0], joints[0][0]) < 0.02, "{:?}", pose[0]);
     }
 }
 
@@ -158,6 +159,21 @@ fn parts_go_on_from_one_another() {
         entry.note.as_deref(),
         Some("composed of walk.features, lift.features")
     );
+}
+
+#[test]
+fn what_is_too_short_is_not_joined() {
+    // Of 60 frames at three times their speed, less than a second is left.
+    let part = |speed: &str| {
+        format!(r#"{{"of": {{"content": ["lift"]}}, "speed": [{speed}, {speed}], "times": 3}}"#)
+    };
+    let made = |speed: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let data = packed(folder.path(), &recipe(&part(speed), r#""x""#), 0).unwrap();
+        let entries = data.entries().iter();
+        entries.filter(|entry| entry.name == "new+1").count()
+    };
+    assert_eq!((made("3"), made("1.5")), (0, 1));
 }
 
 #[test]

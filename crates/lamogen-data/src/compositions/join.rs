@@ -8,6 +8,8 @@ use super::part::{LocalPose, between};
 const OVERLAP: usize = 8;
 /// The frames at the end of the first motion and at the start of the second among which the best join is sought, 0.5 s.
 const SEARCHED: usize = 10;
+/// The least length of a motion that is joined to another: between two joins, less would be left of it than it says.
+const SHORTEST: usize = 3 * OVERLAP;
 /// The greatest mean distance of joints in the overlap, in metres. Motions that are farther apart are not joined.
 const NEAR: f32 = 0.16;
 /// What a frame that is cut off counts as, in metres: where poses are equally alike, little is cut off.
@@ -16,14 +18,17 @@ const PER_CUT_FRAME: f32 = 0.001;
 /// Joins two motions at the frames near their ends at which their poses are most alike; the second is moved along the
 /// ground to go on from the first.
 ///
-/// Returns none if they are nowhere alike.
+/// No more than a sixth of either is cut off. Returns none if they are nowhere alike, or one of them is shorter than 1.2 s.
 pub(super) fn join(first: &Rotations, second: &Rotations) -> Option<Rotations> {
     let [before, after] = [first, second].map(Rotations::joints);
+    if before.len().min(after.len()) < SHORTEST {
+        return None;
+    }
     let mut best: Option<(f32, usize, usize)> = None;
-    let last = before.len().checked_sub(OVERLAP)?;
-    let latest = after.len().checked_sub(OVERLAP)?;
-    for end in last.saturating_sub(SEARCHED)..=last {
-        for start in 0..=latest.min(SEARCHED) {
+    let last = before.len() - OVERLAP;
+    let [most_before, most_after] = [&before, &after].map(|poses| SEARCHED.min(poses.len() / 6));
+    for end in last - most_before..=last {
+        for start in 0..=most_after {
             let distance = overlap_distance(&before[end..][..OVERLAP], &after[start..][..OVERLAP]);
             let distance = distance + PER_CUT_FRAME * (last - end + start) as f32;
             if best.is_none_or(|(least, ..)| distance < least) {

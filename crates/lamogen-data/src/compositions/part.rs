@@ -1,13 +1,9 @@
 //! A recorded motion becomes a part of a composed one.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{ARMS, FRAMES_PER_SECOND, JOINTS, Placement, Rotations};
+use lamogen_motion::{ARMS, FRAMES_PER_SECOND, JOINTS, Placement, Rotations, ground_path};
 
 use super::recipe::Part;
-
-/// The frames before and after a frame over which its place is averaged, so that what remains of a part that stays in
-/// its place is its swaying.
-const SWAY: usize = 6;
 
 impl Part {
     /// Changes a recorded motion as the part says. `speed` and `turn` (degrees) are what was drawn from their ranges, and
@@ -131,13 +127,9 @@ fn total_turn(motion: &Rotations) -> f64 {
 /// Returns the motion without its travel: of its path only the swaying is left.
 fn staying(motion: &Rotations) -> Rotations {
     let root = motion.root();
-    let average = |frame: usize, axis: usize| {
-        let around = frame.saturating_sub(SWAY)..(frame + SWAY + 1).min(root.len());
-        let count = around.len() as f32;
-        root[around].iter().map(|place| place[axis]).sum::<f32>() / count
-    };
-    let places = { root.iter().enumerate() }
-        .map(|(frame, &[x, y, z])| [x - average(frame, 0), y, z - average(frame, 2)]);
+    let path = ground_path(root, motion.frames_per_second(), None);
+    let places = root.iter().zip(&path);
+    let places = places.map(|([x, y, z], path)| [x - path[0], *y, z - path[1]]);
     moving(motion, places.collect(), motion.local().to_vec())
 }
 
