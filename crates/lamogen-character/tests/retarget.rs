@@ -367,6 +367,25 @@ fn files_that_are_no_characters_are_errors_that_say_why() {
     bones.as_object_mut().unwrap().remove("leftLowerLeg");
     let message = open(&pack(&json.to_string(), &bytes[20 + length + 8..])).to_string();
     assert!(message.contains("left_knee"), "{message}");
+    // A foot beside the hips, as in rigs whose feet are targets of inverse kinematics.
+    let mut json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let nodes = json["nodes"].as_array_mut().unwrap();
+    let is_foot = |node: &Value| node["name"] == "mixamorig:LeftFoot";
+    let foot = json!(nodes.iter().position(is_foot).unwrap());
+    for node in &mut *nodes {
+        if let Some(children) = node["children"].as_array_mut() {
+            children.retain(|child| *child != foot);
+        }
+        if node["children"] == json!([]) {
+            node.as_object_mut().unwrap().remove("children");
+        }
+    }
+    nodes[0]["children"].as_array_mut().unwrap().push(foot);
+    let message = open(&pack(&json.to_string(), &bytes[20 + length + 8..])).to_string();
+    assert!(
+        message.contains("expected left_ankle (\"mixamorig:LeftFoot\") below left_knee"),
+        "{message}"
+    );
     std::fs::write(&path, &good).unwrap();
     let hero = Character::open(&path, &CharacterOptions::default()).unwrap();
     let error = hero

@@ -36,6 +36,8 @@ struct NodeIndex<'a> {
 struct SchemeMatch {
     scheme: &'static NamingScheme,
     nodes: JointNodes,
+    /// Joints of limbs that have nodes elsewhere than below the joints before them.
+    misplaced: Vec<Joint>,
     /// The number of joints that have a node.
     count: usize,
     /// The number of nodes that move at or below the pelvis.
@@ -48,6 +50,9 @@ impl SchemeMatch {
         (self.count, self.moving)
     }
 }
+
+/// What the error says of joints that are there, but not where they belong.
+const MISPLACED: &str = ", which the file has elsewhere than below the shins or forearms, as bones are that follow targets of inverse kinematics";
 
 /// The most prefixes that are tried for a scheme. Every node whose name ends like a pelvis gives a prefix.
 const MAX_PREFIXES: usize = 32;
@@ -113,7 +118,14 @@ fn recognise_names(
                         .filter_map(|joint| found.scheme.keys(joint).into_iter().next())
                         .collect();
                     let name = found.scheme.name;
-                    format!("; {name} comes closest, but for {}", missing.join(", "))
+                    let reason = match found.misplaced.is_empty() {
+                        true => "",
+                        false => MISPLACED,
+                    };
+                    format!(
+                        "; {name} comes closest, but for {}{reason}",
+                        missing.join(", ")
+                    )
                 })
                 .unwrap_or_default(),
         }),
@@ -200,6 +212,7 @@ impl<'a> NodeIndex<'a> {
     /// something else.
     fn find(&self, scheme: &'static NamingScheme, prefix: &str) -> SchemeMatch {
         let mut nodes: JointNodes = [None; JOINTS];
+        let mut misplaced = Vec::new();
         let has_marker = |marker| self.nodes.contains_key(&format!("{prefix}{}", key(marker)));
         if scheme.marker.is_none_or(has_marker) {
             for joint in Joint::ALL {
@@ -215,6 +228,7 @@ impl<'a> NodeIndex<'a> {
                 let is_inside = |node| {
                     ancestor.is_some_and(|ancestor| self.clip.is_at_or_below(node, ancestor))
                 };
+                let is_named = candidates.clone().next().is_some();
                 nodes[joint.index()] = candidates
                     .filter(|&(_, node)| !is_limb_joint(joint) || is_inside(node))
                     // Of several nodes with the same name, such as a bone and a mesh, prefer one inside the skeleton; of those
@@ -223,11 +237,16 @@ impl<'a> NodeIndex<'a> {
                         (!is_inside(node), rank, Reverse(self.moving[node]))
                     })
                     .map(|(_, node)| node);
+                // What follows a misplaced joint is misplaced with it.
+                if is_named && ancestor.is_some() && nodes[joint.index()].is_none() {
+                    misplaced.push(joint);
+                }
             }
         }
         SchemeMatch {
             scheme,
             nodes,
+            misplaced,
             count: nodes.iter().flatten().count(),
             moving: nodes[Joint::Pelvis.index()].map_or(0, |pelvis| self.moving[pelvis]),
         }
@@ -318,6 +337,25 @@ mod tests {
             assert_eq!(nodes[Joint::RightWrist.index()], Some(13));
             assert_eq!(nodes[Joint::Neck.index()], None);
         }
+    }
+
+    #[test]
+    fn feet_that_are_elsewhere_are_said_to_be() {
+        let names = MIXAMO.map(|name| match name {
+            "LeftFoot<LeftLeg" => "LeftFoot<Hips",
+            "RightFoot<RightLeg" => "RightFoot<Hips",
+            name => name,
+        });
+        let message = recognise(&clip(&names)).unwrap_err().to_string();
+        assert!(
+            message.contains("but for leftfoot, rightfoot, which the file has elsewhere"),
+            "{message}"
+        );
+        let message = recognise(&clip(&MIXAMO[..13])).unwrap_err().to_string();
+        assert!(
+            message.contains("but for righthand. For another"),
+            "{message}"
+        );
     }
 
     #[test]
