@@ -386,11 +386,12 @@ try {
   await visit("captions", { viewport: { width: 1280, height: 800 } }, async (page) => {
     const caption = () => page.evaluate(() => window.lamogen.caption);
     const texts = await page.locator("#captions button").allTextContents();
-    if (texts.length < 2) {
+    if (texts.length === 0) {
       check(!(await page.locator("#captions").isVisible()) && (await caption()) === null, "without captions there is no list of them");
       return;
     }
     check((await caption()) === texts[0], "at the start the first caption holds", await caption());
+    if (texts.length === 1) return;
     await page.locator("#captions button").last().click();
     const now = await soon(page, ({ frame }) => frame > 0);
     check(now.frame > 0 && !now.playing && (await caption()) === texts.at(-1), "a caption that is clicked is where the motion goes", now);

@@ -14,6 +14,7 @@ use crate::source::ModelSource;
 
 /// Runs `lamogen generate`.
 pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure> {
+    let stop = signals::stop_on_signals();
     let seeds = seeds(options)?;
     let outputs = sample_files(options, &seeds)?;
     let formats: Vec<OutputFormat> = options.out.iter().map(|output| output.format).collect();
@@ -57,9 +58,8 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
             }
         })
         .collect();
-    let stop = signals::stop_on_signals().map_err(|error| Failure::new(FailureCode::Run, error))?;
     let bar = console.progress_bar("steps");
-    // The files of each batch are written at once, so that a stop loses no finished motion.
+    // The files of each batch are written at once, so that a stop later loses none of them.
     let batches = requests.len().div_ceil(BATCH_SIZE);
     let samples = { seeds.chunks(BATCH_SIZE) }.zip(outputs.chunks(BATCH_SIZE));
     let samples = requests.chunks(BATCH_SIZE).zip(samples);
@@ -70,12 +70,15 @@ pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure
     };
     let all = seeds.len();
     for (batch, (requests, (seeds, outputs))) in samples.enumerate() {
+        stop.heed(true);
         let generations = source.model.generate_all_with(requests, &mut |progress| {
             bar.set_length((batches * progress.total) as u64);
             bar.set_message(progress.step.pass.to_string());
             bar.set_position((batch * progress.total + progress.done) as u64);
             stop.control_flow()
         });
+        // A signal while files are written ends the command at once: a picture of a long motion may take long.
+        stop.heed(false);
         let sample = |place: usize| Sample {
             seed: seeds[place],
             outputs: &outputs[place],
@@ -198,7 +201,7 @@ impl SampleWriter<'_> {
             "prompt": self.options.prompt,
             "seed": sample.seed,
             "seconds": seconds,
-            "unfinished": true,
+            "unfinished": "true",
             "model": self.source.name,
             "licence": licence,
         });

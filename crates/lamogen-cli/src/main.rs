@@ -11,7 +11,7 @@
 //!                  devices.rs, model.rs, pack.rs, shell.rs
 //! ```
 //!
-//! On a signal the command removes the files that are not complete yet, and ends (signals.rs). Every error becomes a
+//! On a signal the command removes the files that are not complete yet, and ends; some keep what is finished first (signals.rs). Every error becomes a
 //! [`failure::Failure`] with one of the documented exit codes.
 
 mod arguments;

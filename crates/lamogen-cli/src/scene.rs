@@ -9,7 +9,7 @@ use lamogen::files::ImportedMotion;
 use lamogen::motion::{Caption, JointTurning, Rotations};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, FinishedStretches, GeneratedSentence,
-    Generation, LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, RootMotion,
+    Generation, Goals, LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, RootMotion,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -196,10 +196,16 @@ impl Scene {
     /// Makes a scene of the finished stretches of a motion.
     pub fn from_stretches(
         label: &str,
-        stretches: FinishedStretches,
+        mut stretches: FinishedStretches,
         facts: Map<String, Value>,
         device: &Device,
     ) -> Scene {
+        if !stretches.is_guided {
+            // Nothing was done for the goals yet.
+            for sentence in &mut stretches.sentences {
+                sentence.goals = Goals::default();
+            }
+        }
         let motion = stretches.motion;
         let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
         Scene {

@@ -52,7 +52,8 @@ impl SchemeMatch {
 }
 
 /// What the error says of joints that are there, but not where they belong.
-const MISPLACED: &str = ", which the file has elsewhere than below the shins or forearms, as bones are that follow targets of inverse kinematics";
+const MISPLACED: &str =
+    "elsewhere than below the joint before, as bones are that follow targets of inverse kinematics";
 
 /// The most prefixes that are tried for a scheme. Every node whose name ends like a pelvis gives a prefix.
 const MAX_PREFIXES: usize = 32;
@@ -113,19 +114,19 @@ fn recognise_names(
             closest: closest
                 .filter(|found| found.count >= REQUIRED.len() / 2)
                 .map(|found| {
-                    let missing: Vec<String> = missing_joints(&found.nodes)
-                        .into_iter()
-                        .filter_map(|joint| found.scheme.keys(joint).into_iter().next())
-                        .collect();
-                    let name = found.scheme.name;
-                    let reason = match found.misplaced.is_empty() {
-                        true => "",
-                        false => MISPLACED,
+                    let missing = missing_joints(&found.nodes);
+                    let keys = |joints: &[Joint]| {
+                        let key = |joint: &Joint| found.scheme.keys(*joint).into_iter().next();
+                        joints.iter().filter_map(key).collect::<Vec<_>>().join(", ")
                     };
-                    format!(
-                        "; {name} comes closest, but for {}{reason}",
-                        missing.join(", ")
-                    )
+                    let mut misplaced = found.misplaced.clone();
+                    misplaced.retain(|joint| missing.contains(joint));
+                    let reason = match &misplaced[..] {
+                        [] => String::new(),
+                        joints => format!(", of which the file has {} {MISPLACED}", keys(joints)),
+                    };
+                    let name = found.scheme.name;
+                    format!("; {name} comes closest, but for {}{reason}", keys(&missing))
                 })
                 .unwrap_or_default(),
         }),
@@ -237,7 +238,6 @@ impl<'a> NodeIndex<'a> {
                         (!is_inside(node), rank, Reverse(self.moving[node]))
                     })
                     .map(|(_, node)| node);
-                // What follows a misplaced joint is misplaced with it.
                 if is_named && ancestor.is_some() && nodes[joint.index()].is_none() {
                     misplaced.push(joint);
                 }
@@ -348,7 +348,14 @@ mod tests {
         });
         let message = recognise(&clip(&names)).unwrap_err().to_string();
         assert!(
-            message.contains("but for leftfoot, rightfoot, which the file has elsewhere"),
+            message.contains(
+                "but for leftfoot, rightfoot, of which the file has leftfoot, rightfoot elsewhere"
+            ),
+            "{message}"
+        );
+        let message = recognise(&clip(&names[..13])).unwrap_err().to_string();
+        assert!(
+            message.contains("righthand, of which the file has leftfoot, rightfoot elsewhere"),
             "{message}"
         );
         let message = recognise(&clip(&MIXAMO[..13])).unwrap_err().to_string();

@@ -20,16 +20,18 @@ pub(crate) fn captions_height(captions: &[Caption<'_>], size: f32) -> f32 {
     }
 }
 
-/// Draws captions side by side: a bar for each, as long as its frames take, and its text below. `x` returns the place of a
-/// frame; the bars are at the height `y`.
+/// Draws the captions of a motion of `frames` frames side by side: a bar for each, as long as its frames take, and its text
+/// below. `x` returns the place of a frame; the bars are at the height `y`.
 pub(crate) fn draw_captions(
-    captions: &[Caption<'_>],
+    (captions, frames): (&[Caption<'_>], usize),
     x: impl Fn(f32) -> f32,
     y: f32,
     size: f32,
 ) -> Group {
-    captions.iter().fold(Group::new(), |group, caption| {
-        let [left, right] = [caption.frames.start, caption.frames.end].map(|at| x(at as f32));
+    let shown = { captions.iter() }.filter(|caption| caption.frames.start < frames);
+    shown.fold(Group::new(), |group, caption| {
+        let end = caption.frames.end.min(frames);
+        let [left, right] = [caption.frames.start, end].map(|at| x(at as f32));
         let width = right - left - GAP;
         let bar = Line::new()
             .set("x1", left)
@@ -72,7 +74,10 @@ mod tests {
                 frames: 60..62,
             },
         ];
-        let svg = draw_captions(&captions, |frame| 5.0 * frame, 10.0, 14.0).to_string();
+        let draw = |frames| {
+            draw_captions((&captions, frames), |frame| 5.0 * frame, 10.0, 14.0).to_string()
+        };
+        let svg = draw(62);
         assert_eq!(svg.matches("<line").count(), 2);
         assert!(
             svg.contains("x2=\"297\"") && svg.contains("x1=\"300\""),
@@ -82,6 +87,10 @@ mod tests {
             svg.contains("a person &lt;walks&gt;") && !svg.contains("jumps"),
             "{svg}"
         );
+        // What is past the end of the motion is left out.
+        let svg = draw(50);
+        assert_eq!(svg.matches("<line").count(), 1);
+        assert!(svg.contains("x2=\"247\""), "{svg}");
     }
 
     #[test]

@@ -127,10 +127,11 @@ fn draw_panels(
             .label_style(("sans-serif", 12))
             .y_label_formatter(&|value| tick_label(*value, top))
             .draw()?;
-        let borders = captions.iter().skip(1).map(|caption| {
-            let x = caption.frames.start as f32 / FRAMES_PER_SECOND;
-            PathElement::new([(x, 0.0), (x, top)], RGBColor(156, 163, 175))
-        });
+        let starts = { captions.iter().skip(1) }
+            .map(|caption| caption.frames.start as f32 / FRAMES_PER_SECOND);
+        let borders = starts
+            .filter(|start| *start <= seconds)
+            .map(|x| PathElement::new([(x, 0.0), (x, top)], RGBColor(156, 163, 175)));
         chart.draw_series(borders)?;
         for curve in curves {
             let [red, green, blue] = curve.colour;

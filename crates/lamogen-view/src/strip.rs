@@ -62,7 +62,7 @@ pub(crate) const LABEL_LEFT: f32 = 12.0;
 /// the ground are kept. All rows have the same scale. The camera looks down a little from the front left.
 ///
 /// If motions have different lengths, each of them is spread over its own length. Labels that are too long for two lines
-/// are shortened. Captions are below the times, each as long as its frames.
+/// are shortened. Captions are below the times, each as long as its frames; those too narrow for words are a bar alone.
 pub fn strip(rows: &[LabelledMotion<'_>], poses: usize) -> String {
     let StripDrawing {
         content,
@@ -179,7 +179,12 @@ pub(crate) fn draw_strip(
                 1 => width * frame / row.motion.frames() as f32,
                 _ => column * (0.5 + frame * (poses - 1) as f32 / last),
             };
-            content = content.add(draw_captions(row.captions, place, height, CAPTION));
+            content = content.add(draw_captions(
+                (row.captions, row.motion.frames()),
+                place,
+                height,
+                CAPTION,
+            ));
             height += captions_height(row.captions, CAPTION);
         }
     }

@@ -153,7 +153,7 @@ fn sentences_in_a_row_are_captions_of_a_page() {
         curves: &[LabanCurve::guided(&series)],
         captions: &[
             caption("a person walks forward, slowly and with long arms", 0..60),
-            caption("</script><b>jumps</b>", 60..70),
+            caption("</script><b>jumps</b>", 60..80),
             caption("a person walks on", 80..120),
         ],
     });

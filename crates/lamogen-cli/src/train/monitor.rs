@@ -43,8 +43,8 @@ impl<'a, T: TrainingTask> TrainingMonitor<'a, T> {
         draw_samples: impl FnMut(u64, &T::Network) -> Result<(), Failure> + 'a,
     ) -> Result<Self, Failure> {
         // If a second signal ends the program at once, the last checkpoint is kept.
-        let stop =
-            signals::stop_on_signals().map_err(|error| Failure::new(FailureCode::Run, error))?;
+        let stop = signals::stop_on_signals();
+        stop.heed(true);
         Ok(TrainingMonitor {
             bar: console.progress_bar("steps"),
             options,

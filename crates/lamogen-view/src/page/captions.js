@@ -30,7 +30,7 @@ class Captions {
     if (now === this.shown) return;
     this.shown = now;
     this.line.textContent = this.captions[now]?.text ?? "";
-    this.line.hidden = now < 0;
+    this.line.hidden = this.line.textContent === "";
     this.items.forEach((item, i) => {
       if (i === now) item.setAttribute("aria-current", "true");
       else item.removeAttribute("aria-current");
