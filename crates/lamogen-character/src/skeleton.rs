@@ -58,18 +58,6 @@ pub(crate) struct CharacterSkeleton {
     pub(crate) scheme: &'static str,
 }
 
-/// The joints of legs and arms that have to be below the joint before them.
-const LIMB_JOINTS: [Joint; 8] = [
-    Joint::LeftKnee,
-    Joint::RightKnee,
-    Joint::LeftAnkle,
-    Joint::RightAnkle,
-    Joint::LeftElbow,
-    Joint::RightElbow,
-    Joint::LeftWrist,
-    Joint::RightWrist,
-];
-
 /// Scales that differ by less than this part are the same.
 const SCALE_TOLERANCE: f64 = 1e-3;
 
@@ -222,27 +210,19 @@ impl CharacterSkeleton {
                 problem: format!("expected a whole body, found none of {}", names.join(", ")),
             });
         }
-        for joint in LIMB_JOINTS {
-            let Some(parent) = joint.parent() else {
-                continue;
-            };
-            let [Some(place), Some(above)] =
-                [joint, parent].map(|joint| found.nodes[joint.index()])
-            else {
-                continue;
-            };
-            if !ancestors(&nodes, place).any(|ancestor| ancestor == above) {
-                let [node, above] = [place, above].map(|place| &nodes[place].name);
-                return Err(CharacterError::Body {
-                    path: path.to_owned(),
-                    problem: format!(
-                        "expected {} ({node:?}) below {} ({above:?}), whose movement it follows, found it elsewhere: bones that follow targets of \
-                         inverse kinematics cannot be animated; export the bones that deform the mesh",
-                        joint.name(),
-                        parent.name()
-                    ),
-                });
-            }
+        let is_below = |place, above| ancestors(&nodes, place).any(|node| node == above);
+        if let Some((joint, parent)) = found.misplaced_joint(is_below) {
+            let [node, above] = [joint, parent]
+                .map(|joint| found.node(joint).map_or("", |place| &*nodes[place].name));
+            return Err(CharacterError::Body {
+                path: path.to_owned(),
+                problem: format!(
+                    "expected {} ({node:?}) below {} ({above:?}), whose movement it follows, found it elsewhere: bones that follow targets of \
+                     inverse kinematics cannot be animated; export the bones that deform the mesh",
+                    joint.name(),
+                    parent.name()
+                ),
+            });
         }
         let mut skeleton = CharacterSkeleton {
             nodes,

@@ -297,8 +297,8 @@ pub fn generation_facts(
         let series = &series[..if is_guided { 3 } else { 1 }];
         let sentences = generation.sentences.iter().map(|sentence| {
             let laban = series.iter().map(|(name, series)| {
-                let summaries = report::section_summaries(series, sentence.frames.clone());
-                ((*name).to_owned(), summaries)
+                let section = series.section(sentence.frames.clone());
+                ((*name).to_owned(), report::section_summaries(&section))
             });
             json!({
                 "prompt": sentence.prompt,
@@ -326,7 +326,7 @@ fn format_result(scene: &Scene, outputs: &[OutputFile], json: bool) -> String {
         ([baseline, guided], Some(target)) => {
             report::guidance_table(scene, baseline, guided, target)
         }
-        _ => report::measurement_table(scene.main()) + &report::sentence_table(scene),
+        _ => report::measurement_table(scene.main()) + &report::caption_table(scene.main()),
     };
     format!("{}\n{table}{}", scene.heading(), files.join("\n"))
 }

@@ -224,15 +224,9 @@ impl OutputFile {
     ) -> Result<Vec<u8>, Failure> {
         let path = &self.path;
         let failure = |error: &dyn fmt::Display| Failure::output(path, error);
-        let (captions, plain) = (scene.captions(), scene.plain_captions());
         let sheet = || {
-            sheet(
-                &scene.heading(),
-                &scene.rows(&captions, &plain),
-                POSES,
-                &scene.curves(),
-            )
-            .map_err(|error| failure(&error))
+            sheet(&scene.heading(), &scene.rows(), POSES, &scene.curves())
+                .map_err(|error| failure(&error))
         };
         Ok(match self.format {
             OutputFormat::Glb
@@ -243,7 +237,7 @@ impl OutputFile {
                 let options = write_options(scene, writing, self.format);
                 lamogen::files::write_bytes(path, &scene.main().motion, &options)?
             }
-            OutputFormat::Csv => csv::laban(&scene.series(), &captions).into_bytes(),
+            OutputFormat::Csv => csv::laban(&scene.series(), &scene.main().captions).into_bytes(),
             OutputFormat::Svg => sheet()?.into_bytes(),
             OutputFormat::Png => png(&sheet()?, PIXELS).map_err(|error| failure(&error))?,
             OutputFormat::Gif => {
@@ -251,14 +245,10 @@ impl OutputFile {
                 let options = GifOptions {
                     width: writing.gif_width,
                 };
-                let bytes = gif(
-                    &scene.rows(&captions, &plain),
-                    &options,
-                    &mut |done, all| {
-                        bar.set_length(all as u64);
-                        bar.set_position(done as u64);
-                    },
-                );
+                let bytes = gif(&scene.rows(), &options, &mut |done, all| {
+                    bar.set_length(all as u64);
+                    bar.set_position(done as u64);
+                });
                 bar.finish_and_clear();
                 bytes.map_err(|error| failure(&error))?
             }

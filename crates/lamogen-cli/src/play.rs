@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use lamogen::COMPONENTS;
 use serde_json::{Map, json};
 
 use crate::arguments::PlayArguments;
@@ -24,17 +23,7 @@ pub fn run(options: &PlayArguments, console: &Console) -> Result<(), Failure> {
         );
     }
     let names: Vec<&str> = motions.iter().map(|motion| motion.label.as_str()).collect();
-    let scene = Scene {
-        title: names.join(", "),
-        notes: String::new(),
-        motions,
-        target: None,
-        free: [false; COMPONENTS],
-        parts: Vec::new(),
-        places: Vec::new(),
-        sentences: Vec::new(),
-        facts: Map::new(),
-    };
+    let scene = Scene::of_motions(names.join(", "), motions, Map::new());
     let path = match &options.out {
         Some(path) if path.extension().is_none_or(|ending| ending != "html") => {
             let found = path.display();

@@ -5,12 +5,12 @@ use std::ops::Range;
 
 use lamogen::motion::{BoneDrift, FootSliding, JointTurn};
 use lamogen::{
-    COMPONENTS, Component, FRAMES_PER_SECOND, GeneratedSentence, JOINTS, Joint, LabanOptions,
-    LabanSeries, Motion, PartLaban, PlaceOutcome, TimeSummary,
+    COMPONENTS, Component, FRAMES_PER_SECOND, GeneratedSentence, Goals, JOINTS, Joint,
+    LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, TimeSummary,
 };
 use serde_json::{Map, Value, json};
 
-use crate::scene::{Scene, SceneMotion, SceneSentence, seconds};
+use crate::scene::{Scene, SceneMotion, seconds};
 
 /// The number of peaks that the text lists.
 const PEAKS: usize = 3;
@@ -175,30 +175,28 @@ fn turning_json(scene_motion: &SceneMotion) -> Value {
 
 /// Returns the maximum over time, the mean over time and the peaks of every component.
 fn laban_summaries(laban: &LabanSeries) -> Value {
-    let (maxima, means) = (
-        laban.summary(TimeSummary::Maximum),
-        laban.summary(TimeSummary::Mean),
-    );
-    by_component(|component| {
-        let at = component.index();
+    let mut summaries = section_summaries(laban);
+    for component in Component::ALL {
         let values: Vec<f32> = laban.component(component).collect();
         let peaks = laban.peaks(component).into_iter();
         let peaks = peaks.map(|frame| json!({ "seconds": seconds(frame), "value": values[frame] }));
-        json!({ "maximum": maxima[at], "mean": means[at], "peaks": peaks.collect::<Vec<_>>() })
-    })
+        summaries[component_key(component)]["peaks"] = peaks.collect();
+    }
+    summaries
 }
 
-/// Returns the maximum and the mean of every component in some of the frames.
-pub fn section_summaries(laban: &LabanSeries, frames: Range<usize>) -> Value {
-    let section = laban.section(frames);
-    let (maxima, means) = (
-        section.summary(TimeSummary::Maximum),
-        section.summary(TimeSummary::Mean),
-    );
+/// Returns the maximum and the mean of every component, without the moments of peaks, which are those of a whole motion.
+pub fn section_summaries(section: &LabanSeries) -> Value {
+    let [maxima, means] = maxima_and_means(section);
     by_component(|component| {
         let at = component.index();
         json!({ "maximum": maxima[at], "mean": means[at] })
     })
+}
+
+/// Returns the maximum and the mean over time of every component.
+fn maxima_and_means(laban: &LabanSeries) -> [[f32; COMPONENTS]; 2] {
+    [TimeSummary::Maximum, TimeSummary::Mean].map(|summary| laban.summary(summary))
 }
 
 /// Returns the values of every component at every frame.
@@ -231,10 +229,7 @@ pub fn measurement_table(scene_motion: &SceneMotion) -> String {
         BoneDrift::of(&scene_motion.motion),
     );
     let laban = &scene_motion.laban;
-    let (maxima, means) = (
-        laban.summary(TimeSummary::Maximum),
-        laban.summary(TimeSummary::Mean),
-    );
+    let [maxima, means] = maxima_and_means(laban);
     let mut text = format!(
         "{:<12} {:>10} {:>10}   {:13} peaks at\n",
         "", "maximum", "mean", "unit"
@@ -328,65 +323,51 @@ pub fn guidance_table(
     target: &LabanSeries,
 ) -> String {
     let (before, after) = (&baseline.laban, &guided.laban);
-    let tables = match scene.sentences.is_empty() {
+    let columns = ["baseline", "guided"];
+    let captions = &guided.captions;
+    let tables = match captions.is_empty() {
         true => {
             let all = Component::ALL.into_iter().zip(scene.free);
-            let table = format_comparison(["baseline", "guided"], before, after, Some(target), all);
-            table + &part_tables(scene.parts.iter())
+            let table = format_comparison(columns, before, after, Some(target), all);
+            table + &part_tables(&scene.parts)
         }
         // What was asked of one sentence says nothing about the largest values of the whole motion.
         false => {
-            let tables = scene.sentences.iter().map(|sentence| {
-                let GeneratedSentence { frames, goals, .. } = &sentence.generated;
-                let of_sentence = |series: &LabanSeries| series.section(frames.clone());
+            let sentences = scene.sentences.iter().zip(captions);
+            let tables = sentences.map(|(GeneratedSentence { frames, goals, .. }, caption)| {
+                let [before, after, target] =
+                    [before, after, target].map(|series| series.section(frames.clone()));
                 let rows = Component::ALL.into_iter().map(|c| (c, goals.is_free(c)));
-                let table = format_comparison(
-                    ["baseline", "guided"],
-                    &of_sentence(before),
-                    &of_sentence(after),
-                    Some(&of_sentence(target)),
-                    rows,
-                );
-                let parts = parts_of_sentence(scene, sentence);
-                format!("{sentence}\n{table}{}", part_tables(parts.iter()))
+                let table = format_comparison(columns, &before, &after, Some(&target), rows);
+                let parts = parts_of_sentence(scene, goals, frames);
+                format!("{caption}\n{table}{}", part_tables(&parts))
             });
-            let tables: Vec<String> = tables.collect();
-            tables.join("\n")
+            tables.collect::<Vec<String>>().join("\n")
         }
     };
     tables + &place_table(&scene.places)
 }
 
-/// Formats the largest and the mean values of a motion in each of its sentences; nothing if there is only one.
-pub fn sentence_table(scene: &Scene) -> String {
+/// Formats the largest and the mean values of a motion in the frames of each caption; nothing if it has none.
+pub fn caption_table(scene_motion: &SceneMotion) -> String {
     let mut text = String::new();
-    for sentence in &scene.sentences {
-        let series = scene
-            .main()
-            .laban
-            .section(sentence.generated.frames.clone());
-        let (maxima, means) = (
-            series.summary(TimeSummary::Maximum),
-            series.summary(TimeSummary::Mean),
-        );
-        text += &format!("\n{sentence}\n");
+    for caption in &scene_motion.captions {
+        let section = scene_motion.laban.section(caption.frames.clone());
+        let [maxima, means] = maxima_and_means(&section);
+        text += &format!("\n{caption}\n");
         for component in Component::ALL {
-            let [maximum, mean] =
-                [maxima, means].map(|values| format_value(values[component.index()]));
-            writeln!(
-                text,
-                "{component:<12} {maximum:>10} {mean:>10}   {}",
-                component.unit()
-            )
-            .expect("a string takes all");
+            let at = component.index();
+            let [maximum, mean] = [maxima[at], means[at]].map(format_value);
+            let unit = component.unit();
+            writeln!(text, "{component:<12} {maximum:>10} {mean:>10}   {unit}")
+                .expect("a string takes all");
         }
     }
     text
 }
 
 /// Returns the features, in the frames of a sentence, of those parts of the body that it has goals for, and of the rest.
-fn parts_of_sentence(scene: &Scene, sentence: &SceneSentence) -> Vec<PartLaban> {
-    let GeneratedSentence { frames, goals, .. } = &sentence.generated;
+fn parts_of_sentence(scene: &Scene, goals: &Goals, frames: &Range<usize>) -> Vec<PartLaban> {
     let sets = goals.terms(&LabanOptions::default().end_effectors);
     let has_goals = |part: &&PartLaban| {
         let mut sets = sets.iter().skip(1);
@@ -428,8 +409,8 @@ fn place_table(places: &[PlaceOutcome]) -> String {
 }
 
 /// Formats a table for each part of the body that has goals of its own.
-fn part_tables<'a>(parts: impl Iterator<Item = &'a PartLaban>) -> String {
-    let parts = parts.map(|part| {
+fn part_tables(parts: &[PartLaban]) -> String {
+    let parts = parts.iter().map(|part| {
         let PartLaban {
             end_effectors,
             baseline,

@@ -2,14 +2,13 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::Path;
 
 use lamogen::files::ImportedMotion;
-use lamogen::motion::{Caption, JointTurning, Rotations};
+use lamogen::motion::{JointTurning, Rotations, TimedCaption};
 use lamogen::{
     COMPONENTS, Component, Device, FRAMES_PER_SECOND, FinishedStretches, GeneratedSentence,
-    Generation, Goals, LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, RootMotion,
+    Generation, LabanOptions, LabanSeries, Motion, PartLaban, PlaceOutcome, RootMotion,
 };
 use lamogen_view::{LabanCurve, LabelledMotion, Page, PageFigure};
 use serde_json::{Map, Value, json};
@@ -19,6 +18,8 @@ pub struct SceneMotion {
     pub label: String,
     pub motion: Motion,
     pub laban: LabanSeries,
+    /// What is said when, if there are several sentences.
+    pub captions: Vec<TimedCaption>,
     /// How fast joints turn, by the rotations of the file that the motion comes from, if the file has rotations.
     file_turning: Option<JointTurning>,
     /// The value of [`SceneMotion::rotations`], once it is computed.
@@ -33,10 +34,15 @@ impl SceneMotion {
             label,
             motion,
             laban,
+            captions: Vec::new(),
             file_turning: None,
             rotations: OnceCell::new(),
             solved_turning: OnceCell::new(),
         }
+    }
+
+    fn with_captions(self, captions: Vec<TimedCaption>) -> SceneMotion {
+        SceneMotion { captions, ..self }
     }
 
     /// Returns the rotations that files of the motion contain. They are computed by the first call.
@@ -76,44 +82,27 @@ pub struct Scene {
     pub parts: Vec<PartLaban>,
     /// How near the main motion comes to the places that were asked for.
     pub places: Vec<PlaceOutcome>,
-    /// The sentences of the motions, if there are several.
-    pub sentences: Vec<SceneSentence>,
+    /// The sentences of the motions, if they were generated.
+    pub sentences: Vec<GeneratedSentence>,
     /// Facts that the JSON contains beside the motions.
     pub facts: Map<String, Value>,
 }
 
-/// One of several sentences of a scene.
-pub struct SceneSentence {
-    /// The sentence, with its goals if it has some.
-    pub caption: String,
-    pub generated: GeneratedSentence,
-}
-
-impl SceneSentence {
-    /// Makes the sentences of a scene. A single one stands in the title, and nowhere else.
-    fn several(sentences: Vec<GeneratedSentence>) -> Vec<SceneSentence> {
-        match sentences.len() {
-            1 => Vec::new(),
-            _ => sentences.into_iter().map(SceneSentence::new).collect(),
-        }
+/// Returns what several sentences say when, with their goals or without. A single sentence stands in the title, and nowhere
+/// else.
+fn captions(sentences: &[GeneratedSentence], with_goals: bool) -> Vec<TimedCaption> {
+    if sentences.len() == 1 {
+        return Vec::new();
     }
-
-    fn new(generated: GeneratedSentence) -> SceneSentence {
-        let caption = match generated.goals.change() {
-            true => format!("{} ({})", generated.prompt, generated.goals),
-            false => generated.prompt.clone(),
+    let caption = |sentence: &GeneratedSentence| {
+        let GeneratedSentence { prompt, goals, .. } = sentence;
+        let text = match with_goals && goals.change() {
+            true => format!("{prompt} ({goals})"),
+            false => prompt.clone(),
         };
-        SceneSentence { caption, generated }
-    }
-}
-
-/// When the sentence holds, and the sentence.
-impl fmt::Display for SceneSentence {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let frames = &self.generated.frames;
-        let [from, until] = [frames.start, frames.end].map(seconds);
-        write!(f, "{from:.2} to {until:.2} s: {}", self.caption)
-    }
+        TimedCaption::new(text, sentence.frames.clone())
+    };
+    sentences.iter().map(caption).collect()
 }
 
 /// Returns sentences in a row as one text.
@@ -166,8 +155,10 @@ impl Scene {
             },
             generation.guided,
             generation.guided_laban,
-        );
-        let baseline = SceneMotion::new(text_alone, generation.baseline, generation.baseline_laban);
+        )
+        .with_captions(captions(&generation.sentences, is_guided));
+        let baseline = SceneMotion::new(text_alone, generation.baseline, generation.baseline_laban)
+            .with_captions(captions(&generation.sentences, false));
         let seed = facts.get("seed").map(|seed| format!("seed {seed}"));
         let notes = [
             is_guided.then_some(scale),
@@ -175,11 +166,10 @@ impl Scene {
             seed,
         ];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
-        let sentences = SceneSentence::several(generation.sentences);
         Scene {
             title,
             notes: notes.join(", "),
-            sentences,
+            sentences: generation.sentences,
             motions: if is_guided {
                 vec![baseline, guided]
             } else {
@@ -196,27 +186,40 @@ impl Scene {
     /// Makes a scene of the finished stretches of a motion.
     pub fn from_stretches(
         label: &str,
-        mut stretches: FinishedStretches,
+        stretches: FinishedStretches,
         facts: Map<String, Value>,
         device: &Device,
     ) -> Scene {
-        if !stretches.is_guided {
-            // Nothing was done for the goals yet.
-            for sentence in &mut stretches.sentences {
-                sentence.goals = Goals::default();
-            }
-        }
-        let motion = stretches.motion;
-        let laban = LabanSeries::of(&motion, &LabanOptions::default(), device);
+        let laban = LabanSeries::of(&stretches.motion, &LabanOptions::default(), device);
+        // Nothing was done for the goals of a motion of the text alone yet.
+        let captions = captions(&stretches.sentences, stretches.is_guided);
+        let scene_motion =
+            SceneMotion::new(label.to_owned(), stretches.motion, laban).with_captions(captions);
         Scene {
-            title: joined_prompts(&stretches.sentences),
             notes: "unfinished".to_owned(),
-            sentences: SceneSentence::several(stretches.sentences),
-            motions: vec![SceneMotion::new(label.to_owned(), motion, laban)],
+            ..Scene::of_motions(
+                joined_prompts(&stretches.sentences),
+                vec![scene_motion],
+                facts,
+            )
+        }
+    }
+
+    /// Makes a scene of motions that were not generated as a whole.
+    pub fn of_motions(
+        title: String,
+        motions: Vec<SceneMotion>,
+        facts: Map<String, Value>,
+    ) -> Scene {
+        Scene {
+            title,
+            notes: String::new(),
+            motions,
             target: None,
             free: [false; COMPONENTS],
             parts: Vec::new(),
             places: Vec::new(),
+            sentences: Vec::new(),
             facts,
         }
     }
@@ -235,20 +238,12 @@ impl Scene {
             "other_animations": imported.other_animations,
             "placed_joints": imported.placed.iter().map(|joint| joint.name()).collect::<Vec<_>>(),
         });
-        Scene {
-            title: name.to_string(),
-            notes: String::new(),
-            motions: vec![SceneMotion {
-                file_turning: imported.turning,
-                ..SceneMotion::new(name.into_owned(), imported.motion, laban)
-            }],
-            target: None,
-            free: [false; COMPONENTS],
-            parts: Vec::new(),
-            places: Vec::new(),
-            sentences: Vec::new(),
-            facts: facts.as_object().cloned().unwrap_or_default(),
-        }
+        let scene_motion = SceneMotion {
+            file_turning: imported.turning,
+            ..SceneMotion::new(name.to_string(), imported.motion, laban)
+        };
+        let facts = facts.as_object().cloned().unwrap_or_default();
+        Scene::of_motions(name.into_owned(), vec![scene_motion], facts)
     }
 
     /// Replaces the main motion by another one, and measures that.
@@ -291,39 +286,14 @@ impl Scene {
         }
     }
 
-    /// Returns what is said when, with goals, if there are several sentences.
-    pub fn captions(&self) -> Vec<Caption<'_>> {
-        self.captions_of(|sentence| &sentence.caption)
-    }
-
-    /// Returns what is said when, without goals, if there are several sentences: the captions of the motion of the text alone.
-    pub fn plain_captions(&self) -> Vec<Caption<'_>> {
-        self.captions_of(|sentence| &sentence.generated.prompt)
-    }
-
-    fn captions_of<'a>(&'a self, text: impl Fn(&'a SceneSentence) -> &'a str) -> Vec<Caption<'a>> {
-        let sentences = self.sentences.iter();
-        sentences
-            .map(|sentence| Caption {
-                text: text(sentence),
-                frames: sentence.generated.frames.clone(),
-            })
-            .collect()
-    }
-
-    /// Returns the rows of a picture, one for each motion, with the [captions](Self::captions) of the main motion and those of the
-    /// others.
-    pub fn rows<'a>(
-        &'a self,
-        captions: &'a [Caption<'a>],
-        plain: &'a [Caption<'a>],
-    ) -> Vec<LabelledMotion<'a>> {
-        let last = self.motions.len() - 1;
-        let scene_motions = self.motions.iter().enumerate();
+    /// Returns the rows of a picture, one for each motion.
+    pub fn rows(&self) -> Vec<LabelledMotion<'_>> {
+        let scene_motions = self.motions.iter();
         scene_motions
-            .map(|(place, scene_motion)| LabelledMotion {
-                captions: if place == last { captions } else { plain },
-                ..LabelledMotion::new(&scene_motion.label, &scene_motion.motion)
+            .map(|scene_motion| LabelledMotion {
+                label: &scene_motion.label,
+                motion: &scene_motion.motion,
+                captions: &scene_motion.captions,
             })
             .collect()
     }
@@ -392,7 +362,7 @@ impl Scene {
             notes: &self.notes,
             figures: &figures,
             curves: &curves,
-            captions: &self.captions(),
+            captions: &self.main().captions,
         })
     }
 
@@ -407,10 +377,9 @@ impl Scene {
         let mut notes: BTreeMap<String, String> = facts
             .filter_map(|(name, value)| Some((name.clone(), text(value)?)))
             .collect();
-        if !self.sentences.is_empty() {
-            let lines: Vec<String> = { self.sentences.iter() }
-                .map(SceneSentence::to_string)
-                .collect();
+        let captions = &self.main().captions;
+        if !captions.is_empty() {
+            let lines: Vec<String> = captions.iter().map(TimedCaption::to_string).collect();
             notes.insert("sentences".into(), lines.join("\n"));
         }
         notes

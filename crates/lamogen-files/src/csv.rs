@@ -5,7 +5,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use lamogen_laban::{Component, LabanSeries};
-use lamogen_motion::{Caption, FRAMES_PER_SECOND, write_atomically};
+use lamogen_motion::{FRAMES_PER_SECOND, TimedCaption, write_atomically};
 
 /// The error of a CSV file that cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -21,7 +21,8 @@ pub struct CsvError {
 /// The first line has the column names, and every other line has one frame. The columns are `seconds`, `frame` (from 0),
 /// and for each series `weight` (m²/frame²), `time` (m/frame²), `flow` (m/frame³) and `shape` (m³), with frames of 1/20 s.
 /// The columns of a named series are called `name_weight` and so on; a series with an empty name has the column names
-/// without a prefix. If there are captions, the column `caption` after `frame` has the one that holds at the frame. If a series is shorter than another one, its last cells are empty.
+/// without a prefix. If there are captions, the column `caption` after `frame` has the one that holds at the frame. If a
+/// series is shorter than another one, its last cells are empty.
 ///
 /// Numbers have a decimal point in every locale, and as many digits as are needed to read the same 32-bit number back.
 ///
@@ -38,7 +39,7 @@ pub struct CsvError {
 /// );
 /// # Ok::<(), lamogen_motion::MotionError>(())
 /// ```
-pub fn laban(series: &[(&str, &LabanSeries)], captions: &[Caption<'_>]) -> String {
+pub fn laban(series: &[(&str, &LabanSeries)], captions: &[TimedCaption]) -> String {
     let mut text = String::from("seconds,frame");
     if !captions.is_empty() {
         text.push_str(",caption");
@@ -60,10 +61,9 @@ pub fn laban(series: &[(&str, &LabanSeries)], captions: &[Caption<'_>]) -> Strin
         let seconds = frame as f32 / FRAMES_PER_SECOND;
         write!(text, "{seconds},{frame}").expect("a string takes all");
         if !captions.is_empty() {
-            let holds = |caption: &&Caption<'_>| caption.frames.contains(&frame);
-            let caption = captions.iter().find(holds);
+            let caption = TimedCaption::position(captions, frame);
             text.push(',');
-            text.push_str(&quote_cell(caption.map_or("", |caption| caption.text)));
+            text.push_str(&caption.map_or(String::new(), |at| quote_cell(&captions[at].text)));
         }
         for (_, series) in series {
             for component in Component::ALL {
@@ -87,7 +87,7 @@ pub fn laban(series: &[(&str, &LabanSeries)], captions: &[Caption<'_>]) -> Strin
 pub fn write_laban(
     path: impl AsRef<Path>,
     series: &[(&str, &LabanSeries)],
-    captions: &[Caption<'_>],
+    captions: &[TimedCaption],
 ) -> Result<(), CsvError> {
     let path = path.as_ref();
     let text = laban(series, captions);
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn every_frame_has_its_caption() {
-        let caption = |text, frames| Caption { text, frames };
+        let caption = TimedCaption::new;
         let captions = [caption("walks, slowly", 0..1), caption("jumps", 1..2)];
         assert_eq!(
             laban(&[("", &series([[0.5; 4]; 3]))], &captions),

@@ -119,7 +119,7 @@ fn recognise_names(
                         let key = |joint: &Joint| found.scheme.keys(*joint).into_iter().next();
                         joints.iter().filter_map(key).collect::<Vec<_>>().join(", ")
                     };
-                    let mut misplaced = found.misplaced.clone();
+                    let mut misplaced = found.misplaced;
                     misplaced.retain(|joint| missing.contains(joint));
                     let reason = match &misplaced[..] {
                         [] => String::new(),
@@ -254,7 +254,7 @@ impl<'a> NodeIndex<'a> {
 }
 
 /// Returns whether a joint is below its parent in the skeletons of all programs.
-fn is_limb_joint(joint: Joint) -> bool {
+pub(crate) fn is_limb_joint(joint: Joint) -> bool {
     use Joint::*;
     matches!(
         joint,

@@ -5,7 +5,8 @@ use lamogen_motion::{JOINTS, Joint};
 
 use crate::clip::{Clip, Node};
 use crate::mapping::{JointMapping, MappingError};
-use crate::names::{UnknownSkeleton, missing_joints, recognise};
+use crate::names::{UnknownSkeleton, is_limb_joint, missing_joints, recognise};
+use crate::schemes::REQUIRED;
 
 /// A node of a skeleton.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +33,20 @@ impl SkeletonJoints {
     /// Returns the joints that a body needs and that have no node.
     pub fn missing_joints(&self) -> Vec<Joint> {
         missing_joints(&self.nodes)
+    }
+
+    /// Returns the first joint of a limb that a body needs and whose node is not below that of the joint before it, with that
+    /// joint. `is_below` says whether a node is below another one.
+    pub fn misplaced_joint(
+        &self,
+        is_below: impl Fn(usize, usize) -> bool,
+    ) -> Option<(Joint, Joint)> {
+        let mut limbs = { REQUIRED.into_iter() }.filter(|joint| is_limb_joint(*joint));
+        limbs.find_map(|joint| {
+            let parent = joint.parent()?;
+            let is_misplaced = !is_below(self.node(joint)?, self.node(parent)?);
+            is_misplaced.then_some((joint, parent))
+        })
     }
 
     /// Returns the node of a joint.

@@ -27,7 +27,7 @@ mod skeleton;
 mod travel;
 mod turning;
 
-pub use caption::Caption;
+pub use caption::TimedCaption;
 pub use encode::{canonical, encode, encode_canonical, encode_every_frame};
 pub use features::{FOOT_CONTACT_JOINTS, FeatureGroup, POSE_FEATURES};
 pub use jitter::Jitter;

@@ -1,19 +1,19 @@
 //! Captions in pictures: what is said beside a motion, and when.
 
-use lamogen_motion::Caption;
+use lamogen_motion::TimedCaption;
 use svg::node::element::{Group, Line};
 
 use crate::text::{LINE_HEIGHT, text_block, wrap};
 
 /// The most lines of a caption.
-const CAPTION_LINES: usize = 2;
+pub(crate) const CAPTION_LINES: usize = 2;
 /// The gap between the bars of two captions, and between a bar and the text below it, in pixels.
 const GAP: f32 = 3.0;
 /// The least width of a caption with text, relative to the size of the letters. Narrower ones have a bar only.
 const NARROWEST: f32 = 3.0;
 
 /// Returns the height of captions with letters of a size, in pixels; 0 if there are none.
-pub(crate) fn captions_height(captions: &[Caption<'_>], size: f32) -> f32 {
+pub(crate) fn captions_height(captions: &[TimedCaption], size: f32) -> f32 {
     match captions {
         [] => 0.0,
         _ => CAPTION_LINES as f32 * size * LINE_HEIGHT + 2.0 * GAP,
@@ -23,7 +23,7 @@ pub(crate) fn captions_height(captions: &[Caption<'_>], size: f32) -> f32 {
 /// Draws the captions of a motion of `frames` frames side by side: a bar for each, as long as its frames take, and its text
 /// below. `x` returns the place of a frame; the bars are at the height `y`.
 pub(crate) fn draw_captions(
-    (captions, frames): (&[Caption<'_>], usize),
+    (captions, frames): (&[TimedCaption], usize),
     x: impl Fn(f32) -> f32,
     y: f32,
     size: f32,
@@ -42,20 +42,13 @@ pub(crate) fn draw_captions(
             .set("stroke-width", 2);
         let lines = match width < NARROWEST * size {
             true => Vec::new(),
-            false => wrap(caption.text, size, width, CAPTION_LINES),
+            false => wrap(&caption.text, size, width, CAPTION_LINES),
         };
         let baseline = y + GAP + size;
         group
             .add(bar)
             .add(text_block(&lines, [left, baseline], size, "#374151"))
     })
-}
-
-/// Returns the caption that holds at a frame.
-pub(crate) fn caption_at(captions: &[Caption<'_>], frame: usize) -> Option<usize> {
-    captions
-        .iter()
-        .position(|caption| caption.frames.contains(&frame))
 }
 
 #[cfg(test)]
@@ -65,14 +58,8 @@ mod tests {
     #[test]
     fn bars_are_as_long_as_captions_and_narrow_ones_have_no_text() {
         let captions = [
-            Caption {
-                text: "a person <walks>",
-                frames: 0..60,
-            },
-            Caption {
-                text: "jumps",
-                frames: 60..62,
-            },
+            TimedCaption::new("a person <walks>", 0..60),
+            TimedCaption::new("jumps", 60..62),
         ];
         let draw = |frames| {
             draw_captions((&captions, frames), |frame| 5.0 * frame, 10.0, 14.0).to_string()
@@ -94,11 +81,8 @@ mod tests {
     }
 
     #[test]
-    fn captions_hold_from_their_first_frame_to_the_one_before_their_end() {
-        let caption = |frames| Caption { text: "", frames };
-        let captions = [caption(0..3), caption(3..5)];
-        let at = [0, 2, 3, 4, 5].map(|frame| caption_at(&captions, frame));
-        assert_eq!(at, [Some(0), Some(0), Some(1), Some(1), None]);
+    fn only_captions_take_room() {
+        let captions = [TimedCaption::new("walks", 0..3)];
         assert_eq!(captions_height(&[], 14.0), 0.0);
         assert!(captions_height(&captions, 14.0) > 28.0);
     }

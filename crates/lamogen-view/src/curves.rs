@@ -1,7 +1,7 @@
 //! Curves of Laban features over time.
 
 use lamogen_laban::{Component, LabanSeries};
-use lamogen_motion::{Caption, FRAMES_PER_SECOND};
+use lamogen_motion::{FRAMES_PER_SECOND, TimedCaption};
 use plotters::prelude::*;
 
 use crate::printable;
@@ -77,7 +77,7 @@ pub fn curves(title: &str, curves: &[LabanCurve<'_>]) -> Result<String, PlotErro
 pub(crate) fn panels(
     title: &str,
     curves: &[LabanCurve<'_>],
-    captions: &[Caption<'_>],
+    captions: &[TimedCaption],
     size: (u32, u32),
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
@@ -91,7 +91,7 @@ fn draw_panels(
     svg: &mut String,
     title: &str,
     curves: &[LabanCurve<'_>],
-    captions: &[Caption<'_>],
+    captions: &[TimedCaption],
     size: (u32, u32),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let mut area = SVGBackend::with_string(svg, size).into_drawing_area();

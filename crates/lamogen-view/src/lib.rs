@@ -20,7 +20,7 @@ mod strip;
 mod studio;
 mod text;
 
-pub use lamogen_motion::Caption;
+pub use lamogen_motion::TimedCaption;
 
 pub use animation::{GifError, GifOptions, gif};
 pub use curves::{LabanCurve, PlotError, curves};

@@ -15,7 +15,7 @@ mod data;
 mod markup;
 mod numbers;
 
-use lamogen_motion::{Caption, Motion};
+use lamogen_motion::{Motion, TimedCaption};
 
 use crate::LabanCurve;
 use crate::copyright::copyright_of;
@@ -66,7 +66,7 @@ pub struct Page<'a> {
     /// The Laban curves beside the motions. If there are none, the page has no section for them.
     pub curves: &'a [LabanCurve<'a>],
     /// What is said beside the motions, and when, in the order of time. It may be empty.
-    pub captions: &'a [Caption<'a>],
+    pub captions: &'a [TimedCaption],
 }
 
 /// The scripts of the player without its program, in this order.

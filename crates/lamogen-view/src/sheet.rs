@@ -101,7 +101,7 @@ mod tests {
     fn where_a_caption_follows_another_every_panel_has_a_line() {
         let motion = motion();
         let series = LabanSeries::of(&motion, &LabanOptions::default(), &Device::flex());
-        let caption = |text, frames| lamogen_motion::Caption { text, frames };
+        let caption = lamogen_motion::TimedCaption::new;
         let captions = [caption("stands", 0..12), caption("rises", 12..20)];
         let lines = |captions| {
             let row = LabelledMotion {

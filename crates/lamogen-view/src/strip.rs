@@ -1,6 +1,6 @@
 //! Strips: stick figures of motions side by side.
 
-use lamogen_motion::{Caption, FRAMES_PER_SECOND, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, TimedCaption};
 use svg::Document;
 use svg::node::element::{Ellipse, Group, Line, Rectangle};
 
@@ -18,7 +18,7 @@ pub struct LabelledMotion<'a> {
     /// The motion to draw.
     pub motion: &'a Motion,
     /// What is said beside the motion, and when, in the order of time. It may be empty.
-    pub captions: &'a [Caption<'a>],
+    pub captions: &'a [TimedCaption],
 }
 
 impl<'a> LabelledMotion<'a> {
@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn captions_stand_below_the_figures_of_their_frames() {
         let motion = still([0.0, 1.0, 0.0], 41);
-        let caption = |text, frames| Caption { text, frames };
+        let caption = TimedCaption::new;
         let captions = [caption("stands", 0..20), caption("stands on", 20..41)];
         let with = strip(
             &[LabelledMotion {

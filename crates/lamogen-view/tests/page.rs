@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen_laban::{LabanOptions, LabanSeries};
-use lamogen_motion::{Caption, FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, TimedCaption};
 use lamogen_view::{LabanCurve, Page, PageFigure, page, save};
 
 /// Returns the two joints of a limb with two bones that starts at `root`. Lengths are in metres; angles are in radians,
@@ -145,7 +145,7 @@ fn four_motions_of_any_length_and_hard_names_are_a_page() {
 fn sentences_in_a_row_are_captions_of_a_page() {
     let walk = walk(120, 1.0, 0.4);
     let series = LabanSeries::of(&walk, &LabanOptions::default(), &Device::flex());
-    let caption = |text, frames| Caption { text, frames };
+    let caption = TimedCaption::new;
     let html = page(&Page {
         title: "a scene",
         notes: "",

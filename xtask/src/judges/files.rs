@@ -6,7 +6,7 @@ use burn::tensor::Device;
 use lamogen::{Generation, LaMoGen, Request, Tag};
 use lamogen_files::{ReadOptions, WriteOptions};
 use lamogen_motion::{Joint, Motion, Rotations, write_atomically};
-use lamogen_view::{Caption, LabanCurve, Page, PageFigure};
+use lamogen_view::{LabanCurve, Page, PageFigure, TimedCaption};
 use serde_json::json;
 
 use super::vrm::VrmFiles;
@@ -114,7 +114,7 @@ impl MotionFiles {
 fn page(folder: &Path, jump: &Generation) -> Result<PathBuf> {
     let path = folder.join("jump.html");
     let frames = jump.guided.frames();
-    let caption = |text, frames| Caption { text, frames };
+    let caption = TimedCaption::new;
     let html = lamogen_view::page(&Page {
         title: "a person jumps",
         notes: "strong, sudden",

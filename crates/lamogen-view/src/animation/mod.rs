@@ -51,8 +51,9 @@ pub enum GifError {
 /// motion that is shorter than the longest one stays in its last pose.
 ///
 /// All motions have the same scale and are viewed from the front left. The camera stands still for movements in place and
-/// follows a walk, over a ground with squares of half a metre. Below it stands the caption of the moment, if the motion has captions. After every frame, `progress` is called with the number of
-/// frames that are done and the number of all frames. The same motions always give the same bytes.
+/// follows a walk, over a ground with squares of half a metre. Below it stands the caption of the moment, if the motion has
+/// captions. After every frame, `progress` is called with the number of frames that are done and the number of all frames.
+/// The same motions always give the same bytes.
 ///
 /// # Errors
 ///

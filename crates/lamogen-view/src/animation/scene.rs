@@ -1,12 +1,12 @@
 //! The layout of an animation, and its pictures as SVG documents.
 
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, TimedCaption};
 use svg::node::element::{Ellipse, Group};
 
 use super::{GifError, GifOptions};
 use crate::camera::{Camera, CameraView};
 use crate::camera_path::camera_path;
-use crate::captions::caption_at;
+use crate::captions::CAPTION_LINES;
 use crate::figure::{Extent, shadow, stick_figure};
 use crate::ground::ground_grid;
 use crate::strip::{LabelledMotion, blank_page};
@@ -32,8 +32,6 @@ const LABEL: (f32, f32) = (0.05, 16.0);
 const TIME: (f32, f32) = (0.04, 12.0);
 /// The most lines of a label.
 const LABEL_LINES: usize = 3;
-/// The most lines of a caption.
-const CAPTION_LINES: usize = 2;
 
 /// The panel of one motion, and the path of its camera.
 struct MotionPanel<'a> {
@@ -127,7 +125,7 @@ impl<'a> Scene<'a> {
         let ground = above + (visible_height - bottom) * scale;
         let captions: Vec<Vec<Vec<String>>> = { rows.iter() }
             .map(|row| {
-                let texts = row.captions.iter().map(|caption| caption.text);
+                let texts = row.captions.iter().map(|caption| &caption.text);
                 texts
                     .map(|text| wrap(text, label, panel_width - 2.0 * label, CAPTION_LINES))
                     .collect()
@@ -205,7 +203,7 @@ impl<'a> Scene<'a> {
             ];
             let time = text_line(&format!("{seconds:.2} s"), position, size, "#6b7280");
             let label = font_size(LABEL, self.panel_width);
-            let lines = match caption_at(panel.row.captions, motion_frame) {
+            let lines = match TimedCaption::position(panel.row.captions, motion_frame) {
                 Some(caption) => &self.captions[index][caption][..],
                 None => &[],
             };

@@ -207,7 +207,7 @@ fn no_motions_and_bad_widths_are_errors() {
 #[test]
 fn the_caption_of_the_moment_stands_below() {
     let motion = hand_raise(0.3, 30);
-    let caption = |text, frames| lamogen_motion::Caption { text, frames };
+    let caption = lamogen_motion::TimedCaption::new;
     let captions = [
         caption("a person stands", 0..10),
         caption("a person raises the left hand", 10..20),

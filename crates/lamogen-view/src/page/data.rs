@@ -1,7 +1,7 @@
 //! The data that the script of the page reads: motions and curves, as JSON with numbers in base64.
 
 use lamogen_laban::{Component, Tag};
-use lamogen_motion::{Caption, FRAMES_PER_SECOND, JOINTS, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, TimedCaption};
 use serde_json::{Value, json};
 
 use super::PageFigure;
@@ -25,7 +25,7 @@ const STEP: f64 = 1e-4;
 pub(super) fn page_data(
     figures: &[PageFigure<'_>],
     curves: &[LabanCurve<'_>],
-    captions: &[Caption<'_>],
+    captions: &[TimedCaption],
 ) -> String {
     let motions = figures.iter().map(|figure| {
         let mut encoded = encode_motion(figure.motion);
@@ -48,7 +48,7 @@ pub(super) fn page_data(
     });
     let captions = captions.iter().map(|caption| {
         let (from, until) = (caption.frames.start, caption.frames.end);
-        json!({ "text": printable(caption.text), "from": from, "until": until })
+        json!({ "text": printable(&caption.text), "from": from, "until": until })
     });
     let data = json!({
         "rate": FRAMES_PER_SECOND,
