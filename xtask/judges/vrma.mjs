@@ -5,11 +5,10 @@
 //
 // The browser is /usr/bin/chromium, or the one that CHROMIUM names. Exit code 1 if anything failed.
 
-import { mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
-import { tmpdir } from "node:os";
+import { mkdirSync, readFileSync } from "node:fs";
 import { basename, dirname, extname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
-import { chromium } from "playwright-core";
+import { check, finish, openBrowser, visit } from "./browser.mjs";
 
 const [list, folder] = process.argv.slice(2);
 if (!list) {
@@ -32,14 +31,6 @@ const page = `<!doctype html><meta charset="utf-8"><title>VRM animations</title>
   "@pixiv/three-vrm-animation": "./modules/@pixiv/three-vrm-animation/lib/three-vrm-animation.module.js"
 } }</script>
 <script type="module" src="./player.mjs"></script>`;
-
-const failures = [];
-let checks = 0;
-function check(holds, claim, found = "") {
-  checks += 1;
-  console.log(`${holds ? "ok  " : "FAIL"}  ${claim}${found === "" ? "" : `: ${found}`}`);
-  if (!holds) failures.push(claim);
-}
 
 /** Answers a request of the page: nothing comes from a network. */
 function answer(route) {
@@ -64,64 +55,53 @@ function answer(route) {
   }
 }
 
-const profile = mkdtempSync(join(tmpdir(), "lamogen-judge-"));
-const context = await chromium.launchPersistentContext(profile, {
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  headless: true,
-  viewport: { width: 1500, height: 420 },
-  args: [
-    "--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-  ],
-});
-try {
-  await context.route("**/*", answer);
-  const tab = await context.newPage();
-  const complaints = [];
-  // What a software renderer says of its speed is no complaint about the files.
-  const isOfRenderer = (text) => /GPU stall|software WebGL|GL Driver Message/.test(text);
-  const complain = (text) => isOfRenderer(text) || complaints.includes(text) || complaints.push(text);
-  tab.on("console", (message) => {
-    if (["warning", "error"].includes(message.type())) complain(message.text());
-  });
-  tab.on("pageerror", (error) => complain(String(error)));
-  await tab.goto(address);
-  await tab.waitForFunction(() => window.play !== undefined, undefined, { timeout: 60_000 }).catch(() => {});
-  for (const animation of animations) {
-    for (const character of characters) {
-      const name = `${basename(animation.file)} on ${basename(character.file)}`;
-      console.log(`\n== ${name}`);
-      const names = { character: basename(character.file), animation: basename(animation.file) };
-      const found = await tab.evaluate(([names, expected]) => window.play(names, expected), [names, animation]);
-      check(found.version === character.version, "it is read as VRM of its version", found.version);
-      check(found.faces > 0.99, "it faces +Z in its rest pose", found.faces.toFixed(3));
-      // The last keyframe, of 30 a second, is the nearest one to the last frame of the motion.
-      check(Math.abs(found.duration - animation.duration) < 0.501 / 30, "it lasts as long", `${found.duration.toFixed(3)} s`);
-      for (const [what, unit, worst] of [
-        ["bones point where the motion's do", "°", found.directions],
-        ["bones turn as the motion's do", "°", found.rotations],
-        ["the hips go the motion's way in the character's size", " mm", found.hips],
-      ]) {
-        const limit = limits[unit];
-        const where = worst.bone ? ` (${worst.bone}, ${worst.time.toFixed(2)} s)` : "";
-        check(worst.most <= limit && worst.count > 0, `${what}, within ${limit}${unit}`,
-          `${worst.most.toFixed(3)}${unit} at most${where}, ${worst.count} measured`);
-      }
-      if (folder) {
-        const picture = join(folder, `${basename(animation.file, ".vrma")}-${basename(character.file, ".vrm")}.png`);
-        const problem = await tab.evaluate((names) => window.draw(names), names);
-        if (problem) console.log(`no picture: ${problem}`);
-        else await tab.screenshot({ path: resolve(picture) });
+await visit("VRM animations", async () => {
+  const context = await openBrowser({ viewport: { width: 1500, height: 420 } }, ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
+  try {
+    await context.route("**/*", answer);
+    const tab = await context.newPage();
+    const complaints = [];
+    // What a software renderer says of its speed is no complaint about the files.
+    const isOfRenderer = (text) => /GPU stall|software WebGL|GL Driver Message/.test(text);
+    const complain = (text) => isOfRenderer(text) || complaints.includes(text) || complaints.push(text);
+    tab.on("console", (message) => {
+      if (["warning", "error"].includes(message.type())) complain(message.text());
+    });
+    tab.on("pageerror", (error) => complain(String(error)));
+    await tab.goto(address);
+    await tab.waitForFunction(() => window.play !== undefined, undefined, { timeout: 60_000 }).catch(() => {});
+    for (const animation of animations) {
+      for (const character of characters) {
+        const name = `${basename(animation.file)} on ${basename(character.file)}`;
+        console.log(`\n== ${name}`);
+        const names = { character: basename(character.file), animation: basename(animation.file) };
+        const found = await tab.evaluate(([names, expected]) => window.play(names, expected), [names, animation]);
+        check(found.version === character.version, "it is read as VRM of its version", found.version);
+        check(found.faces > 0.99, "it faces +Z in its rest pose", found.faces.toFixed(3));
+        // The last keyframe, of 30 a second, is the nearest one to the last frame of the motion.
+        check(Math.abs(found.duration - animation.duration) < 0.501 / 30, "it lasts as long", `${found.duration.toFixed(3)} s`);
+        for (const [what, unit, worst] of [
+          ["bones point where the motion's do", "°", found.directions],
+          ["bones turn as the motion's do", "°", found.rotations],
+          ["the hips go the motion's way in the character's size", " mm", found.hips],
+        ]) {
+          const limit = limits[unit];
+          const where = worst.bone ? ` (${worst.bone}, ${worst.time.toFixed(2)} s)` : "";
+          const measured = `${worst.most.toFixed(3)}${unit} at most${where}, ${worst.count} measured`;
+          check(worst.most <= limit && worst.count > 0, `${what}, within ${limit}${unit}: ${measured}`);
+        }
+        if (folder) {
+          const picture = join(folder, `${basename(animation.file, ".vrma")}-${basename(character.file, ".vrm")}.png`);
+          const problem = await tab.evaluate((names) => window.draw(names), names);
+          if (problem) console.log(`no picture: ${problem}`);
+          else await tab.screenshot({ path: resolve(picture) });
+        }
       }
     }
+    check(complaints.length === 0, "three.js and three-vrm do not complain", complaints.join(" | "));
+  } finally {
+    await context.close();
   }
-  check(complaints.length === 0, "three.js and three-vrm do not complain", complaints.join(" | "));
-} catch (error) {
-  check(false, `the judge came to the end: ${error.stack}`);
-} finally {
-  await context.close();
-  rmSync(profile, { recursive: true, force: true });
-}
+});
 
-console.log(failures.length === 0 ? `\nall ${checks} checks hold` : `\n${failures.length} of ${checks} checks failed:\n- ${failures.join("\n- ")}`);
-process.exit(failures.length === 0 ? 0 : 1);
+finish();

@@ -9,7 +9,8 @@ use lamogen::Request;
 use lamogen::character::{Character, CharacterOptions, RetargetOptions, SaveOptions};
 use lamogen_files::{ReadOptions, Unit, UpAxis};
 use lamogen_motion::Motion;
-use lamogen_view::{LabelledMotion, png, save, strip};
+use lamogen_raster::png;
+use lamogen_view::{LabelledMotion, save, strip};
 
 use crate::subject::Subject;
 

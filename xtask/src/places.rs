@@ -7,7 +7,8 @@ use burn::tensor::Device;
 use lamogen::files::{ReadOptions, WriteOptions, read, write};
 use lamogen::motion::{FootSliding, Jitter};
 use lamogen::{Facing, Generation, Motion, Places, Request, Tag, TimeSummary};
-use lamogen_view::{LabelledMotion, png, save, strip};
+use lamogen_raster::png;
+use lamogen_view::{LabelledMotion, save, strip};
 
 use crate::subject::Subject;
 

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use lamogen::Request;
-use lamogen_view::{LabelledMotion, png, save, strip};
+use lamogen_raster::png;
+use lamogen_view::{LabelledMotion, save, strip};
 
 use crate::subject::Subject;
 

@@ -10,7 +10,8 @@ use lamogen::files::bvh::{BvhNames, BvhOptions};
 use lamogen::files::glb::GlbOptions;
 use lamogen::files::vrma::VrmaOptions;
 use lamogen::files::{WriteOptions, csv};
-use lamogen_view::{GifOptions, gif, png, save, sheet};
+use lamogen_raster::{GifOptions, gif, png};
+use lamogen_view::{save, sheet};
 
 use crate::arguments::{BvhNaming, HandsName, WritingArguments};
 use crate::console::Console;

@@ -21,8 +21,9 @@ struct BodyPart {
 /// The number of body parts.
 pub(crate) const PARTS: usize = 5;
 
-/// The colours of the body parts. The right side has warm colours, the left side cold ones.
-pub(crate) const COLOURS: [&str; PARTS] = ["#c2410c", "#0369a1", "#374151", "#ea580c", "#0284c7"];
+/// The colours of the parts of a figure's body: right leg, left leg, trunk with head, right arm, left arm. The right side has
+/// warm colours, the left side cold ones.
+pub const COLOURS: [&str; PARTS] = ["#c2410c", "#0369a1", "#374151", "#ea580c", "#0284c7"];
 
 /// The body parts: right leg, left leg, trunk with head, right arm, left arm.
 const BODY: [BodyPart; PARTS] = [

@@ -1,5 +1,5 @@
-//! Pictures of motions: strips of stick figures and curves of Laban features as SVG and PNG, animations as GIF, and an
-//! HTML page that plays motions in 3D.
+//! Pictures of motions as text: strips of stick figures, curves of Laban features and frames of animations as SVG, and an HTML
+//! page that plays motions in 3D. `lamogen-raster` makes PNG and GIF files of them.
 
 mod animation;
 mod camera;
@@ -8,13 +8,11 @@ mod captions;
 mod copyright;
 mod curves;
 mod figure;
-mod fonts;
+mod font;
 mod ground;
 mod losses;
 mod page;
-mod palette;
 mod plot;
-mod raster;
 mod sheet;
 mod strip;
 mod studio;
@@ -22,12 +20,14 @@ mod text;
 
 pub use lamogen_motion::TimedCaption;
 
-pub use animation::{GifError, GifOptions, gif};
+pub use animation::{Animation, AnimationError};
+pub use copyright::copyright_in_svg;
 pub use curves::{LabanCurve, PlotError, curves};
+pub use figure::COLOURS as FIGURE_COLOURS;
+pub use font::EMBEDDED_FONT;
 pub use losses::{LossCurve, losses};
 pub use page::{Page, PageFigure, page};
 pub use plot::{PlotAxis, PlotLine, plot};
-pub use raster::{RasterError, png};
 pub use sheet::sheet;
 pub use strip::{LabelledMotion, strip};
 pub use studio::{Studio, studio};
@@ -37,7 +37,7 @@ use std::path::Path;
 
 use text::printable;
 
-/// Writes a picture to a file, whole or not at all: the text of an SVG or HTML document, or the bytes of a PNG or GIF.
+/// Writes a picture to a file, whole or not at all: the text of an SVG or HTML document, or the bytes of a PNG or GIF file.
 ///
 /// # Errors
 ///

@@ -1,10 +1,8 @@
 //! Text in pictures: its width, wrapping and shortening.
 
-use resvg::usvg::{Node, Tree};
-use svg::Document;
 use svg::node::element::{Group, Text};
 
-use crate::fonts::{MissingGlyphs, svg_options};
+use crate::font::advance;
 
 /// The height of a line relative to the size of its letters.
 pub(crate) const LINE_HEIGHT: f32 = 1.3;
@@ -105,22 +103,9 @@ fn longest_fit(text: &str, size: f32, max_width: f32, tail: &str) -> usize {
 }
 
 /// Computes the width of a line in pixels in the embedded font. This font is wide, so other fonts that browsers choose
-/// seldom need more space.
+/// seldom need more space. Kerning, which moves a few pairs of letters closer together, is left out.
 pub(crate) fn text_width(text: &str, size: f32) -> f32 {
-    // The embedded font lacks the characters of East Asia, which are as wide as a dash.
-    let wide = |c: char| matches!(c, '\u{1100}'..'\u{1e00}' | '\u{2e80}'..);
-    let text: String = text
-        .chars()
-        .map(|c| if wide(c) { '—' } else { c })
-        .collect();
-    let picture = Document::new().add(text_line(&text, [0.0, size], size, "black"));
-    let tree = Tree::from_str(&picture.to_string(), &svg_options(MissingGlyphs::Boxes));
-    let tree = tree.expect("a line of text is an SVG document");
-    let widths = tree.root().children().iter().map(|node| match node {
-        Node::Text(text) => text.bounding_box().width(),
-        _ => 0.0,
-    });
-    widths.fold(0.0, f32::max)
+    text.chars().map(|letter| advance(letter) * size).sum()
 }
 
 #[cfg(test)]

@@ -19,8 +19,9 @@ use files::JudgedFiles;
 /// The folder of the files and pictures.
 const FOLDER: &str = "target/judges";
 /// The scripts of the judges and their npm package file, in the folder `judges` of this crate.
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 8] = [
     "package.json",
+    "browser.mjs",
     "validate.mjs",
     "page.mjs",
     "studio.mjs",

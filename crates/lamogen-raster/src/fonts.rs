@@ -3,36 +3,23 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use lamogen_view::EMBEDDED_FONT;
 use resvg::usvg::fontdb::{Database, ID, Source, Stretch, Style, Weight};
 use resvg::usvg::{FontResolver, Options};
 
-/// DejaVu Sans with the scripts of Europe. Its origin and its licence are described in the same folder.
-const EMBEDDED: &[u8] = include_bytes!("../fonts/DejaVuSans-subset.ttf");
-
-/// The treatment of characters that the embedded font lacks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum MissingGlyphs {
-    /// They are drawn in a font of the system, if one has them.
-    FromSystem,
-    /// They are drawn as boxes.
-    Boxes,
-}
-
-/// Returns the options for parsing SVG. Every font family is replaced by the embedded font.
-pub(crate) fn svg_options(missing: MissingGlyphs) -> Options<'static> {
+/// Returns the options for parsing SVG. Every font family is replaced by the embedded font. Characters that it lacks are drawn
+/// in a font of the system, if one has them, and otherwise as boxes.
+pub(crate) fn svg_options() -> Options<'static> {
     let (database, id) = embedded_font();
     Options {
         fontdb: Arc::clone(database),
         font_resolver: FontResolver {
             select_font: Box::new(|_, _| Some(*id)),
-            select_fallback: Box::new(move |letter, used, database| match missing {
-                MissingGlyphs::Boxes => None,
-                MissingGlyphs::FromSystem => {
-                    let font = system_font(letter).filter(|font| !used.contains(font))?;
-                    // This database has the embedded font under the same id.
-                    *database = Arc::clone(embedded_and_system_fonts());
-                    Some(font)
-                }
+            select_fallback: Box::new(|letter, used, database| {
+                let font = system_font(letter).filter(|font| !used.contains(font))?;
+                // This database has the embedded font under the same id.
+                *database = Arc::clone(embedded_and_system_fonts());
+                Some(font)
             }),
         },
         ..Options::default()
@@ -44,7 +31,7 @@ fn embedded_font() -> &'static (Arc<Database>, ID) {
     static FONT: OnceLock<(Arc<Database>, ID)> = OnceLock::new();
     FONT.get_or_init(|| {
         let mut database = Database::new();
-        let ids = database.load_font_source(Source::Binary(Arc::new(EMBEDDED)));
+        let ids = database.load_font_source(Source::Binary(Arc::new(EMBEDDED_FONT)));
         (Arc::new(database), ids[0])
     })
 }
@@ -85,15 +72,4 @@ fn system_font(letter: char) -> Option<ID> {
         }
         tried.get(1).copied()
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_embedded_font_is_valid_and_small() {
-        assert_eq!(embedded_font().0.len(), 1);
-        assert!(EMBEDDED.len() < 200_000);
-    }
 }

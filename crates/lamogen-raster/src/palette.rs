@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::figure::COLOURS;
+use lamogen_view::FIGURE_COLOURS;
 
 /// The grey of the darkest letters, and a middle grey. One ramp leads from the first to the second, another one to white.
 const GREYS: [&str; 2] = ["#111827", "#6b7280"];
@@ -39,7 +39,7 @@ impl Palette {
         };
         ramp(dark, middle, GREY_STEPS / 4);
         ramp(middle, white, GREY_STEPS);
-        for colour in COLOURS {
+        for colour in FIGURE_COLOURS {
             ramp(rgb(colour), white, LIMB_STEPS);
         }
         let level = |step: usize, steps: usize| (255 * step / (steps - 1)) as u8;
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn the_colours_of_the_picture_are_exact_and_never_transparent() {
         let mut palette = Palette::new();
-        for colour in COLOURS
+        for colour in FIGURE_COLOURS
             .into_iter()
             .chain(GREYS)
             .chain(["#ffffff", "#000000"])

@@ -1,17 +1,11 @@
 //! Motions side by side as an animated GIF.
 
-mod delta;
-mod scene;
-
 use gif::{Encoder, Extension, Repeat};
+use lamogen_view::{Animation, AnimationError, LabelledMotion};
 
-use crate::copyright::copyright_of;
-use crate::fonts::MissingGlyphs;
+use crate::delta::{delta_frame, palette_indices};
 use crate::palette::Palette;
-use crate::raster::{RasterError, render, render_onto};
-use crate::strip::LabelledMotion;
-use delta::{delta_frame, palette_indices};
-use scene::{MAX_WIDTH, Scene};
+use crate::render::{RasterError, render, render_onto};
 
 /// Options for drawing an animation.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,19 +19,9 @@ pub struct GifOptions {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GifError {
-    /// There is no motion.
-    #[error("expected at least one motion to animate, found none")]
-    Empty,
-    /// The width is out of range.
-    #[error(
-        "expected a width of {least} to {MAX_WIDTH} pixels for {motions} motions, found {width}"
-    )]
-    #[allow(missing_docs)]
-    Width {
-        least: u32,
-        motions: usize,
-        width: u32,
-    },
+    /// There is no motion, or the width is out of range.
+    #[error(transparent)]
+    Animation(#[from] AnimationError),
     /// A frame cannot be drawn.
     #[error("frame {frame}: {error}")]
     #[allow(missing_docs)]
@@ -63,29 +47,24 @@ pub fn gif(
     options: &GifOptions,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<u8>, GifError> {
-    let scene = Scene::new(rows, options)?;
+    let animation = Animation::new(rows, options.width)?;
     let frame_error = |frame| move |error| GifError::Frame { frame, error };
-    let backdrop =
-        render(&scene.backdrop(), 1.0, MissingGlyphs::FromSystem).map_err(frame_error(0))?;
+    let backdrop = render(&animation.backdrop(), 1.0).map_err(frame_error(0))?;
     let (width, height) = (backdrop.width() as u16, backdrop.height() as u16);
 
     let mut palette = Palette::new();
     let mut encoder = Encoder::new(Vec::new(), width, height, palette.bytes())?;
     encoder.set_repeat(Repeat::Infinite)?;
-    if let Some(copyright) = copyright_of(rows.iter().map(|row| row.motion)) {
+    if let Some(copyright) = animation.copyright() {
         // A comment is stored in blocks of at most 255 bytes.
         let blocks: Vec<&[u8]> = copyright.as_bytes().chunks(255).collect();
         encoder.write_raw_extension(Extension::Comment.into(), &blocks)?;
     }
-    let frames = rows
-        .iter()
-        .map(|row| row.motion.frames())
-        .max()
-        .unwrap_or(0);
+    let frames = animation.frames();
     let mut before = Vec::new();
     for frame in 0..frames {
         let mut pixels = backdrop.clone();
-        render_onto(&mut pixels, &scene.frame(frame)).map_err(frame_error(frame))?;
+        render_onto(&mut pixels, &animation.frame(frame)).map_err(frame_error(frame))?;
         let now = palette_indices(&pixels, &mut palette);
         encoder.write_frame(&delta_frame(&before, &now, width))?;
         before = now;
@@ -95,4 +74,5 @@ pub fn gif(
 }
 
 #[cfg(test)]
+#[path = "animation_tests.rs"]
 mod tests;

@@ -1,12 +1,12 @@
-//! The layout of an animation, and its pictures as SVG documents.
+//! Motions side by side that move: the layout of an animation and its frames as SVG documents.
 
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion, TimedCaption};
 use svg::node::element::{Ellipse, Group};
 
-use super::{GifError, GifOptions};
 use crate::camera::{Camera, CameraView};
 use crate::camera_path::camera_path;
 use crate::captions::CAPTION_LINES;
+use crate::copyright::copyright_of;
 use crate::figure::{Extent, shadow, stick_figure};
 use crate::ground::ground_grid;
 use crate::strip::{LabelledMotion, blank_page};
@@ -17,7 +17,7 @@ const DEFAULT_WIDTH: u32 = 320;
 /// The least width of each motion, in pixels.
 const MIN_WIDTH: u32 = 80;
 /// The largest width of all motions together, in pixels.
-pub(super) const MAX_WIDTH: u32 = 4096;
+const MAX_WIDTH: u32 = 4096;
 /// The angle by which the camera looks down, in radians.
 const TILT: f32 = 0.24;
 /// The least visible size of the world, in metres: its width, and its height above the ground.
@@ -49,8 +49,34 @@ impl MotionPanel<'_> {
     }
 }
 
-/// The layout of a whole animation.
-pub(super) struct Scene<'a> {
+/// The error of an animation that cannot be drawn.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnimationError {
+    /// There is no motion.
+    #[error("expected at least one motion to animate, found none")]
+    Empty,
+    /// The width is out of range.
+    #[error(
+        "expected a width of {least} to {MAX_WIDTH} pixels for {motions} motions, found {width}"
+    )]
+    #[allow(missing_docs)]
+    Width {
+        least: u32,
+        motions: usize,
+        width: u32,
+    },
+}
+
+/// Motions side by side, 20 frames per second. A motion that is shorter than the longest one stays in its last pose.
+///
+/// All motions have the same scale and are viewed from the front left. The camera stands still for movements in place and
+/// follows a walk, over a ground with squares of half a metre. Below it stands the caption of the moment, if the motion has
+/// captions.
+///
+/// The frames are SVG documents, to be drawn in pixels by `lamogen-raster` or another renderer: each is the
+/// [backdrop](Animation::backdrop) and on top of it what [moves](Animation::frame).
+pub struct Animation<'a> {
     panels: Vec<MotionPanel<'a>>,
     /// The lines of the label of each panel.
     labels: Vec<Vec<String>>,
@@ -67,22 +93,27 @@ pub(super) struct Scene<'a> {
     radius: f32,
 }
 
-impl<'a> Scene<'a> {
-    /// Computes the layout for motions.
-    pub(super) fn new(
+impl<'a> Animation<'a> {
+    /// Computes the layout of motions that are `width` pixels wide together. By default it is 320 pixels for each motion, but
+    /// at most 4096 in all. The height follows from the width and from the movements.
+    ///
+    /// # Errors
+    ///
+    /// If there is no motion, or the width is less than 80 pixels for each motion or more than 4096.
+    pub fn new(
         rows: &[LabelledMotion<'a>],
-        options: &GifOptions,
-    ) -> Result<Scene<'a>, GifError> {
+        width: Option<u32>,
+    ) -> Result<Animation<'a>, AnimationError> {
         if rows.is_empty() {
-            return Err(GifError::Empty);
+            return Err(AnimationError::Empty);
         }
         let motions = rows.len();
         let count = u32::try_from(motions).unwrap_or(u32::MAX);
         let least = count.saturating_mul(MIN_WIDTH);
         let default = count.saturating_mul(DEFAULT_WIDTH).min(MAX_WIDTH);
-        let width = options.width.unwrap_or(default);
+        let width = width.unwrap_or(default);
         if width < least || width > MAX_WIDTH {
-            return Err(GifError::Width {
+            return Err(AnimationError::Width {
                 least,
                 motions,
                 width,
@@ -139,7 +170,7 @@ impl<'a> Scene<'a> {
             targets,
             origin: [(index as f32 + 0.5) * panel_width, ground],
         });
-        Ok(Scene {
+        Ok(Animation {
             panels: panels.collect(),
             labels,
             captions,
@@ -151,8 +182,19 @@ impl<'a> Scene<'a> {
         })
     }
 
+    /// Returns the number of frames, which is that of the longest motion.
+    pub fn frames(&self) -> usize {
+        let frames = self.panels.iter().map(|panel| panel.row.motion.frames());
+        frames.max().unwrap_or(0)
+    }
+
+    /// Returns the terms under which the motions may be used, if there are any.
+    pub fn copyright(&self) -> Option<String> {
+        copyright_of(self.panels.iter().map(|panel| panel.row.motion))
+    }
+
     /// Draws the parts that are the same in every frame as an SVG document.
-    pub(super) fn backdrop(&self) -> String {
+    pub fn backdrop(&self) -> String {
         let label = font_size(LABEL, self.panel_width);
         let labels = self.labels.iter().enumerate();
         let labels = labels.fold(Group::new(), |group, (index, lines)| {
@@ -178,8 +220,9 @@ impl<'a> Scene<'a> {
         page.add(labels).to_string()
     }
 
-    /// Draws the parts of a frame that are on top of the backdrop as an SVG document.
-    pub(super) fn frame(&self, frame: usize) -> String {
+    /// Draws the parts of a frame that are on top of the backdrop as an SVG document. After the last frame, motions stay in
+    /// their last pose.
+    pub fn frame(&self, frame: usize) -> String {
         let size = font_size(TIME, self.panel_width);
         let width = self.panel_width * self.panels.len() as f32;
         let document = svg::Document::new()

@@ -12,7 +12,7 @@ use crate::palette::Palette;
 const DELAY: u16 = (100.0 / FRAMES_PER_SECOND) as u16;
 
 /// Returns the palette index of every pixel.
-pub(super) fn palette_indices(pixels: &Pixmap, palette: &mut Palette) -> Vec<u8> {
+pub(crate) fn palette_indices(pixels: &Pixmap, palette: &mut Palette) -> Vec<u8> {
     let colours = pixels.pixels().iter();
     colours
         .map(|pixel| palette.index([pixel.red(), pixel.green(), pixel.blue()]))
@@ -21,7 +21,7 @@ pub(super) fn palette_indices(pixels: &Pixmap, palette: &mut Palette) -> Vec<u8>
 
 /// Returns the smallest rectangle that contains all changed pixels as a frame. Unchanged pixels in it are transparent.
 /// For the first frame `before` is empty, so that all pixels count as changed.
-pub(super) fn delta_frame(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
+pub(crate) fn delta_frame(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
     let columns = usize::from(width);
     let changed = |at: &usize| before.get(*at) != Some(&now[*at]);
     let (mut left, mut right, mut top, mut bottom) = (columns, 0, usize::MAX, 0);

@@ -94,12 +94,12 @@ fn decoded_frames_are_the_pictures_that_were_drawn() {
     let motion = hand_raise(1.0, 5);
     let row = LabelledMotion::new("a hand", &motion);
     let decoded = decode(&animate(&[&motion], &GifOptions::default()));
-    let scene = Scene::new(&[row], &GifOptions::default()).unwrap();
+    let animation = Animation::new(&[row], None).unwrap();
     let mut palette = Palette::new();
-    let backdrop = render(&scene.backdrop(), 1.0, MissingGlyphs::Boxes).unwrap();
+    let backdrop = render(&animation.backdrop(), 1.0).unwrap();
     for (frame, picture) in decoded.pictures.iter().enumerate() {
         let mut pixels = backdrop.clone();
-        render_onto(&mut pixels, &scene.frame(frame)).unwrap();
+        render_onto(&mut pixels, &animation.frame(frame)).unwrap();
         assert!(
             palette_indices(&pixels, &mut palette) == *picture,
             "frame {frame}"
@@ -146,7 +146,7 @@ fn a_jump_leaves_the_ground_but_not_the_picture() {
     let rows = |picture: &[u8]| -> Vec<usize> {
         let limb = |&index: &u8| {
             let at = 3 * usize::from(index);
-            crate::figure::COLOURS.contains(
+            lamogen_view::FIGURE_COLOURS.contains(
                 &format!(
                     "#{:02x}{:02x}{:02x}",
                     decoded.palette[at],
@@ -189,7 +189,10 @@ fn broken_motions_are_drawn_small() {
 fn no_motions_and_bad_widths_are_errors() {
     let options = |width| GifOptions { width };
     let draw = |rows: &[LabelledMotion<'_>], width| gif(rows, &options(width), &mut |_, _| ());
-    assert!(matches!(draw(&[], None), Err(GifError::Empty)));
+    assert!(matches!(
+        draw(&[], None),
+        Err(GifError::Animation(AnimationError::Empty))
+    ));
     let motion = hand_raise(1.0, 1);
     let rows = [LabelledMotion::new("", &motion); 2];
     for width in [0, 159, 4097, u32::MAX] {
@@ -237,4 +240,21 @@ fn the_caption_of_the_moment_stands_below() {
     let mut colours = pictures[29].clone();
     colours.dedup();
     assert_eq!(colours.len(), 1);
+}
+
+#[test]
+fn the_terms_of_the_motions_are_whole_in_the_file() {
+    let terms = "Ä".repeat(400);
+    let motion = hand_raise(0.3, 2).with_copyright(Some(terms.as_str()));
+    let file = animate(&[&motion, &hand_raise(0.3, 2)], &GifOptions::default());
+    let start = { file.windows(2) }
+        .position(|pair| pair == [0x21, 0xfe])
+        .unwrap();
+    let (mut place, mut comment) = (start + 2, Vec::new());
+    while file[place] != 0 {
+        let length = usize::from(file[place]);
+        comment.extend_from_slice(&file[place + 1..][..length]);
+        place += 1 + length;
+    }
+    assert_eq!(String::from_utf8(comment).unwrap(), terms);
 }

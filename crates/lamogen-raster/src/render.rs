@@ -1,10 +1,10 @@
 //! Rendering of SVG documents to pixels.
 
+use lamogen_view::copyright_in_svg;
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::Tree;
 
-use crate::copyright;
-use crate::fonts::{MissingGlyphs, svg_options};
+use crate::fonts::svg_options;
 
 /// The largest width and height of a picture in pixels.
 const LONGEST_SIDE: u32 = 32_767;
@@ -35,7 +35,7 @@ pub enum RasterError {
 
 /// Renders an SVG document on white to the bytes of a PNG file, with `scale` pixels for each unit of the document.
 ///
-/// Letters are drawn in a font that is embedded in this crate, so that a picture is the same on every machine. Only
+/// Letters are drawn in the font that `lamogen-view` lays pictures out with, so that a picture is the same on every machine. Only
 /// characters that this font lacks (it has the scripts of Europe) are drawn in fonts of the system.
 ///
 /// # Errors
@@ -43,8 +43,8 @@ pub enum RasterError {
 /// If the document is not SVG, the scale is not a finite number above 0, or the picture is larger than 32,767 pixels per
 /// side or 67 million pixels in all.
 pub fn png(svg: &str, scale: f32) -> Result<Vec<u8>, RasterError> {
-    let pixels = render(svg, scale, MissingGlyphs::FromSystem)?;
-    let copyright = copyright::in_svg(svg);
+    let pixels = render(svg, scale)?;
+    let copyright = copyright_in_svg(svg);
     encode(&pixels, copyright.as_deref()).map_err(|error| RasterError::Png(error.to_string()))
 }
 
@@ -67,11 +67,11 @@ fn encode(pixels: &Pixmap, copyright: Option<&str>) -> Result<Vec<u8>, png::Enco
 }
 
 /// Renders an SVG document on white.
-pub(crate) fn render(svg: &str, scale: f32, missing: MissingGlyphs) -> Result<Pixmap, RasterError> {
+pub(crate) fn render(svg: &str, scale: f32) -> Result<Pixmap, RasterError> {
     if !(scale.is_finite() && scale > 0.0) {
         return Err(RasterError::Scale(scale));
     }
-    let tree = Tree::from_str(svg, &svg_options(missing))?;
+    let tree = Tree::from_str(svg, &svg_options())?;
     let mut pixels = blank_picture(
         f64::from(tree.size().width()) * f64::from(scale),
         f64::from(tree.size().height()) * f64::from(scale),
@@ -83,7 +83,7 @@ pub(crate) fn render(svg: &str, scale: f32, missing: MissingGlyphs) -> Result<Pi
 
 /// Draws an SVG document on top of a picture, with one pixel for each unit of the document.
 pub(crate) fn render_onto(pixels: &mut Pixmap, svg: &str) -> Result<(), RasterError> {
-    let tree = Tree::from_str(svg, &svg_options(MissingGlyphs::FromSystem))?;
+    let tree = Tree::from_str(svg, &svg_options())?;
     resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
     Ok(())
 }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     fn dark_pixels(svg: &str, scale: f32) -> usize {
-        let pixels = render(svg, scale, MissingGlyphs::Boxes).unwrap();
+        let pixels = render(svg, scale).unwrap();
         pixels.pixels().iter().filter(|p| p.green() < 128).count()
     }
 
@@ -128,8 +128,8 @@ mod tests {
             )
         };
         assert_eq!(dark_pixels(&text(""), 1.0), 0);
-        // Characters that the font lacks are drawn as boxes and not left out.
-        let box_like = dark_pixels(&text("人"), 1.0);
+        // Characters that every font lacks are drawn as boxes and not left out.
+        let box_like = dark_pixels(&text("\u{e8ff}"), 1.0);
         assert!(box_like > 20, "{box_like}");
         for letters in ["jump", "Größe ²³×", "прыжок", "άλμα", "skočí łódź", "→ …"]
         {
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn the_scale_multiplies_both_sides() {
         let half = "<rect width='50' height='40'/>";
-        let pixels = render(&picture(100.0, half), 2.5, MissingGlyphs::Boxes).unwrap();
+        let pixels = render(&picture(100.0, half), 2.5).unwrap();
         assert_eq!((pixels.width(), pixels.height()), (250, 100));
         assert_eq!(dark_pixels(&picture(100.0, half), 2.5), 125 * 100);
         let file = png(&picture(100.0, half), 2.5).unwrap();
