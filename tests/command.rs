@@ -629,6 +629,8 @@ fn places_are_reported_and_bad_ones_are_named() {
     let record = json(&std::fs::read_to_string(folder.join("walk.json")).unwrap());
     assert_eq!(record["places"].as_array().unwrap().len(), 3);
     assert!(number(&record, "/places/1/off_m") < 0.02);
+    // Nothing is asked of the components, so there is no target.
+    assert!(record["target"].is_null());
     assert_eq!(
         record["places"][1]["asked_m"],
         serde_json::json!([0.5, null, 2.0])

@@ -491,9 +491,108 @@ await visitStudio("places", `#prompt=a+person+walks+forward&seconds=4&seed=1`, {
   check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "a link gives the places again", now.request);
   check((await nameless(page)).length === 0, "places: every control has a name", await nameless(page));
   await noOverflow(page, "places");
+  // Where the body faces on the path.
+  await page.locator("#face").selectOption("degrees");
+  await page.locator("#face-degrees").fill("90");
+  await page.locator("#face-degrees").blur();
+  await settled(page);
+  now = await state(page);
+  check(now.request.face === 90 && page.url().includes("face=90"), "the body faces a direction on its path", now.request);
+  const facing = await page.evaluate(() => {
+    const { joints } = window.studio.scene.motions.at(-1);
+    const pose = joints[Math.floor(joints.length / 2)];
+    // The left hip is on the left: a body that faces left has it behind.
+    return Math.atan2(pose[2][2] - pose[1][2], pose[1][0] - pose[2][0]) * (180 / Math.PI);
+  });
+  check(Math.abs(facing - 90) < 25, "and does", facing);
+  await page.locator("#face").selectOption("path");
+  await settled(page);
+  check((await state(page)).request.face === undefined, "along the path is what needs no words");
   await page.locator("#places-clear").click();
   await settled(page);
-  check((await state(page)).request.path === undefined, "all places are removed");
+  check((await state(page)).request.path === undefined && (await page.locator("#facing").isHidden()), "all places are removed");
+});
+
+await visitStudio("positions", `#prompt=a+person+raises+the+right+arm&seconds=3&seed=2`, { viewport: { width: 1440, height: 900 } }, async (page) => {
+  const places = () => page.evaluate(() => window.studio.scene.places ?? []);
+  /** Returns where the mark of a position is on the screen, in the view of the last motion. */
+  const mark = (i) =>
+    page.evaluate(async (i) => {
+      const { stage, wish } = window.studio;
+      while (!stage.layout) await new Promise(requestAnimationFrame);
+      const box = document.getElementById("stage").getBoundingClientRect();
+      const { cell } = stage.layout.all.at(-1);
+      const { x, y, z } = wish.reaches[i];
+      const at = stage.lensAt([cell.x + cell.width / 2, cell.y + cell.height / 2]).project([x, y, z]);
+      return [box.x + at.x, box.y + at.y, at.scale];
+    }, i);
+  await page.evaluate(() => window.studio.player.seek(1.5));
+  await page.locator("#reaches > summary").click();
+  await page.locator("#reach-add").selectOption("right-hand");
+  await settled(page);
+  let now = await state(page);
+  const first = now.wish.reaches[0];
+  check(now.wish.reaches.length === 1 && first.part === "right-hand" && first.time === 1.5 && first.y > 0.5, "a part is added where it is at that moment", now.wish.reaches);
+  check(/^right-hand@1.5=/.test(now.request.reach[0]), "and is in the request", now.request.reach);
+  check((await places())[0].off_m < 0.02, "the motion reaches it", await places());
+  const notes = await page.locator("#factors .note").allTextContents();
+  check(notes.every((text) => text.startsWith("came out")), "nothing is asked of the components beside it", notes);
+  // Dragged in the view: up by 20 cm, to the side by 10.
+  const [x, y, scale] = await mark(0);
+  const camera = await page.evaluate(() => [window.studio.stage.camera.azimuth, window.studio.stage.camera.elevation]);
+  await page.mouse.move(x, y);
+  check(await page.locator("#stage").evaluate((stage) => stage.classList.contains("on-mark")), "the cursor says that a mark can be moved");
+  await page.mouse.down();
+  await page.mouse.move(x - 0.05 * scale, y - 0.1 * scale, { steps: 4 });
+  await page.mouse.move(x - 0.1 * scale, y - 0.2 * scale, { steps: 4 });
+  await page.mouse.up();
+  await settled(page);
+  now = await state(page);
+  const moved = now.wish.reaches[0];
+  check(Math.abs(moved.y - first.y - 0.2) < 0.03, "a mark is dragged in parallel to the picture", [first, moved]);
+  check(JSON.stringify(camera) === JSON.stringify(await page.evaluate(() => [window.studio.stage.camera.azimuth, window.studio.stage.camera.elevation])), "and the camera stays");
+  let reached = await places();
+  check(reached[0].off_m < 0.03, "the motion follows", reached);
+  check((await page.locator("#reach-list output").textContent()) === `${(100 * reached[0].off_m).toFixed(1)} cm off`, "the page says how near it comes");
+  // Beside the mark, the camera turns as before.
+  await page.mouse.move(x - 0.1 * scale + 60, y + 120);
+  await page.mouse.down();
+  await page.mouse.move(x - 0.1 * scale + 120, y + 120, { steps: 3 });
+  await page.mouse.up();
+  check(camera[0] !== (await page.evaluate(() => window.studio.stage.camera.azimuth)), "beside the mark the camera turns");
+  await page.locator("#reset").click();
+  // Typed.
+  await page.locator("#reach-list [data-field='0 y']").fill("1.2");
+  await page.locator("#reach-list [data-field='0 y']").blur();
+  await settled(page);
+  check((await state(page)).wish.reaches[0].y === 1.2, "a height is typed");
+  await page.locator("#reach-add").selectOption("left-foot");
+  await settled(page);
+  now = await state(page);
+  check(now.wish.reaches.length === 2 && (await places()).length === 2, "a second part", now.request.reach);
+  await picture(page, "positions");
+  const link = page.url();
+  await page.goto("about:blank");
+  await page.goto(link);
+  await settled(page);
+  const again = await state(page);
+  check(JSON.stringify(again.request) === JSON.stringify(now.request) && JSON.stringify(again.means) === JSON.stringify(now.means), "a link gives the positions again", again.request);
+  await page.locator("#reach-list li:nth-child(2) button").click();
+  await settled(page);
+  check((await state(page)).wish.reaches.length === 1, "a position is removed");
+  await page.locator("#undo").click();
+  await settled(page);
+  check((await state(page)).wish.reaches.length === 2, "undo brings it back");
+  await page.locator("#seconds").fill("2.1");
+  await page.locator("#seconds").blur();
+  await settled(page);
+  check((await state(page)).request.reach.length === 2, "positions before the end stay when the motion gets shorter");
+  await page.locator("#reach-list [data-field='0 time']").fill("9");
+  await page.locator("#reach-list [data-field='0 time']").blur();
+  await settled(page);
+  check((await state(page)).wish.reaches[0].time === 2.1, "a moment past the end is the end");
+  check((await nameless(page)).length === 0, "positions: every control has a name", await nameless(page));
+  await noOverflow(page, "positions");
 });
 
 await visitStudio("a character", `#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, { viewport: { width: 1440, height: 900 } }, async (page) => {
@@ -627,6 +726,30 @@ await visitStudio("phone, sentences and places", `#${row}`, phone, async (page) 
   const { wish } = await state(page);
   check(wish.path.length === 3 && wish.path[2].time === 5, "a tap sets a place", wish.path);
   if (folder) await page.screenshot({ path: join(folder, "phone-row-whole.png"), fullPage: true });
+});
+await visitStudio("phone, positions", `#prompt=a+person+waves&seconds=3&seed=1&reach=right-hand%401.5%3D-0.4,1.5,0.3`, phone, async (page) => {
+  await noOverflow(page, "phone, positions");
+  // A finger takes the mark and raises it.
+  const at = await page.evaluate(async () => {
+    const { stage, wish } = window.studio;
+    window.scrollTo(0, 0);
+    while (!stage.layout) await new Promise(requestAnimationFrame);
+    const box = document.getElementById("stage").getBoundingClientRect();
+    const { cell } = stage.layout.all.at(-1);
+    const { x, y, z } = wish.reaches[0];
+    const point = stage.lensAt([cell.x + cell.width / 2, cell.y + cell.height / 2]).project([x, y, z]);
+    return [box.x + point.x, box.y + point.y, point.scale];
+  });
+  const finger = await page.context().newCDPSession(page);
+  const touch = (type, points) => finger.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y]) => ({ x, y })) });
+  await touch("touchStart", [[at[0] + 8, at[1] + 8]]);
+  for (const share of [0.3, 0.6, 1]) await touch("touchMove", [[at[0] + 8, at[1] + 8 - 0.15 * share * at[2]]]);
+  await touch("touchEnd", []);
+  await settled(page);
+  const { wish } = await state(page);
+  check(Math.abs(wish.reaches[0].y - 1.65) < 0.04, "a finger moves a mark", wish.reaches);
+  await page.locator("#reaches").scrollIntoViewIfNeeded();
+  if (folder) await page.screenshot({ path: join(folder, "phone-positions.png") });
 });
 await visitStudio("phone, dark", `#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, { ...phone, colorScheme: "dark" }, async (page) => {
   await picture(page, "phone-dark");

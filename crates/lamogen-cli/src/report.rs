@@ -34,14 +34,14 @@ pub fn measurement_json(scene: &Scene) -> Map<String, Value> {
         Value::from(motion)
     });
     whole.insert("motions".into(), motions.collect());
-    let target = scene.target.as_ref();
-    whole.insert(
-        "target".into(),
-        target.map_or(
-            Value::Null,
-            |target| json!({ "laban": laban_summaries(target), "series": laban_series(target) }),
-        ),
-    );
+    let target = asked_target(scene).map(|(target, asked)| {
+        let only_asked = |values: Value| only_components(values, &asked);
+        json!({
+            "laban": only_asked(laban_summaries(target)),
+            "series": only_asked(laban_series(target)),
+        })
+    });
+    whole.insert("target".into(), target.into());
     whole
 }
 
@@ -91,10 +91,27 @@ pub fn summary_json(scene: &Scene) -> Map<String, Value> {
         .iter()
         .map(|scene_motion| Value::from(motion_measurements(scene_motion)));
     whole.insert("motions".into(), motions.collect());
-    if let Some(target) = &scene.target {
-        whole.insert("target".into(), json!({ "laban": laban_summaries(target) }));
+    if let Some((target, asked)) = asked_target(scene) {
+        let laban = only_components(laban_summaries(target), &asked);
+        whole.insert("target".into(), json!({ "laban": laban }));
     }
     whole
+}
+
+/// Returns the target of a scene with the components that something was asked of. Returns `None` if there are none.
+fn asked_target(scene: &Scene) -> Option<(&LabanSeries, Vec<Component>)> {
+    let is_asked = |component: &Component| !scene.free[component.index()];
+    let asked: Vec<Component> = Component::ALL.into_iter().filter(is_asked).collect();
+    let target = scene.target.as_ref().filter(|_| !asked.is_empty())?;
+    Some((target, asked))
+}
+
+/// Keeps only some components of a JSON object with a value for every component.
+fn only_components(mut values: Value, components: &[Component]) -> Value {
+    if let Some(values) = values.as_object_mut() {
+        values.retain(|key, _| components.iter().any(|&kept| component_key(kept) == *key));
+    }
+    values
 }
 
 /// Returns the facts about a scene, without its motions.

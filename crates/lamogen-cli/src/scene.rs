@@ -67,6 +67,18 @@ impl SceneMotion {
     }
 }
 
+/// Returns a target in which the components that may become anything are not a number, so that no table and no picture shows
+/// what was not asked for.
+fn without_free(target: &LabanSeries, free: [bool; COMPONENTS]) -> LabanSeries {
+    let frames = target.frames().iter().map(|features| {
+        std::array::from_fn(|at| match free[at] {
+            true => f32::NAN,
+            false => features[at],
+        })
+    });
+    LabanSeries::from_frames(frames.collect())
+}
+
 /// One motion, or several motions that belong together.
 pub struct Scene {
     pub title: String,
@@ -74,9 +86,9 @@ pub struct Scene {
     pub notes: String,
     /// The motions. The last one is the main motion, which motion files contain.
     pub motions: Vec<SceneMotion>,
-    /// The Laban features to reach, if the main motion was guided.
+    /// The Laban features to reach, if the main motion was guided. Those that may become anything are not a number.
     pub target: Option<LabanSeries>,
-    /// For each component, whether it may become anything, whatever the target contains.
+    /// For each component, whether it may become anything.
     pub free: [bool; COMPONENTS],
     /// Laban features of the parts of the body that have goals of their own, and of the rest.
     pub parts: Vec<PartLaban>,
@@ -166,6 +178,7 @@ impl Scene {
             seed,
         ];
         let notes: Vec<String> = notes.into_iter().flatten().collect();
+        let free = Component::ALL.map(|component| generation.goals.is_free(component));
         Scene {
             title,
             notes: notes.join(", "),
@@ -175,8 +188,8 @@ impl Scene {
             } else {
                 vec![guided]
             },
-            target: is_guided.then_some(generation.target),
-            free: Component::ALL.map(|component| generation.goals.is_free(component)),
+            target: is_guided.then(|| without_free(&generation.target, free)),
+            free,
             parts: generation.parts,
             places: generation.places,
             facts,

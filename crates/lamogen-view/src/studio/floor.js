@@ -37,6 +37,13 @@ class Floor {
       const [x, z] = way > 0 ? [(last.x - before.x) / way, (last.z - before.z) / way] : [0, 1];
       this.insert(last.x + x, last.z + z);
     });
+    const turn = () => {
+      const degrees = Number(this.degrees.value);
+      this.wish.face = this.face.value === "degrees" ? number(Math.min(Math.max(Number.isFinite(degrees) ? degrees : 0, -MOST_DEGREES), MOST_DEGREES)) : this.face.value;
+      this.change(true);
+    };
+    this.face.addEventListener("change", turn);
+    this.degrees.addEventListener("change", turn);
     this.clear.addEventListener("click", () => {
       this.wish.path = [];
       this.selected = null;
@@ -160,6 +167,11 @@ class Floor {
     if (this.selected !== null && this.selected >= this.path.length) this.selected = null;
     this.add.disabled = this.path.length >= MOST_PLACES;
     this.clear.disabled = this.path.length === 0;
+    this.facing.hidden = this.path.length === 0;
+    const isDirection = typeof wish.face === "number";
+    this.face.value = isDirection ? "degrees" : wish.face;
+    this.degrees.closest("label").hidden = !isDirection;
+    if (document.activeElement !== this.degrees) this.degrees.value = isDirection ? wish.face : 0;
     this.showList();
     this.showMap();
   }

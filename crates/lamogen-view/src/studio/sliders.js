@@ -68,18 +68,21 @@ class FactorSliders {
     this.sliders.forEach((slider, c) => slider.show(sentence.factors[c], sentence.keys[c].length > 0));
   }
 
-  /** Shows what was asked and what came out, as means over time, or over the frames `[from, until]` of a sentence. A scene that is null has nothing to show. */
+  /**
+   * Shows what was asked and what came out, as means over time, or over the frames `[from, until]` of a sentence. Nothing may have been asked of a component, beside
+   * places. A scene that is null has nothing to show.
+   */
   showResult(scene, frames = null) {
     this.sliders.forEach((slider, c) => {
       const { key } = this.components[c];
       const average = (motion) => {
-        if (!motion || !frames) return motion?.laban[key].mean;
+        if (!motion?.laban[key] || !frames) return motion?.laban[key]?.mean;
         const values = motion.series[key].slice(...frames).filter(Number.isFinite);
         return values.reduce((sum, value) => sum + value, 0) / values.length;
       };
       const [before, asked, after] = scene ? [scene.motions[0], scene.target, scene.motions[1]].map(average) : [];
-      const isGuided = scene?.target && before > 0;
-      slider.note.textContent = isGuided ? `asked ${asChange(asked / before)}, came out ${asChange(after / before)}` : "";
+      const outcome = before > 0 && after !== undefined ? `came out ${asChange(after / before)}` : "";
+      slider.note.textContent = outcome && asked !== undefined ? `asked ${asChange(asked / before)}, ${outcome}` : outcome;
     });
   }
 }

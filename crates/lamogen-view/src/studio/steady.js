@@ -1,11 +1,51 @@
-// A stage whose view stays where it is while motions follow one another, with the places that were asked for on its ground.
+// A stage whose view stays where it is while motions follow one another, with the places and positions that were asked for.
 
 /** The radius of the ring at a place on the floor, in metres. */
 const RING = 0.12;
 
-/** A scene with rings at places on the floor. */
+/** The size of the mark of a position, in pixels, and the time for which it is bright, in seconds. */
+const REACH_MARK = 7;
+const REACH_TIME = 0.3;
+
+/** A scene with rings at places on the floor, and marks at positions that hands, feet and head reach. */
 class MarkedScene extends Scene {
   places = [];
+  reaches = [];
+  /** The number of the chosen mark, or null. */
+  selectedReach = null;
+
+  draw(figures, time, lens, cell, appearance) {
+    super.draw(figures, time, lens, cell, appearance);
+    const { context } = this;
+    context.save();
+    context.beginPath();
+    context.rect(cell.x, cell.y, cell.width, cell.height);
+    context.clip();
+    context.strokeStyle = context.fillStyle = appearance.mark;
+    context.font = "12px system-ui, sans-serif";
+    context.textAlign = "center";
+    this.reaches.forEach(({ part, time: moment, x, y, z }, i) => {
+      const [at, below] = [lens.project([x, y, z]), lens.project([x, 0, z])];
+      if (Math.min(at.depth, below.depth) < 0.1) return;
+      context.globalAlpha = Math.abs(time - moment) < REACH_TIME ? 1 : 0.45;
+      // The line to the floor shows how far away the position is.
+      context.lineWidth = 1;
+      context.setLineDash([2, 4]);
+      context.beginPath();
+      context.moveTo(below.x, below.y);
+      context.lineTo(at.x, at.y);
+      context.stroke();
+      context.setLineDash([]);
+      context.lineWidth = 2;
+      context.beginPath();
+      for (const [right, down] of [[0, -1], [1, 0], [0, 1], [-1, 0]]) context.lineTo(at.x + right * REACH_MARK, at.y + down * REACH_MARK);
+      context.closePath();
+      if (i === this.selectedReach) context.fill();
+      context.stroke();
+      context.fillText(`${part} ${number(moment)} s`, at.x, at.y - REACH_MARK - 5);
+    });
+    context.restore();
+  }
 
   drawGround(lens, cell, appearance) {
     super.drawGround(lens, cell, appearance);
@@ -53,6 +93,13 @@ class SteadyStage extends Stage {
         if (motion.isDrawnElsewhere) painter.draw(motion.bones, Math.min(player.time, motion.duration), lens, cell, ratio, motion.isGrey ? 0.85 : 0);
       }
     }
+  }
+
+  /** Returns the projection of the view under a point of the canvas, or null before the first arrangement. */
+  lensAt([x, y]) {
+    if (!this.layout) return null;
+    const view = this.layout.all.find(({ cell }) => x >= cell.x && x < cell.x + cell.width && y >= cell.y && y < cell.y + cell.height);
+    return view ? new Lens(this.camera, this.layout.fit, this.focus(view.shown, this.player.time), view.cell) : null;
   }
 
   arrange(dark) {

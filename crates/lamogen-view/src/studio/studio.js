@@ -46,7 +46,7 @@ function say(text) {
 
 /** Says what is wrong in the place where it is: the field that the problem names, or above the fields. */
 function showProblem(place, text) {
-  const places = { prompt: "prompt-problem", seconds: "seconds-problem", seed: "seed-problem", part: "part-problem", path: "path-problem", file: "file-problem", keep: "keep-problem" };
+  const places = { prompt: "prompt-problem", seconds: "seconds-problem", seed: "seed-problem", part: "part-problem", path: "path-problem", face: "path-problem", reach: "reach-problem", file: "file-problem", keep: "keep-problem" };
   for (const id of Object.values(places)) byId(id).hidden = true;
   for (const id of ["prompt", "seconds", "seed"]) byId(id).removeAttribute("aria-invalid");
   byId("problem").hidden = true;
@@ -135,7 +135,8 @@ async function start() {
       add(main, isGuided ? "guided" : "text alone", isGuided ? RED : GREY, false);
       if (isGuided) {
         curve("text alone", GREY, scene.motions[0].series);
-        curve("asked", RED, scene.target.series, true);
+        // Of components that may become anything there is no target.
+        if (scene.target) curve("asked", RED, scene.target.series, true);
       }
       curve(isGuided ? "guided" : "text alone", isGuided ? RED : GREY, main.series);
     }
@@ -158,7 +159,7 @@ async function start() {
     const borders = (scene?.sentences ?? []).slice(1).map(({ from }) => from);
     charts = components.map((component) => {
       const [less, more] = component.words.map(({ word }) => word);
-      const lines = curves.map(({ series, ...rest }) => ({ ...rest, values: series[component.key] }));
+      const lines = curves.filter(({ series }) => series[component.key]).map(({ series, ...rest }) => ({ ...rest, values: series[component.key] }));
       return new Chart(byId("charts"), { ...component, less, more }, lines, rate, player.duration, (time) => player.goTo(time * rate), borders);
     });
     byId("scrub").max = String(player.frames - 1);
@@ -241,6 +242,7 @@ async function start() {
     showNumbers();
     const main = scene.motions[scene.motions.length - 1];
     floor.showResult(main.joints.map(([[x, , z]]) => [x, z]), scene.places ?? []);
+    reaches.showResult(scene.places ?? []);
   }
 
   /** Shows at the sliders what was asked of the chosen sentence and what came out. */
@@ -342,6 +344,7 @@ async function start() {
   const floor = new Floor(
     {
       map: byId("floor"), list: byId("place-list"), note: byId("floor-note"), add: byId("place-add"), clear: byId("places-clear"),
+      facing: byId("facing"), face: byId("face"), degrees: byId("face-degrees"),
       time: () => player.time,
     },
     {
@@ -354,6 +357,19 @@ async function start() {
     },
   );
   byId("places").addEventListener("toggle", () => floor.show(wish));
+  const reaches = new Reaches(
+    { view: byId("stage"), pick: byId("reach-add"), list: byId("reach-list"), note: byId("reach-note"), clear: byId("reaches-clear") },
+    stage,
+    {
+      time: () => player.time,
+      where: (joint, time) => scene?.motions.at(-1).joints[Math.min(Math.round(time * rate), scene.motions.at(-1).joints.length - 1)]?.[index[joint]],
+      moved(isReleased) {
+        ask(!isReleased);
+        redraw();
+      },
+      turned: () => redraw(),
+    },
+  );
 
   /** Shows whether the motion is a loop, and why it cannot be one. */
   function showLoop() {
@@ -378,6 +394,8 @@ async function start() {
     if (wish.path.length) byId("places").open = true;
     stage.scene.places = wish.path;
     floor.show(wish);
+    if (wish.reaches.length) byId("reaches").open = true;
+    reaches.show(wish);
     showDropped();
   }
 
@@ -603,6 +621,7 @@ async function start() {
     player,
     stage,
     floor,
+    reaches,
     get request() { return toRequest(wish, components); },
   };
   say("");

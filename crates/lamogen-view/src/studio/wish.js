@@ -3,6 +3,8 @@
 const LOWEST = 0.2;
 const HIGHEST = 2;
 const EFFORTS = 3;
+/** The largest turn of the body on its path, in degrees. */
+const MOST_DEGREES = 360;
 
 /** The length of the longest sentence in seconds. */
 const LONGEST_SENTENCE = 60;
@@ -33,6 +35,10 @@ function newWish(components) {
     like: null,
     /** Places on the floor in the order of time: [{ time, x, z }], x to the left of how the body stands at the start, z forward. */
     path: [],
+    /** Where the body faces on its path: "path" (along it), "free", or degrees to the left of the start. */
+    face: "path",
+    /** Positions of parts of the body: [{ part, time, x, y, z }], x and z as in the path, y up from the floor. */
+    reaches: [],
   };
 }
 
@@ -49,12 +55,14 @@ const beginning = (wish, i) => wish.sentences.slice(0, i).reduce((sum, { seconds
 /** Returns whether a motion can be a loop: one sentence that goes its own way. */
 const canLoop = (wish) => wish.sentences.length === 1 && wish.path.length === 0;
 
-/** Removes what is past an end: keys of sentences, places. */
+/** Removes what is past an end: keys of sentences, places, positions. */
 function prune(wish) {
   for (const sentence of wish.sentences) {
     sentence.keys = sentence.keys.map((keys) => keys.filter(({ time }) => time < sentence.seconds - KEY_STEP / 2));
   }
-  wish.path = wish.path.filter(({ time }) => time <= totalSeconds(wish) + 1e-6);
+  const total = totalSeconds(wish) + 1e-6;
+  wish.path = wish.path.filter(({ time }) => time <= total);
+  wish.reaches = wish.reaches.filter(({ time }) => time <= total);
   if (!canLoop(wish)) wish.loop = false;
   return wish;
 }
@@ -76,6 +84,28 @@ function partText({ part, factors }, components) {
 /** Returns places as the server reads them. */
 const pathText = (path) => path.map(({ time, x, z }) => `${number(time)}:${number(x)},${number(z)}`).join(" ");
 
+/** Returns a position of a part of the body as the server reads it. */
+const reachText = ({ part, time, x, y, z }) => `${part}@${number(time)}=${number(x)},${number(y)},${number(z)}`;
+
+/** Reads where the body faces: "path", "free" or degrees. */
+function readFace(text) {
+  if (text === "free") return "free";
+  const degrees = text === null || text.trim() === "" ? NaN : Number(text);
+  return Math.abs(degrees) <= MOST_DEGREES ? degrees : "path";
+}
+
+/** Reads positions of parts of the body; those that are not valid are left out. */
+function readReaches(texts) {
+  const reaches = [];
+  for (const text of texts) {
+    const [part, rest = ""] = text.split("@");
+    const [time, x, y, z, ...more] = rest.split(/[=,]/).map((value) => (value.trim() === "" ? NaN : Number(value)));
+    const isTaken = reaches.some((other) => other.part === part && Math.abs(other.time - time) < KEY_STEP / 2);
+    if (part in REACH_PARTS && time >= 0 && [x, y, z].every(Number.isFinite) && more.length === 0 && !isTaken && reaches.length < MOST_REACHES) reaches.push({ part, time, x, y, z });
+  }
+  return reaches;
+}
+
 /** Returns the fields of a sentence in a request. */
 function sentenceRequest(sentence, components) {
   const request = { prompt: sentence.prompt, seconds: number(sentence.seconds) };
@@ -90,7 +120,7 @@ function sentenceRequest(sentence, components) {
 
 /** Returns the request of a wish. */
 function toRequest(wish, components) {
-  const { sentences, seed, loop, like, path } = prune(copyWish(wish));
+  const { sentences, seed, loop, like, path, face, reaches } = prune(copyWish(wish));
   const [first, ...others] = sentences.map((sentence) => sentenceRequest(sentence, components));
   const request = { ...first, seed };
   if (loop) request.loop = true;
@@ -100,7 +130,11 @@ function toRequest(wish, components) {
     if (request.part) components.slice(0, EFFORTS).forEach(({ key }) => (request[key] ??= 1));
   }
   if (others.length > 0) request.then = others;
-  if (path.length > 0) request.path = pathText(path);
+  if (path.length > 0) {
+    request.path = pathText(path);
+    if (face !== "path") request.face = face;
+  }
+  if (reaches.length > 0) request.reach = reaches.map(reachText);
   return request;
 }
 
@@ -115,8 +149,9 @@ function describeWish(wish, components) {
     return [`“${sentence.prompt}”`, `${number(sentence.seconds)} s`, ...words, ...parts].filter(Boolean).join(", ");
   });
   const places = wish.path.length ? `${wish.path.length} ${wish.path.length === 1 ? "place" : "places"}` : null;
+  const reached = wish.reaches.length ? `${wish.reaches.length} ${wish.reaches.length === 1 ? "position" : "positions"}` : null;
   const like = wish.like ? `like ${wish.like.name}` : null;
-  return [sentences.join("; then "), `seed ${wish.seed}`, wish.loop ? "loop" : null, like, places].filter(Boolean).join(", ");
+  return [sentences.join("; then "), `seed ${wish.seed}`, wish.loop ? "loop" : null, like, places, reached].filter(Boolean).join(", ");
 }
 
 /** Encodes 32-bit floats for an address. */
@@ -142,12 +177,14 @@ function sentenceFields(sentence, components) {
 
 /** Returns the fragment of the address that gives a wish again. A further sentence is a field with fields of its own. */
 function toFragment(wish, components) {
-  const { sentences, seed, loop, like, path } = wish;
+  const { sentences, seed, loop, like, path, face, reaches } = wish;
   const [fields, ...others] = sentences.map((sentence) => sentenceFields(sentence, components));
   fields.set("seed", seed);
   if (loop) fields.set("loop", "1");
   for (const other of others) fields.append("then", String(other));
   if (path.length > 0) fields.set("path", pathText(path));
+  if (path.length > 0 && face !== "path") fields.set("face", face);
+  for (const reach of reaches) fields.append("reach", reachText(reach));
   if (like) {
     fields.set("like", like.name);
     fields.set("series", encodeSeries(like.series, components));
@@ -204,6 +241,8 @@ function fromFragment(fragment, components) {
     const isLater = time > (wish.path.at(-1)?.time ?? 0);
     if (more.length === 0 && isLater && Number.isFinite(x) && Number.isFinite(z)) wish.path.push({ time, x, z });
   }
+  wish.face = readFace(fields.get("face"));
+  wish.reaches = readReaches(fields.getAll("reach"));
   if (fields.has("series")) {
     try {
       wish.like = { name: fields.get("like") ?? "a motion", series: decodeSeries(fields.get("series"), components) };
