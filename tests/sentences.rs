@@ -2,8 +2,8 @@
 
 use lamogen::motion::Placement;
 use lamogen::{
-    BodyPart, Device, Generation, Joint, LaMoGen, LabanOptions, LabanSeries, Motion, PartScale,
-    Preset, Request, Tag,
+    BodyPart, Device, Facing, Generation, Joint, LaMoGen, LabanOptions, LabanSeries, Motion,
+    PartScale, PlaceOutcome, Preset, Request, Tag,
 };
 
 fn model() -> LaMoGen {
@@ -181,6 +181,79 @@ fn a_motion_leads_from_one_to_another() {
 }
 
 #[test]
+fn a_motion_goes_on_from_another_through_places() {
+    let model = model();
+    let clip = |sentence: &str, seed| {
+        let request = Request::new(sentence).seconds(3.0).seed(seed);
+        model.generate(&request).unwrap().baseline
+    };
+    let walk = clip("a person walks forward", 1);
+    // The clip may stand and face anywhere: here two metres away, facing left.
+    let start = Placement::of(&walk.joints()[0]);
+    let mut elsewhere = walk.joints()[0];
+    for [x, _, z] in &mut elsewhere {
+        [*x, *z] = [2.0 + *z, 1.0 - *x];
+    }
+    let elsewhere = start.to(&Placement::of(&elsewhere));
+    let walk = Motion::from_rotations(elsewhere.of_rotations(&walk.rotations())).unwrap();
+    let end = Placement::of(walk.joints().last().unwrap());
+    let kick = clip("a person kicks", 1);
+    let onward = || {
+        let request = Request::new("a person walks forward").seconds(4.0).seed(2);
+        request.after(&walk)
+    };
+    let path = "0:0,0 2:0.6,1.6 4:1.6,2.2";
+    for (name, request) in [
+        ("path", onward().path(path.parse().unwrap())),
+        ("tag", onward().path(path.parse().unwrap()).tag(Tag::Light)),
+        (
+            "facing",
+            onward()
+                .path(path.parse().unwrap())
+                .facing(Facing::degrees(-40.0).unwrap()),
+        ),
+        // Against the way that the sentence goes, the network stretches its legs.
+        (
+            "reach",
+            Request::new("a person walks backward")
+                .seconds(4.0)
+                .seed(2)
+                .after(&walk)
+                .reach("left-hand@2=0.4,1.5,2".parse().unwrap()),
+        ),
+        ("before", onward().path(path.parse().unwrap()).before(&kick)),
+    ] {
+        let generation = model.generate(&request).unwrap();
+        let motion = &generation.guided;
+        assert_eq!(motion.frames(), 80);
+        let off = |outcome: &PlaceOutcome| outcome.distance();
+        let farthest = generation.places.iter().map(off).fold(0.0, f32::max);
+        assert!(farthest < 0.02, "{name}: {:?}", generation.places);
+        // What is said is so in the motion that is returned: seen from where the clip ends.
+        let seen = |frame: usize, joint: Joint| {
+            end.to(&Placement::ORIGIN)
+                .of_point(motion.position(frame, joint))
+        };
+        for (frame, joint, x, z) in match name {
+            "reach" => vec![(40, Joint::LeftWrist, 0.4, 2.0)],
+            _ => vec![(40, Joint::Pelvis, 0.6, 1.6), (79, Joint::Pelvis, 1.6, 2.2)],
+        } {
+            let found = seen(frame, joint);
+            let off = (found[0] - x).hypot(found[2] - z);
+            assert!(off < 0.025, "{name}: {found:?} at {frame}");
+        }
+        if name == "facing" {
+            let poses = motion.joints();
+            let turned = Placement::of(&poses[60]).heading() - end.heading();
+            let turned = turned.sin().atan2(turned.cos()).to_degrees();
+            assert!((turned + 40.0).abs() < 20.0, "{turned}");
+        }
+        let joints = [walk.joints(), motion.joints()].concat();
+        is_smooth_at(&joints, walk.frames(), 1.2);
+    }
+}
+
+#[test]
 fn what_cannot_be_made_is_said() {
     let model = model();
     let walk = || Request::new("a person walks").seconds(3.0);
@@ -214,8 +287,8 @@ fn what_cannot_be_made_is_said() {
             &["loop without a motion before"],
         ),
         (
-            walk().after(&clip).path("0:0,0 2:1,0".parse().unwrap()),
-            &["expected places, or a motion", "found both"],
+            walk().after(&clip).path("4:0,1".parse().unwrap()),
+            &["4 s", "0 to 3 s"],
         ),
         (walk().after(&frame), &["at least 2 frames", "found 1"]),
         (walk().before(&frame), &["at least 2 frames", "found 1"]),

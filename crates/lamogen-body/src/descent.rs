@@ -11,6 +11,9 @@ const MEMORY: usize = 8;
 const ARMIJO: f64 = 1e-4;
 /// How often a step is shortened before its direction is given up.
 const MAX_SHORTENINGS: usize = 10;
+/// How often a step along the preconditioned gradient is shortened, of which the scale is known only roughly, before the minimiser
+/// stops.
+const MAX_FIRST_SHORTENINGS: usize = 40;
 /// A step with a smaller relative decrease than this counts as stalled.
 const MIN_DECREASE: f64 = 1e-6;
 /// The number of stalled steps in a row after which the minimiser stops.
@@ -172,7 +175,11 @@ impl Minimizer {
     /// Shortens the step after a rejected trial point; `value` is the value found there.
     fn shorten_step(&mut self, value: f64, precondition: &dyn Fn(&mut [f64])) {
         self.shortenings += 1;
-        if self.shortenings > MAX_SHORTENINGS {
+        let most = match self.memory.is_empty() {
+            true => MAX_FIRST_SHORTENINGS,
+            false => MAX_SHORTENINGS,
+        };
+        if self.shortenings > most {
             self.is_done = self.memory.is_empty();
             self.memory.clear();
             if !self.is_done {
@@ -242,6 +249,19 @@ mod tests {
             }
         }
         minimizer
+    }
+
+    #[test]
+    fn a_scale_that_is_wrong_by_a_million_is_found() {
+        let function = |x: &[f64]| {
+            (
+                x[0].powi(4) + x[0].powi(2),
+                vec![4.0 * x[0].powi(3) + 2.0 * x[0]],
+            )
+        };
+        let precondition = |step: &mut [f64]| step.iter_mut().for_each(|x| *x *= 1e6);
+        let found = minimise(vec![1.0], function, &precondition, 100);
+        assert!(found.point()[0].abs() < 1e-3, "{found:?}");
     }
 
     #[test]

@@ -24,6 +24,8 @@ const SEAM_FRAMES: usize = 3;
 /// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
 /// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
 const STIFF_CURVATURE: f64 = 80.0;
+/// The number of frames after held ones over which the body comes to its own height: one second.
+const HEIGHT_FRAMES: usize = 20;
 
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
@@ -35,7 +37,8 @@ struct LoopSeam {
 }
 
 /// Puts the frames that a fit begins with in the place of the first ones. The others are moved along the ground, since a path
-/// that was scaled to the body's size does not lead on from them.
+/// that was scaled to the body's size does not lead on from them. So was their height, by legs that a network stretches little by
+/// little after frames that are known to it; they come to it within a second.
 fn hold_start(
     start: &Rotations,
     reference: &mut [[DVec3; JOINTS]],
@@ -47,9 +50,14 @@ fn hold_start(
         .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
         .collect();
     if let Some(last) = poses.last() {
-        let shift = (last[0] - reference[held - 1][0]) * DVec3::new(1.0, 0.0, 1.0);
-        for place in reference[held..].as_flattened_mut() {
-            *place += shift;
+        let shift = last[0] - reference[held - 1][0];
+        for (t, pose) in reference[held..].iter_mut().enumerate() {
+            let part = ((t + 1) as f64 / HEIGHT_FRAMES as f64).min(1.0);
+            let height = 1.0 - part * part * (3.0 - 2.0 * part);
+            let shift = shift * DVec3::new(1.0, height, 1.0);
+            for place in pose {
+                *place += shift;
+            }
         }
     }
     reference[..held].copy_from_slice(&poses);

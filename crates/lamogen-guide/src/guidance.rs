@@ -8,7 +8,7 @@ use lamogen_laban::{COMPONENTS, LabanOptions, LossDivisor};
 
 use crate::error::GuideError;
 use crate::loss_term::LossTerms;
-use crate::places::Places;
+use crate::places::{PlaceOrigin, Places};
 use crate::schedule::TRAINING_STEPS;
 
 /// The body on which motions are measured, guided and returned.
@@ -165,6 +165,8 @@ pub struct Guidance {
     pub loss_terms: LossTerms,
     /// Places at which all bodies of the run shall be; motions of a run with places have the same length. Default: none.
     pub places: Places,
+    /// Where the places are counted from, if some frames of the motions are known before they are made. Default: the start.
+    pub place_origin: Option<PlaceOrigin>,
 }
 
 /// Guidance options together with the number of DDIM steps that they were chosen for.
@@ -254,6 +256,7 @@ impl Guidance {
             laban: LabanOptions::default(),
             loss_terms: LossTerms::default(),
             places: Places::default(),
+            place_origin: None,
         }
     }
 

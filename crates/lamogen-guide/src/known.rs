@@ -102,10 +102,15 @@ impl KnownFrames {
         }
     }
 
+    /// Puts the known frames in the place of those that are predicted, `[1, frames, features]`.
+    pub(crate) fn restore(&self, predicted: Tensor<3>) -> Tensor<3> {
+        predicted * self.unknown.clone() + self.values.clone()
+    }
+
     /// Puts the known frames in the place of those that are predicted, `[1, frames, features]`, and leads the frames beside them
     /// on from there.
     pub(crate) fn replace(&self, predicted: Tensor<3>) -> Tensor<3> {
-        let replaced = predicted * self.unknown.clone() + self.values.clone();
+        let replaced = self.restore(predicted);
         { self.transitions.iter() }.fold(replaced.clone(), |motion, transition| {
             motion + transition.change(&replaced)
         })

@@ -366,13 +366,15 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
             Some(closure) => closure.close(clean),
             None => clean,
         };
-        let clean = match &self.root_plan {
-            Some(plan) => plan.apply(clean),
-            None => clean,
-        };
-        match state.known {
+        let clean = match state.known {
             Some(known) => known.replace(clean),
             None => clean,
+        };
+        match (&self.root_plan, state.known) {
+            (None, _) => clean,
+            (Some(plan), None) => plan.apply(clean),
+            // The plan leads on from where the known frames end, so that no jump is left to be spread.
+            (Some(plan), Some(known)) => known.restore(plan.apply(clean)),
         }
     }
 

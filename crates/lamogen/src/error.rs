@@ -208,9 +208,6 @@ pub enum RequestError {
     /// A place is beyond the motion, or there are two at one moment.
     #[error(transparent)]
     Places(#[from] PlaceError),
-    /// Places are requested beside a motion to continue or to lead to.
-    #[error("expected places, or a motion to go on from or to lead to; found both")]
-    PlacesBesideMotion,
     /// A loop is requested of several sentences.
     #[error("expected one sentence for a loop, found several")]
     LoopOfSentences,

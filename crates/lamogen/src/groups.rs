@@ -2,7 +2,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use lamogen_guide::{Body, Guidance, Pass, Preset, Schedule, Tiling, longest_loop};
+use lamogen_guide::{Body, Guidance, Pass, PlaceOrigin, Preset, Schedule, Tiling, longest_loop};
 use lamogen_laban::{EndEffectors, Goals, Scale};
 use lamogen_model::{Denoiser, MotionWindow, Tokenizer, Tokens};
 use lamogen_motion::{POSE_FEATURES, RootMotion};
@@ -380,7 +380,7 @@ pub(crate) fn assign_to_group(
     let preset = request.preset.unwrap_or(default);
     let steps = request.steps.unwrap_or(default_steps(preset, model));
     Schedule::new(model.noise_schedule()).ddim(steps)?;
-    let guidance = requested_guidance(request, default);
+    let mut guidance = requested_guidance(request, default);
     guidance.check()?;
     let (start, end) = known_frames(request, model.window())?;
     let is_looped = request.is_looped;
@@ -414,9 +414,11 @@ pub(crate) fn assign_to_group(
         true => tiling(&segments, [before, end.len()], *lengths.end()),
         false => None,
     };
-    guidance.places.check(frames)?;
+    guidance.places.check(requested)?;
     if !guidance.places.is_empty() && kept != (0..frames) {
-        return Err(RequestError::PlacesBesideMotion);
+        let before = start.as_ref();
+        let before = before.map_or(Vec::new(), |start| start.guided().rotations.joints());
+        guidance.place_origin = Some(PlaceOrigin::new(&before, kept.clone()));
     }
     if is_looped && guidance.places.path.is_some() {
         return Err(RequestError::PathOfLoop);

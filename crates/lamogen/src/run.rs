@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use burn::tensor::{Tensor, TensorData};
 use lamogen_guide::{
     Batch, ClassifierFree, Continuation, GuideError, KnownFrames, LabanComparison, Looped, Pass,
-    Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
+    PlaceOutcome, Rig, Sampler, Step, StepNoise, TermComparison, Tiled, noise,
 };
 use lamogen_laban::{COMPONENTS, Goals, LabanSeries};
 use lamogen_model::{Denoiser, MotionWindow, SamplingMethod, TokenBatch, Tokens};
@@ -211,7 +211,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 unseen_words: self.unseen_words(job.request),
                 stand_in: self.stand_in(job.request),
                 goals: goals[index].clone(),
-                places: self.group.guidance.places.outcomes(&motion),
+                places: self.place_outcomes(&motion),
                 guided: motion,
                 baseline,
                 network: NetworkMotions {
@@ -228,6 +228,14 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
             (job.request, generation)
         });
         Ok(self.kept(generations.collect()))
+    }
+
+    /// Measures the places of a motion, before what is known beside it is removed.
+    fn place_outcomes(&self, motion: &Motion) -> Vec<PlaceOutcome> {
+        let guidance = &self.group.guidance;
+        guidance
+            .places
+            .outcomes_from(guidance.place_origin.as_ref(), motion)
     }
 
     /// Prepares a pass, and makes it.

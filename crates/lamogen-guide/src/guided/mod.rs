@@ -81,7 +81,12 @@ impl<D: Denoiser> Sampler<'_, D> {
         let batch = conditioned.as_ref().unwrap_or(batch);
         // Windows begin at the origin of their own, so the way of the root is planned for whole motions only.
         let root_plan = match self.model.window() {
-            None => RootPlan::new(&guidance.places, lengths, self.normalization),
+            None => RootPlan::new(
+                &guidance.places,
+                guidance.place_origin.as_ref(),
+                lengths,
+                self.normalization,
+            ),
             Some(_) => None,
         };
         let planned = self.with_root_plan(root_plan);

@@ -119,7 +119,9 @@ impl Targets {
         };
         let others = guidance.loss_terms.iter();
         let others = others.map(|term| prepare(term, importance));
-        let places = guidance.places.terms(longest);
+        let places = guidance
+            .places
+            .terms_from(guidance.place_origin.as_ref(), longest);
         let places = places.iter().map(|term| prepare(term, place_importance));
         Ok(Targets {
             laban: laban.collect::<Result<_, GuideError>>()?,

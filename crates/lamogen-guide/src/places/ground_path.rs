@@ -75,6 +75,11 @@ impl GroundPath {
         }
     }
 
+    /// Makes a path of at least one place, in the order of time.
+    pub(super) fn of_checked(waypoints: Vec<Waypoint>) -> GroundPath {
+        GroundPath { waypoints }
+    }
+
     /// Returns the places in the order of time.
     pub fn waypoints(&self) -> &[Waypoint] {
         &self.waypoints

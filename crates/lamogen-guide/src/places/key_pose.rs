@@ -30,6 +30,14 @@ impl KeyPose {
         })
     }
 
+    /// Returns the same pose at another moment.
+    pub(super) fn moved(&self, seconds: f32) -> KeyPose {
+        KeyPose {
+            seconds,
+            joints: self.joints.clone(),
+        }
+    }
+
     /// Returns the moment in seconds.
     pub fn seconds(&self) -> f32 {
         self.seconds

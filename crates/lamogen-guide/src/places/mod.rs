@@ -7,18 +7,21 @@
 //! ```
 //!
 //! Positions are in metres, relative to the start of the motion: x to the left of how the body stands at the start, y up
-//! from the floor, z forward. The pelvis starts at x = z = 0.
+//! from the floor, z forward. The pelvis starts at x = z = 0. A motion that goes on from another one counts from where that one
+//! ends ([`PlaceOrigin`]).
 
 mod error;
 mod facing;
 mod ground_path;
 mod key_pose;
+mod origin;
 mod outcome;
 mod reach;
 mod root_plan;
 mod spline;
 mod terms;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use lamogen_motion::{FRAMES_PER_SECOND, Motion};
@@ -28,6 +31,7 @@ pub use error::PlaceError;
 pub use facing::Facing;
 pub use ground_path::{GroundPath, Waypoint};
 pub use key_pose::KeyPose;
+pub use origin::PlaceOrigin;
 pub use outcome::PlaceOutcome;
 pub use reach::{Reach, ReachPart};
 pub(crate) use root_plan::RootPlan;
@@ -106,19 +110,37 @@ impl Places {
         Ok(())
     }
 
+    /// Returns the places where they are in a motion with known frames, in which they are counted from an origin.
+    pub(crate) fn counted_from(&self, origin: Option<&PlaceOrigin>) -> Cow<'_, Places> {
+        match origin {
+            Some(origin) => Cow::Owned(origin.places(self)),
+            None => Cow::Borrowed(self),
+        }
+    }
+
     /// Returns the terms of the loss for a motion of `frames` frames.
     pub fn terms(&self, frames: usize) -> Vec<Arc<dyn LossTerm>> {
+        self.terms_from(None, frames)
+    }
+
+    /// Returns the terms of the loss for a motion of `frames` frames, with known frames of which places are counted from an origin.
+    pub(crate) fn terms_from(
+        &self,
+        origin: Option<&PlaceOrigin>,
+        frames: usize,
+    ) -> Vec<Arc<dyn LossTerm>> {
+        let places = self.counted_from(origin);
         let mut all: Vec<Arc<dyn LossTerm>> = Vec::new();
-        if let Some(path) = &self.path {
+        if let Some(path) = &places.path {
             all.push(Arc::new(terms::PathTerm::new(path, frames)));
-            if let Some(directions) = root_plan::directions(path, self.facing, frames) {
+            if let Some(directions) = root_plan::directions(path, places.facing, origin, frames) {
                 all.push(Arc::new(terms::FacingTerm::new(directions)));
             }
         }
-        for reach in &self.reaches {
+        for reach in &places.reaches {
             all.push(Arc::new(terms::ReachTerm::new(*reach, frames)));
         }
-        for pose in &self.poses {
+        for pose in &places.poses {
             all.push(Arc::new(terms::PoseTerm::new(pose.clone(), frames)));
         }
         all
@@ -136,7 +158,20 @@ impl Places {
 
     /// Measures how near a motion comes to each place, in the order of the path, of the reaches and of the poses.
     pub fn outcomes(&self, motion: &Motion) -> Vec<PlaceOutcome> {
-        outcome::outcomes(self, motion)
+        outcome::outcomes(self, motion.joints())
+    }
+
+    /// Measures how near a motion with known frames comes to each place, as [`outcomes`](Self::outcomes) does: with positions and
+    /// moments from an origin.
+    pub fn outcomes_from(
+        &self,
+        origin: Option<&PlaceOrigin>,
+        motion: &Motion,
+    ) -> Vec<PlaceOutcome> {
+        match origin {
+            Some(origin) => outcome::outcomes(&origin.asked(self), &origin.seen(motion.joints())),
+            None => self.outcomes(motion),
+        }
     }
 
     /// Returns what is unusual about the places, in sentences: parts of the path that are faster than people walk and run.

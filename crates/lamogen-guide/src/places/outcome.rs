@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use lamogen_motion::{JOINTS, Joint, Motion};
+use lamogen_motion::{JOINTS, Joint};
 
 use super::{Places, frame_at};
 
@@ -70,10 +70,9 @@ impl fmt::Display for PlaceOutcome {
     }
 }
 
-/// Measures the places of a motion.
-pub(super) fn outcomes(places: &Places, motion: &Motion) -> Vec<PlaceOutcome> {
-    let at =
-        |seconds: f32, joint: Joint| motion.position(frame_at(seconds, motion.frames()), joint);
+/// Measures the places of a motion, whose poses are joint positions in metres.
+pub(super) fn outcomes(places: &Places, poses: &[[[f32; 3]; JOINTS]]) -> Vec<PlaceOutcome> {
+    let at = |seconds: f32, joint: Joint| poses[frame_at(seconds, poses.len())][joint.index()];
     let waypoints = places.path.iter().flat_map(|path| path.waypoints());
     let path = waypoints.map(|point| PlaceOutcome {
         name: "pelvis",
@@ -90,8 +89,8 @@ pub(super) fn outcomes(places: &Places, motion: &Motion) -> Vec<PlaceOutcome> {
         pose_distances: None,
     });
     let poses = places.poses.iter().map(|pose| {
-        let frame = frame_at(pose.seconds(), motion.frames());
-        let distances = pose.distances(&motion.joints()[frame]);
+        let frame = frame_at(pose.seconds(), poses.len());
+        let distances = pose.distances(&poses[frame]);
         let mean = distances.iter().sum::<f32>() / JOINTS as f32;
         PlaceOutcome {
             name: "pose",
@@ -107,6 +106,7 @@ pub(super) fn outcomes(places: &Places, motion: &Motion) -> Vec<PlaceOutcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lamogen_motion::Motion;
 
     #[test]
     fn distances_are_from_the_joint_at_the_moment() {

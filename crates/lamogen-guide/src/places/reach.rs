@@ -111,6 +111,15 @@ impl Reach {
         })
     }
 
+    /// Returns the same part at another moment and position.
+    pub(super) fn moved(&self, seconds: f32, position: [f32; 3]) -> Reach {
+        Reach {
+            part: self.part,
+            seconds,
+            position,
+        }
+    }
+
     /// Returns the part of the body.
     pub fn part(&self) -> ReachPart {
         self.part

@@ -6,7 +6,7 @@ use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, Normalization};
 use super::facing::Facing;
 use super::ground_path::GroundPath;
 use super::spline::CubicSpline;
-use super::{Places, frame_at};
+use super::{PlaceOrigin, Places, frame_at};
 use crate::host::to_host;
 
 /// The standard deviation in frames of the Gaussian that separates the way of a body from the sway of its steps.
@@ -35,9 +35,27 @@ pub(super) struct Directions {
     pub(super) weights: Vec<f64>,
 }
 
-/// Returns where a body faces on a path; `None` if it may face anywhere.
-pub(super) fn directions(path: &GroundPath, facing: Facing, frames: usize) -> Option<Directions> {
-    let start = |t: usize| smooth_step(t as f64 / START_FRAMES as f64);
+/// Returns the last frame at which a motion is where the known frames before it lead: its first frame, or the one after them. What a
+/// row of features holds is the step to the next frame.
+fn start_frame(origin: Option<&PlaceOrigin>) -> usize {
+    origin.map_or(0, |origin| origin.track().len())
+}
+
+/// Returns where a body faces on a path; `None` if it may face anywhere. The path is where it is in a motion with known frames, of
+/// which `origin` is the end.
+pub(super) fn directions(
+    path: &GroundPath,
+    facing: Facing,
+    origin: Option<&PlaceOrigin>,
+    frames: usize,
+) -> Option<Directions> {
+    let first = start_frame(origin);
+    let heading = origin.map_or(0.0, PlaceOrigin::heading);
+    // From how the body stands at the start.
+    let turn = |(t, angle): (usize, f64)| {
+        let share = smooth_step(t.saturating_sub(first) as f64 / START_FRAMES as f64);
+        heading + (angle - heading) * share
+    };
     let moments: Vec<usize> = { path.waypoints().iter() }
         .map(|point| frame_at(point.seconds, frames))
         .collect();
@@ -46,22 +64,25 @@ pub(super) fn directions(path: &GroundPath, facing: Facing, frames: usize) -> Op
             .iter()
             .any(|moment| moment.abs_diff(t) <= FACING_REACH)
     };
-    let weight = |t: usize| f64::from(u8::from(is_near(t) && t >= START_FRAMES));
+    let weight = |t: usize| f64::from(u8::from(is_near(t) && t >= first + START_FRAMES));
     match facing {
         Facing::Free => None,
         Facing::Degrees(degrees) => {
             let angle = f64::from(degrees).to_radians();
             Some(Directions {
-                angles: (0..frames).map(|t| angle * start(t)).collect(),
+                angles: (0..frames).map(|t| turn((t, angle))).collect(),
                 weights: (0..frames).map(weight).collect(),
             })
         }
         Facing::Path => {
-            let spline = CubicSpline::new(&knots(path, frames, |_| [0.0; 2]));
-            let (angles, shares) = tangents(&spline, frames);
+            let track = origin.map_or(&[][..], PlaceOrigin::track);
+            let known = track.iter().map(|place| place.map(f64::from));
+            let known: Vec<[f64; 2]> = known.collect();
+            let spline = CubicSpline::new(&knots(&known, path, frames, |_| [0.0; 2]));
+            let (angles, shares) = tangents(&spline, frames, heading);
             let angles = angles.into_iter().enumerate();
             Some(Directions {
-                angles: angles.map(|(t, angle)| angle * start(t)).collect(),
+                angles: angles.map(turn).collect(),
                 weights: (0..frames).map(|t| shares[t] * weight(t)).collect(),
             })
         }
@@ -69,11 +90,11 @@ pub(super) fn directions(path: &GroundPath, facing: Facing, frames: usize) -> Op
 }
 
 /// Returns the direction of a curve at every frame, smoothed along time, in radians to the left of z, and how much it
-/// counts, 0 where the curve rests and nearly 1 where it is fast.
-fn tangents(spline: &CubicSpline, frames: usize) -> (Vec<f64>, Vec<f64>) {
+/// counts, 0 where the curve rests and nearly 1 where it is fast. Directions turn on from `heading`.
+fn tangents(spline: &CubicSpline, frames: usize, heading: f64) -> (Vec<f64>, Vec<f64>) {
     let mut angles = Vec::with_capacity(frames);
     let mut shares = Vec::with_capacity(frames);
-    let mut last = 0.0;
+    let mut last = heading;
     for t in 0..frames {
         let [before, after] = [-0.5, 0.5].map(|step| spline.at(t as f64 + step));
         let step = [after[0] - before[0], after[1] - before[1]];
@@ -104,24 +125,27 @@ fn smooth(values: &[f64], weights: &[f64], deviation: f64) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// Returns the points of a path and its start as knots. `sway` is what a body is off its way at a frame.
+/// Returns the points of a path as knots, after those of the known frames before it, or of its start if there are none. `sway` is
+/// what a body is off its way at a frame.
 fn knots(
+    known: &[[f64; 2]],
     path: &GroundPath,
     frames: usize,
     sway: impl Fn(usize) -> [f64; 2],
 ) -> Vec<(f64, [f64; 2])> {
-    let at = |frame: usize, place: [f32; 2]| {
+    let at = |(frame, place): (usize, [f64; 2])| {
         let [x, z] = sway(frame);
-        (
-            frame as f64,
-            [f64::from(place[0]) - x, f64::from(place[1]) - z],
-        )
+        (frame as f64, [place[0] - x, place[1] - z])
     };
-    let mut knots = vec![at(0, [0.0; 2])];
+    let start = match known {
+        [] => &[[0.0; 2]],
+        known => known,
+    };
+    let mut knots: Vec<_> = start.iter().copied().enumerate().map(at).collect();
     for point in path.waypoints() {
         let frame = frame_at(point.seconds, frames);
-        if frame > 0 {
-            knots.push(at(frame, point.place));
+        if frame >= start.len() {
+            knots.push(at((frame, point.place.map(f64::from))));
         }
     }
     knots
@@ -222,10 +246,11 @@ impl RootTrack {
     }
 
     /// Returns a track that passes the places of a path with the sway of this one. After the last place it returns to
-    /// the speed of this one. `directions` are those of the path; without them the body faces as in this track.
+    /// the speed of this one. `directions` are those of the path; without them the body faces as in this track. Up to the frame
+    /// `first`, the track stays as it is.
     // Frames and axes are indices into several tables at once.
     #[allow(clippy::needless_range_loop)]
-    fn along(&self, path: &GroundPath, directions: Option<&Directions>) -> RootTrack {
+    fn along(&self, path: &GroundPath, directions: Option<&Directions>, first: usize) -> RootTrack {
         let frames = self.places.len();
         let sway = self.sway();
         let last = path.waypoints().last();
@@ -234,11 +259,26 @@ impl RootTrack {
             Some(directions) => directions.angles.clone(),
             None => self.headings.clone(),
         };
+        if first > 0 {
+            // The body faces somewhat elsewhere in the frame after the known ones than in the last of them.
+            let turn = self.headings[first] - headings[first];
+            for t in 0..frames {
+                let share = smooth_step(t.saturating_sub(first) as f64 / START_FRAMES as f64);
+                match t <= first {
+                    true => headings[t] = self.headings[t],
+                    false => headings[t] += turn * (1.0 - share),
+                }
+            }
+        }
         for t in last + 1..frames {
             headings[t] = headings[last] + self.headings[t] - self.headings[last];
         }
         let sway_at = |t: usize| turned(sway[t], headings[t]);
-        let spline = CubicSpline::new(&knots(path, frames, sway_at));
+        let known = match first {
+            0 => &[][..],
+            _ => &self.places[..=first],
+        };
+        let spline = CubicSpline::new(&knots(known, path, frames, sway_at));
         let mut places = Vec::with_capacity(frames);
         for t in 0..frames {
             let [x, z] = spline.at(t as f64);
@@ -258,9 +298,10 @@ impl RootTrack {
         RootTrack { places, headings }
     }
 
-    /// Moves the track by an offset that changes smoothly through `offsets` at frames, from none at the start.
-    fn offset(&mut self, offsets: &[(usize, [f64; 2])]) {
-        let mut knots = vec![(0.0, [0.0; 2])];
+    /// Moves the track by an offset that changes smoothly through `offsets` at frames, from none up to the frame `first`.
+    fn offset(&mut self, offsets: &[(usize, [f64; 2])], first: usize) {
+        // Known frames keep the track as it is, so that it leaves them at their speed.
+        let mut knots: Vec<_> = (0..=first).map(|t| (t as f64, [0.0; 2])).collect();
         for &(frame, offset) in offsets {
             if frame as f64 > knots[knots.len() - 1].0 {
                 knots.push((frame as f64, offset));
@@ -269,7 +310,7 @@ impl RootTrack {
         let (last, offset) = knots[knots.len() - 1];
         knots.push((last + KEPT_FRAMES as f64, offset));
         let spline = CubicSpline::new(&knots);
-        for (t, place) in self.places.iter_mut().enumerate() {
+        for (t, place) in self.places.iter_mut().enumerate().skip(first) {
             let [x, z] = spline.at((t as f64).min(last + KEPT_FRAMES as f64));
             place[0] += x;
             place[1] += z;
@@ -281,6 +322,8 @@ impl RootTrack {
 #[derive(Clone, Debug)]
 pub(crate) struct RootPlan {
     places: Places,
+    /// The last frame at which the motions are where known frames before it lead, or the first one.
+    first: usize,
     lengths: Vec<usize>,
     /// Where each motion faces on the path, if that is decided.
     directions: Vec<Option<Directions>>,
@@ -289,9 +332,11 @@ pub(crate) struct RootPlan {
 }
 
 impl RootPlan {
-    /// Prepares the change for motions of the given lengths; `None` if there are no places.
+    /// Prepares the change for motions of the given lengths, with known frames of which the places are counted from an origin; `None`
+    /// if there are no places.
     pub(crate) fn new(
         places: &Places,
+        origin: Option<&PlaceOrigin>,
         lengths: &[usize],
         normalization: &Normalization,
     ) -> Option<RootPlan> {
@@ -299,10 +344,13 @@ impl RootPlan {
             return None;
         }
         let [means, deviations] = normalization.values();
-        let of_length = |&frames: &usize| directions(places.path.as_ref()?, places.facing, frames);
+        let places = places.counted_from(origin);
+        let of_length =
+            |&frames: &usize| directions(places.path.as_ref()?, places.facing, origin, frames);
         Some(RootPlan {
             directions: lengths.iter().map(of_length).collect(),
-            places: places.clone(),
+            places: places.into_owned(),
+            first: start_frame(origin),
             lengths: lengths.to_vec(),
             means,
             deviations,
@@ -360,7 +408,7 @@ impl RootPlan {
     ) -> RootTrack {
         let frames = track.places.len();
         if let Some(path) = &self.places.path {
-            return track.along(path, self.directions[motion].as_ref());
+            return track.along(path, self.directions[motion].as_ref(), self.first);
         }
         let mut offsets: Vec<(usize, [f64; 2])> = { self.places.reaches.iter() }
             .map(|reach| {
@@ -381,7 +429,7 @@ impl RootPlan {
             .collect();
         offsets.sort_by_key(|(frame, _)| *frame);
         let mut planned = track;
-        planned.offset(&offsets);
+        planned.offset(&offsets, self.first);
         planned
     }
 }
@@ -427,7 +475,7 @@ mod tests {
     #[test]
     fn tracks_are_encoded_as_pose_features_have_them() {
         let path: GroundPath = "1:1,1 2:0,2".parse().unwrap();
-        let track = walk(60).along(&path, directions(&path, Facing::Path, 60).as_ref());
+        let track = walk(60).along(&path, directions(&path, Facing::Path, None, 60).as_ref(), 0);
         let rows = track.encode().into_iter();
         let again = RootTrack::decode(rows.map(|[yaw, x, z, ..]| [yaw, x, z]));
         for (own, again) in track.places.iter().zip(&again.places) {
@@ -450,7 +498,7 @@ mod tests {
     #[test]
     fn a_track_passes_its_places_facing_along_the_path_with_the_sway_of_its_steps() {
         let path: GroundPath = "0:0,0 2:1,0 4:1,2".parse().unwrap();
-        let track = walk(80).along(&path, directions(&path, Facing::Path, 80).as_ref());
+        let track = walk(80).along(&path, directions(&path, Facing::Path, None, 80).as_ref(), 0);
         for (frame, place) in [(0, [0.0, 0.0]), (40, [1.0, 0.0]), (79, [1.0, 2.0])] {
             for (own, asked) in track.places[frame].into_iter().zip(place) {
                 let off: f64 = own - asked;
@@ -470,7 +518,11 @@ mod tests {
     #[test]
     fn a_track_goes_on_at_its_own_speed_after_its_last_place() {
         let path: GroundPath = "1:0.5,0".parse().unwrap();
-        let track = walk(100).along(&path, directions(&path, Facing::Path, 100).as_ref());
+        let track = walk(100).along(
+            &path,
+            directions(&path, Facing::Path, None, 100).as_ref(),
+            0,
+        );
         let speed = |t: usize| {
             let [from, to] = [track.places[t - 10], track.places[t + 10]];
             (to[0] - from[0]).hypot(to[1] - from[1])
@@ -490,7 +542,7 @@ mod tests {
                 reaches: vec![text.parse().unwrap()],
                 ..Places::default()
             };
-            let plan = RootPlan::new(&places, &[40], &identity()).unwrap();
+            let plan = RootPlan::new(&places, None, &[40], &identity()).unwrap();
             let joints = to_host(joints(plan.apply(features(&standing))));
             // The wrist is where the pelvis is.
             [0, 2].map(|axis| joints[20 * 66 + axis])
@@ -510,7 +562,7 @@ mod tests {
             path: Some("1.5:1,1".parse().unwrap()),
             ..Places::default()
         };
-        let plan = RootPlan::new(&places, &[40], &identity()).unwrap();
+        let plan = RootPlan::new(&places, None, &[40], &identity()).unwrap();
         let leaf = features(&walk(40)).autodiff().require_grad();
         let loss = plan.apply(leaf.clone()).square().sum() + leaf.clone().sum();
         let gradient = leaf.grad_remove(&mut loss.backward()).unwrap();
@@ -519,6 +571,6 @@ mod tests {
         for feature in ROOT_FEATURES {
             assert!((gradient[10 * POSE_FEATURES + feature] - 1.0).abs() < 1e-6);
         }
-        assert!(RootPlan::new(&Places::default(), &[40], &identity()).is_none());
+        assert!(RootPlan::new(&Places::default(), None, &[40], &identity()).is_none());
     }
 }
