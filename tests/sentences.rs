@@ -2,8 +2,8 @@
 
 use lamogen::motion::Placement;
 use lamogen::{
-    BodyPart, Device, Facing, Generation, Joint, LaMoGen, LabanOptions, LabanSeries, Motion,
-    PartScale, PlaceOutcome, Preset, Request, Tag,
+    BodyPart, Component, Device, Facing, Generation, Joint, LaMoGen, LabanOptions, LabanSeries,
+    Motion, PartScale, PlaceOutcome, Preset, Request, Tag,
 };
 
 fn model() -> LaMoGen {
@@ -226,6 +226,8 @@ fn a_motion_goes_on_from_another_through_places() {
         let generation = model.generate(&request).unwrap();
         let motion = &generation.guided;
         assert_eq!(motion.frames(), 80);
+        // Without tags nothing is asked of the components.
+        assert_eq!(generation.goals.is_free(Component::Weight), name != "tag");
         let off = |outcome: &PlaceOutcome| outcome.distance();
         let farthest = generation.places.iter().map(off).fold(0.0, f32::max);
         assert!(farthest < 0.02, "{name}: {:?}", generation.places);
