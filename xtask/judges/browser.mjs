@@ -28,6 +28,16 @@ export const openBrowser = (options, args = []) =>
     ...options,
   });
 
+/** Opens a page in a browser. Returns it with all that its console says and all addresses that it loads, as they come. */
+export async function openPage(context) {
+  const page = await context.newPage();
+  const [complaints, loaded] = [[], []];
+  page.on("console", (message) => complaints.push(message.text()));
+  page.on("pageerror", (error) => complaints.push(String(error)));
+  page.on("request", (request) => loaded.push(request.url()));
+  return { page, complaints, loaded };
+}
+
 /**
  * Makes a visit: calls `use`, whose checks count. A visit with a failure is made a second time, because a browser on a busy
  * machine may miss a touch; what is wrong is wrong then as well. An exception is a failure, and does not end the other visits.

@@ -7,7 +7,7 @@
 import { mkdirSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
-import { check, finish, openBrowser, visit } from "./browser.mjs";
+import { check, finish, openBrowser, openPage, visit } from "./browser.mjs";
 
 const [file, folder] = process.argv.slice(2);
 if (!file) {
@@ -22,11 +22,7 @@ const visitPage = (name, options, use) =>
   visit(name, async () => {
     const context = await openBrowser({ reducedMotion: "reduce", ...options }, ["--disable-gpu"]);
     try {
-      const page = await context.newPage();
-      const [complaints, loaded] = [[], []];
-      page.on("console", (message) => complaints.push(message.text()));
-      page.on("pageerror", (error) => complaints.push(String(error)));
-      page.on("request", (request) => loaded.push(request.url()));
+      const { page, complaints, loaded } = await openPage(context);
       await page.goto(address);
       await page.waitForFunction(() => window.lamogen !== undefined);
       await frames(page, 3);

@@ -9,7 +9,7 @@ import { spawn } from "node:child_process";
 import { mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { cpus, loadavg, tmpdir } from "node:os";
 import { basename, join } from "node:path";
-import { check, finish, openBrowser, visit } from "./browser.mjs";
+import { check, finish, openBrowser, openPage, visit } from "./browser.mjs";
 
 const [command, bvh, vrm, folder] = process.argv.slice(2);
 if (!vrm) {
@@ -39,11 +39,7 @@ const visitStudio = (name, fragment, options, use) =>
     if (studio.child.exitCode !== null || studio.child.signalCode !== null) studio = await startStudio(new URL(studio.address).port);
     const context = await openBrowser({ reducedMotion: "reduce", acceptDownloads: true, ...options }, ["--disable-gpu", "--enable-unsafe-swiftshader"]);
     try {
-      const page = await context.newPage();
-      const [complaints, loaded] = [[], []];
-      page.on("console", (message) => complaints.push(message.text()));
-      page.on("pageerror", (error) => complaints.push(String(error)));
-      page.on("request", (request) => loaded.push(request.url()));
+      const { page, complaints, loaded } = await openPage(context);
       await page.goto(studio.address + fragment);
       await settled(page);
       await use(page, context, complaints);
@@ -62,6 +58,13 @@ const visitStudio = (name, fragment, options, use) =>
 async function settled(page) {
   await page.waitForFunction(() => window.studio && window.studio.scene && !window.studio.busy && !window.studio.coarse, null, { timeout: 60_000 });
   await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+}
+
+/** Opens a link, by default the address of the page, as if it had come from elsewhere. */
+async function openLink(page, link = page.url()) {
+  await page.goto("about:blank");
+  await page.goto(link);
+  await settled(page);
 }
 
 const state = (page) =>
@@ -293,9 +296,7 @@ await visitStudio("desktop", "", { viewport: { width: 1440, height: 900 } }, asy
 
   // Links.
   for (const [address, claim] of [[link, "a link gives the motion again"], [likeLink, "a link with a motion to be like, too"]]) {
-    await page.goto("about:blank");
-    await page.goto(address);
-    await settled(page);
+    await openLink(page, address);
     now = await state(page);
     if (address === link) check(JSON.stringify(now.means) === JSON.stringify(wished.means), claim, [now.means, wished.means]);
     else check(now.request.like !== undefined, claim);
@@ -405,10 +406,7 @@ await visitStudio("sentences in a row", `#prompt=a+person+walks+forward&seconds=
   await download.saveAs(kept);
   const frames = Number(readFileSync(kept, "utf8").match(/Frames:\s*(\d+)/)[1]);
   check(frames === Math.round(20 * (before.request.seconds + 2.9)), "the file has all sentences", frames);
-  const link = page.url();
-  await page.goto("about:blank");
-  await page.goto(link);
-  await settled(page);
+  await openLink(page);
   now = await state(page);
   check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "a link gives all sentences again", now.request);
   await page.locator("#segments [data-segment='1']").click();
@@ -483,10 +481,7 @@ await visitStudio("places", `#prompt=a+person+walks+forward&seconds=4&seed=1`, {
   now = await state(page);
   check(JSON.stringify(now.request) === JSON.stringify(before.request), "undo brings it back", now.request);
   check((await page.locator("#place-list li").count()) === 2, "and its line");
-  const link = page.url();
-  await page.goto("about:blank");
-  await page.goto(link);
-  await settled(page);
+  await openLink(page);
   now = await state(page);
   check(JSON.stringify(now.request) === JSON.stringify(before.request) && JSON.stringify(now.means) === JSON.stringify(before.means), "a link gives the places again", now.request);
   check((await nameless(page)).length === 0, "places: every control has a name", await nameless(page));
@@ -571,10 +566,7 @@ await visitStudio("positions", `#prompt=a+person+raises+the+right+arm&seconds=3&
   now = await state(page);
   check(now.wish.reaches.length === 2 && (await places()).length === 2, "a second part", now.request.reach);
   await picture(page, "positions");
-  const link = page.url();
-  await page.goto("about:blank");
-  await page.goto(link);
-  await settled(page);
+  await openLink(page);
   const again = await state(page);
   check(JSON.stringify(again.request) === JSON.stringify(now.request) && JSON.stringify(again.means) === JSON.stringify(now.means), "a link gives the positions again", again.request);
   await page.locator("#reach-list li:nth-child(2) button").click();

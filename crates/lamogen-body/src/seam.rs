@@ -62,13 +62,13 @@ impl SeamJump {
 
     /// Returns the change of a frame that is `k` frames from the end of the loop (`side` is 1) or from its beginning (-1).
     fn correction(&self, k: usize, side: f64, spread: usize) -> DVec3 {
-        let share = weight(k, spread) / 2.0;
+        let share = jump_share(k, spread) / 2.0;
         share * (side * self.position - k as f64 * self.velocity)
     }
 }
 
-/// Returns the share of the jump at a frame so many frames from the seam: 1 at the seam, 0 from `spread` frames on.
-fn weight(frame: usize, spread: usize) -> f64 {
+/// Returns the share of a jump at a frame so many frames from it: 1 at the jump, 0 from `spread` frames on.
+pub(crate) fn jump_share(frame: usize, spread: usize) -> f64 {
     let part = frame as f64 / spread as f64;
     1.0 - part * part * (3.0 - 2.0 * part)
 }

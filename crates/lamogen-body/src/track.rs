@@ -9,7 +9,7 @@ use crate::descent::Minimizer;
 use crate::fit::FitInput;
 use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
-use crate::seam::close_seam;
+use crate::seam::{close_seam, jump_share};
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 use crate::steps::{break_into_steps, lift_between_steps};
 
@@ -52,8 +52,7 @@ fn hold_start(
     if let Some(last) = poses.last() {
         let shift = last[0] - reference[held - 1][0];
         for (t, pose) in reference[held..].iter_mut().enumerate() {
-            let part = ((t + 1) as f64 / HEIGHT_FRAMES as f64).min(1.0);
-            let height = 1.0 - part * part * (3.0 - 2.0 * part);
+            let height = jump_share((t + 1).min(HEIGHT_FRAMES), HEIGHT_FRAMES);
             let shift = shift * DVec3::new(1.0, height, 1.0);
             for place in pose {
                 *place += shift;

@@ -34,11 +34,10 @@ pub fn measurement_json(scene: &Scene) -> Map<String, Value> {
         Value::from(motion)
     });
     whole.insert("motions".into(), motions.collect());
-    let target = asked_target(scene).map(|(target, asked)| {
-        let only_asked = |values: Value| only_components(values, &asked);
+    let target = asked_target(scene).map(|target| {
         json!({
-            "laban": only_asked(laban_summaries(target)),
-            "series": only_asked(laban_series(target)),
+            "laban": without_free(laban_summaries(target), scene),
+            "series": without_free(laban_series(target), scene),
         })
     });
     whole.insert("target".into(), target.into());
@@ -91,25 +90,27 @@ pub fn summary_json(scene: &Scene) -> Map<String, Value> {
         .iter()
         .map(|scene_motion| Value::from(motion_measurements(scene_motion)));
     whole.insert("motions".into(), motions.collect());
-    if let Some((target, asked)) = asked_target(scene) {
-        let laban = only_components(laban_summaries(target), &asked);
+    if let Some(target) = asked_target(scene) {
+        let laban = without_free(laban_summaries(target), scene);
         whole.insert("target".into(), json!({ "laban": laban }));
     }
     whole
 }
 
-/// Returns the target of a scene with the components that something was asked of. Returns `None` if there are none.
-fn asked_target(scene: &Scene) -> Option<(&LabanSeries, Vec<Component>)> {
-    let is_asked = |component: &Component| !scene.free[component.index()];
-    let asked: Vec<Component> = Component::ALL.into_iter().filter(is_asked).collect();
-    let target = scene.target.as_ref().filter(|_| !asked.is_empty())?;
-    Some((target, asked))
+/// Returns the target of a scene. Returns `None` if nothing is asked of any component.
+fn asked_target(scene: &Scene) -> Option<&LabanSeries> {
+    let is_asked = scene.free.contains(&false);
+    scene.target.as_ref().filter(|_| is_asked)
 }
 
-/// Keeps only some components of a JSON object with a value for every component.
-fn only_components(mut values: Value, components: &[Component]) -> Value {
+/// Removes the components that may become anything from a JSON object with a value for every component.
+fn without_free(mut values: Value, scene: &Scene) -> Value {
     if let Some(values) = values.as_object_mut() {
-        values.retain(|key, _| components.iter().any(|&kept| component_key(kept) == *key));
+        for component in Component::ALL {
+            if scene.free[component.index()] {
+                values.remove(&component_key(component));
+            }
+        }
     }
     values
 }

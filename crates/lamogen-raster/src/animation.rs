@@ -74,5 +74,4 @@ pub fn gif(
 }
 
 #[cfg(test)]
-#[path = "animation_tests.rs"]
 mod tests;

@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_are_drawn_without_fonts_of_the_system() {
+    fn letters_are_drawn_and_missing_ones_are_boxes() {
         let text = |text: &str| {
             picture(
                 200.0,

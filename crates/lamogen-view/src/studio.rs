@@ -5,7 +5,7 @@
 //! studio/studio.css   the style, after page.css     studio/wish.js      what is wished: fields, JSON, the address's fragment
 //! studio/sliders.js   factors of components, parts  studio/timeline.js  keys of a factor over time
 //! studio/segments.js  sentences in a row            studio/floor.js     places on the floor
-//! studio/reaches.js   positions of hands, feet, head
+//! studio/reaches.js   positions of hands, feet, head  studio/place_list.js  their numbers, and those of places
 //! studio/character.js a mesh moved by bones         studio/steady.js    a view that stays
 //! studio/history.js   thumbnails and undo           studio/files.js     files dropped on the page, files to keep
 //! studio/studio.js    the program
@@ -27,7 +27,7 @@ pub struct Studio {
 }
 
 /// The scripts of the studio, in this order, after those of the player.
-const SCRIPTS: [&str; 12] = [
+const SCRIPTS: [&str; 13] = [
     include_str!("studio/requests.js"),
     include_str!("studio/character.js"),
     include_str!("studio/steady.js"),
@@ -35,6 +35,7 @@ const SCRIPTS: [&str; 12] = [
     include_str!("studio/sliders.js"),
     include_str!("studio/timeline.js"),
     include_str!("studio/segments.js"),
+    include_str!("studio/place_list.js"),
     include_str!("studio/floor.js"),
     include_str!("studio/reaches.js"),
     include_str!("studio/history.js"),

@@ -121,7 +121,7 @@ impl Targets {
         let others = others.map(|term| prepare(term, importance));
         let places = guidance
             .places
-            .terms_from(guidance.place_origin.as_ref(), longest);
+            .terms(guidance.place_origin.as_ref(), longest);
         let places = places.iter().map(|term| prepare(term, place_importance));
         Ok(Targets {
             laban: laban.collect::<Result<_, GuideError>>()?,

@@ -118,17 +118,9 @@ impl Places {
         }
     }
 
-    /// Returns the terms of the loss for a motion of `frames` frames.
-    pub fn terms(&self, frames: usize) -> Vec<Arc<dyn LossTerm>> {
-        self.terms_from(None, frames)
-    }
-
-    /// Returns the terms of the loss for a motion of `frames` frames, with known frames of which places are counted from an origin.
-    pub(crate) fn terms_from(
-        &self,
-        origin: Option<&PlaceOrigin>,
-        frames: usize,
-    ) -> Vec<Arc<dyn LossTerm>> {
+    /// Returns the terms of the loss for a motion of `frames` frames. In a motion with known frames, places are counted from an
+    /// origin.
+    pub fn terms(&self, origin: Option<&PlaceOrigin>, frames: usize) -> Vec<Arc<dyn LossTerm>> {
         let places = self.counted_from(origin);
         let mut all: Vec<Arc<dyn LossTerm>> = Vec::new();
         if let Some(path) = &places.path {

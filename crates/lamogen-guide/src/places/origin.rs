@@ -14,7 +14,7 @@ pub struct PlaceOrigin {
     /// The frames that are made; those before and after them are known.
     made: Range<usize>,
     /// Where the pelvis is along the ground at each known frame before, x and z.
-    track: Vec<[f32; 2]>,
+    track: Vec<[f64; 2]>,
     /// Where the body stands at the last of them.
     placement: Placement,
 }
@@ -26,13 +26,13 @@ impl PlaceOrigin {
         let pelvis = before.iter().map(|pose| pose[Joint::Pelvis.index()]);
         PlaceOrigin {
             made,
-            track: pelvis.map(|[x, _, z]| [x, z]).collect(),
+            track: pelvis.map(|[x, _, z]| [x, z].map(f64::from)).collect(),
             placement: before.last().map_or(Placement::ORIGIN, Placement::of),
         }
     }
 
     /// Returns where the pelvis is along the ground at each known frame before those that are made, x and z.
-    pub(super) fn track(&self) -> &[[f32; 2]] {
+    pub(super) fn track(&self) -> &[[f64; 2]] {
         &self.track
     }
 

@@ -1,5 +1,7 @@
 //! The path of the root that leads a body through its places.
 
+use std::f64::consts::TAU;
+
 use burn::tensor::{Tensor, TensorData};
 use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, Normalization};
 
@@ -75,10 +77,8 @@ pub(super) fn directions(
             })
         }
         Facing::Path => {
-            let track = origin.map_or(&[][..], PlaceOrigin::track);
-            let known = track.iter().map(|place| place.map(f64::from));
-            let known: Vec<[f64; 2]> = known.collect();
-            let spline = CubicSpline::new(&knots(&known, path, frames, |_| [0.0; 2]));
+            let known = origin.map_or(&[][..], PlaceOrigin::track);
+            let spline = CubicSpline::new(&knots(known, path, frames, |_| [0.0; 2]));
             let (angles, shares) = tangents(&spline, frames, heading);
             let angles = angles.into_iter().enumerate();
             Some(Directions {
@@ -102,7 +102,7 @@ fn tangents(spline: &CubicSpline, frames: usize, heading: f64) -> (Vec<f64>, Vec
         if speed > 1e-6 {
             // The turn from the last direction to this one that is shorter than half a circle.
             let turn = step[0].atan2(step[1]) - last;
-            last += turn - (turn / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+            last += turn - (turn / TAU).round() * TAU;
         }
         angles.push(last);
         shares.push(speed.powi(2) / (speed.powi(2) + DIRECTION_SPEED.powi(2)));
@@ -260,13 +260,15 @@ impl RootTrack {
             None => self.headings.clone(),
         };
         if first > 0 {
-            // The body faces somewhat elsewhere in the frame after the known ones than in the last of them.
+            // The body faces somewhat elsewhere in the frame after the known ones than in the last of them. Where it has turned far in
+            // them, its heading goes on from there, and not from the same direction less whole turns.
             let turn = self.headings[first] - headings[first];
+            let whole_turns = (turn / TAU).round() * TAU;
             for t in 0..frames {
                 let share = smooth_step(t.saturating_sub(first) as f64 / START_FRAMES as f64);
                 match t <= first {
                     true => headings[t] = self.headings[t],
-                    false => headings[t] += turn * (1.0 - share),
+                    false => headings[t] += whole_turns + (turn - whole_turns) * (1.0 - share),
                 }
             }
         }
@@ -444,7 +446,7 @@ mod tests {
     /// A walk straight ahead at 1 m/s that sways 4 cm to both sides, with two steps a second.
     fn walk(frames: usize) -> RootTrack {
         let place = |t: usize| {
-            let sway = (t as f64 * std::f64::consts::TAU / 20.0).sin();
+            let sway = (t as f64 * TAU / 20.0).sin();
             [0.04 * sway, 0.05 * t as f64]
         };
         RootTrack {
@@ -513,6 +515,54 @@ mod tests {
         let sway = track.sway();
         let largest = sway.iter().map(|off| off[0].abs()).fold(0.0, f64::max);
         assert!((0.02..0.1).contains(&largest), "{largest}");
+    }
+
+    #[test]
+    fn a_track_leads_on_from_known_frames_without_a_jump() {
+        // Twenty known frames in which the body turns to the left by 270 degrees while it walks; then it walks on.
+        let mut track = walk(80);
+        for (t, heading) in track.headings.iter_mut().enumerate() {
+            *heading = 0.75 * TAU * (t.min(20) as f64 / 20.0);
+        }
+        let heading = -0.25 * TAU;
+        let [left, forward] = [heading.cos() as f32, -heading.sin() as f32];
+        let pose = |t: usize| {
+            let [x, z] = track.places[t].map(|x| x as f32);
+            let mut pose = [[x, 0.9, z]; lamogen_motion::JOINTS];
+            for (joint, side) in [(1, 0.1), (2, -0.1), (16, 0.2), (17, -0.2)] {
+                pose[joint] = [x + side * left, 0.9, z + side * forward];
+            }
+            pose
+        };
+        let known: Vec<_> = (0..20).map(pose).collect();
+        let origin = PlaceOrigin::new(&known, 20..80);
+        assert!((origin.heading() - heading).abs() < 1e-6);
+        let places = Places {
+            path: Some("1:0,1 2:1,2".parse().unwrap()),
+            ..Places::default()
+        };
+        let places = places.counted_from(Some(&origin));
+        let path = places.path.as_ref().unwrap();
+        let directions = directions(path, Facing::Path, Some(&origin), 80);
+        let led = track.along(path, directions.as_ref(), start_frame(Some(&origin)));
+        for t in 0..=20 {
+            assert!((led.headings[t] - track.headings[t]).abs() < 1e-9);
+            for axis in 0..2 {
+                assert!((led.places[t][axis] - track.places[t][axis]).abs() < 1e-9);
+            }
+        }
+        for t in 21..80 {
+            let turn = (led.headings[t] - led.headings[t - 1]).to_degrees();
+            assert!(turn.abs() < 25.0, "{t}: {turn}");
+            let step = [0, 1].map(|axis| led.places[t][axis] - led.places[t - 1][axis]);
+            assert!(step[0].hypot(step[1]) < 0.15, "{t}: {step:?}");
+        }
+        for (point, frame) in path.waypoints().iter().zip([40, 60]) {
+            for axis in 0..2 {
+                let off = led.places[frame][axis] - f64::from(point.place[axis]);
+                assert!(off.abs() < 1e-6, "{frame}: {off}");
+            }
+        }
     }
 
     #[test]

@@ -178,36 +178,21 @@ class Floor {
 
   showList() {
     const { list, path } = this;
-    const focused = list.contains(document.activeElement) ? document.activeElement.dataset.field : null;
-    list.replaceChildren();
-    path.forEach((place, i) => {
-      const item = append(list, "li");
-      item.classList.toggle("selected", i === this.selected);
-      append(item, "b", "", String(i + 1));
-      const field = (name, text, unit, value, most, step) => {
-        const label = append(item, "label");
-        append(label, "span", "", text);
-        const input = append(label, "input");
-        Object.assign(input, { type: "number", value: number(value), min: most > 0 && unit === "s" ? 0 : -most, max: most, step, inputMode: "decimal" });
-        input.dataset.field = `${i} ${name}`;
-        input.setAttribute("aria-label", `Place ${i + 1}: ${text || name}, in ${unit === "s" ? "seconds" : "metres"}`);
-        append(label, "span", "", unit);
-        input.addEventListener("change", () => {
-          if (input.value !== "" && Number.isFinite(Number(input.value))) this.move(i, { [name]: Number(input.value) }, true);
-          else this.show(this.wish);
-        });
-      };
-      field("time", "at", "s", place.time, number(totalSeconds(this.wish)), KEY_STEP);
-      field("x", "left", "m", place.x, 100, PLACE_STEP);
-      field("z", "forward", "m", place.z, 100, PLACE_STEP);
-      const off = this.missed(place);
-      append(item, "output", "note", off === undefined ? "…" : `${(100 * off).toFixed(1)} cm off`);
-      const remove = append(item, "button", "", "×");
-      remove.type = "button";
-      remove.setAttribute("aria-label", `Remove place ${i + 1}`);
-      remove.addEventListener("click", () => this.removeAt(i));
-    });
-    if (focused) list.querySelector(`[data-field="${focused}"]`)?.focus();
+    const total = number(totalSeconds(this.wish));
+    const entries = path.map((place, i) => ({
+      name: `Place ${i + 1}`,
+      title: String(i + 1),
+      isSelected: i === this.selected,
+      fields: [
+        { key: "time", text: "at", unit: "s", value: place.time, low: 0, high: total, step: KEY_STEP },
+        { key: "x", text: "left", unit: "m", value: place.x, low: -100, high: 100, step: PLACE_STEP },
+        { key: "z", text: "forward", unit: "m", value: place.z, low: -100, high: 100, step: PLACE_STEP },
+      ],
+      off: this.missed(place),
+      change: (key, value) => this.move(i, { [key]: value }, true),
+      removed: () => this.removeAt(i),
+    }));
+    showPlaceList(list, entries, () => this.show(this.wish));
     const all = [{ time: 0, x: 0, z: 0 }, ...path];
     const speeds = path.map((to, i) => Math.hypot(to.x - all[i].x, to.z - all[i].z) / (to.time - all[i].time));
     const fastest = Math.max(0, ...speeds);

@@ -151,36 +151,21 @@ class Reaches {
     pick.disabled = reaches.length >= MOST_REACHES;
     this.clear.disabled = reaches.length === 0;
     this.note.textContent = reaches.length ? "Drag the marks in the view, or say where: up from the floor, left and forward from where the body starts." : "A part is added where it is at the moment that is shown. Then drag its mark.";
-    const focused = list.contains(document.activeElement) ? document.activeElement.dataset.field : null;
-    list.replaceChildren();
-    reaches.forEach((reach, i) => {
-      const item = append(list, "li");
-      item.classList.toggle("selected", i === this.selected);
-      append(item, "b", "", reach.part);
-      const field = (name, text, unit, low, high, step) => {
-        const label = append(item, "label");
-        append(label, "span", "", text);
-        const input = append(label, "input");
-        Object.assign(input, { type: "number", value: number(reach[name]), min: low, max: high, step, inputMode: "decimal" });
-        input.dataset.field = `${i} ${name}`;
-        input.setAttribute("aria-label", `${reach.part} ${i + 1}: ${text}, in ${unit === "s" ? "seconds" : "metres"}`);
-        append(label, "span", "", unit);
-        input.addEventListener("change", () => {
-          if (input.value !== "" && Number.isFinite(Number(input.value))) this.move(i, { [name]: Number(input.value) }, true);
-          else this.show(this.wish);
-        });
-      };
-      field("time", "at", "s", 0, number(totalSeconds(wish)), KEY_STEP);
-      field("x", "left", "m", -100, 100, REACH_STEP);
-      field("y", "up", "m", 0, 100, REACH_STEP);
-      field("z", "forward", "m", -100, 100, REACH_STEP);
-      const off = this.missed(reach);
-      append(item, "output", "note", off === undefined ? "…" : `${(100 * off).toFixed(1)} cm off`);
-      const remove = append(item, "button", "", "×");
-      remove.type = "button";
-      remove.setAttribute("aria-label", `Remove ${reach.part} ${i + 1}`);
-      remove.addEventListener("click", () => this.removeAt(i));
-    });
-    if (focused) list.querySelector(`[data-field="${focused}"]`)?.focus();
+    const total = number(totalSeconds(wish));
+    const entries = reaches.map((reach, i) => ({
+      name: `${reach.part} ${i + 1}`,
+      title: reach.part,
+      isSelected: i === this.selected,
+      fields: [
+        { key: "time", text: "at", unit: "s", value: reach.time, low: 0, high: total, step: KEY_STEP },
+        { key: "x", text: "left", unit: "m", value: reach.x, low: -100, high: 100, step: REACH_STEP },
+        { key: "y", text: "up", unit: "m", value: reach.y, low: 0, high: 100, step: REACH_STEP },
+        { key: "z", text: "forward", unit: "m", value: reach.z, low: -100, high: 100, step: REACH_STEP },
+      ],
+      off: this.missed(reach),
+      change: (key, value) => this.move(i, { [key]: value }, true),
+      removed: () => this.removeAt(i),
+    }));
+    showPlaceList(list, entries, () => this.show(this.wish));
   }
 }

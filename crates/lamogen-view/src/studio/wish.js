@@ -101,7 +101,7 @@ function readReaches(texts) {
     const [part, rest = ""] = text.split("@");
     const [time, x, y, z, ...more] = rest.split(/[=,]/).map((value) => (value.trim() === "" ? NaN : Number(value)));
     const isTaken = reaches.some((other) => other.part === part && Math.abs(other.time - time) < KEY_STEP / 2);
-    if (part in REACH_PARTS && time >= 0 && [x, y, z].every(Number.isFinite) && more.length === 0 && !isTaken && reaches.length < MOST_REACHES) reaches.push({ part, time, x, y, z });
+    if (Object.hasOwn(REACH_PARTS, part) && time >= 0 && [x, y, z].every(Number.isFinite) && more.length === 0 && !isTaken && reaches.length < MOST_REACHES) reaches.push({ part, time, x, y, z });
   }
   return reaches;
 }
