@@ -34,7 +34,7 @@ pub fn measurement_json(scene: &Scene) -> Map<String, Value> {
         Value::from(motion)
     });
     whole.insert("motions".into(), motions.collect());
-    let target = asked_target(scene).map(|target| {
+    let target = scene.asked_target().map(|target| {
         json!({
             "laban": without_free(laban_summaries(target), scene),
             "series": without_free(laban_series(target), scene),
@@ -90,17 +90,11 @@ pub fn summary_json(scene: &Scene) -> Map<String, Value> {
         .iter()
         .map(|scene_motion| Value::from(motion_measurements(scene_motion)));
     whole.insert("motions".into(), motions.collect());
-    if let Some(target) = asked_target(scene) {
+    if let Some(target) = scene.asked_target() {
         let laban = without_free(laban_summaries(target), scene);
         whole.insert("target".into(), json!({ "laban": laban }));
     }
     whole
-}
-
-/// Returns the target of a scene. Returns `None` if nothing is asked of any component.
-fn asked_target(scene: &Scene) -> Option<&LabanSeries> {
-    let is_asked = scene.free.contains(&false);
-    scene.target.as_ref().filter(|_| is_asked)
 }
 
 /// Removes the components that may become anything from a JSON object with a value for every component.

@@ -291,6 +291,11 @@ impl Scene {
         self.target.is_some()
     }
 
+    /// Returns the target. Returns `None` if nothing is asked of any component.
+    pub fn asked_target(&self) -> Option<&LabanSeries> {
+        self.target.as_ref().filter(|_| self.free.contains(&false))
+    }
+
     /// Returns title and notes in one line.
     pub fn heading(&self) -> String {
         match self.notes.is_empty() {
@@ -314,11 +319,12 @@ impl Scene {
     /// Returns the curves of the Laban features.
     pub fn curves(&self) -> Vec<LabanCurve<'_>> {
         match (&self.motions[..], &self.target) {
-            ([baseline, guided], Some(target)) => vec![
-                LabanCurve::baseline(&baseline.laban),
-                LabanCurve::target(target),
-                LabanCurve::guided(&guided.laban),
-            ],
+            ([baseline, guided], Some(_)) => {
+                let target = self.asked_target().map(LabanCurve::target);
+                let guided = LabanCurve::guided(&guided.laban);
+                let curves = [Some(LabanCurve::baseline(&baseline.laban)), target];
+                curves.into_iter().flatten().chain([guided]).collect()
+            }
             (motions, _) => {
                 let all = motions.iter().zip(COLOURS);
                 all.map(|(scene_motion, colour)| LabanCurve {

@@ -132,10 +132,8 @@ impl<'a> Rig<'a> {
         };
         let inputs = self.fit_inputs(motions);
         let mut fit = self.guidance.fit;
-        // A path leads bodies on whose feet the sentence would have standing, and so does a position after known frames, whose feet
-        // stand where they are.
-        let leads_on = self.guidance.place_origin.is_some() && !self.guidance.places.is_empty();
-        if (self.guidance.places.path.is_some() || leads_on) && fit.stride.is_none() {
+        // A path leads bodies on whose feet the sentence would have standing.
+        if self.guidance.places.path.is_some() && fit.stride.is_none() {
             fit.stride = Some(STRIDE);
         }
         let fit = fit.run(&inputs, Some(&mut objective), on_progress);
