@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use lamogen::{
     BodyPart, Component, Device, Error, Factor, Generation, Goal, Goals, LaMoGen, LabanOptions,
-    LabanSeries, Motion, PartScale, Request, Scale, Tag,
+    LabanSeries, Motion, PartScale, PlaceOutcome, Places, Request, Scale, Tag,
 };
 
 fn model() -> LaMoGen {
@@ -222,6 +222,97 @@ fn a_stream_begins_where_a_motion_ends() {
     goes_on_at(&joints, &[60]);
 }
 
+/// Returns the largest distance from a place in metres.
+fn farthest(places: &[PlaceOutcome]) -> f32 {
+    places
+        .iter()
+        .map(PlaceOutcome::distance)
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn a_long_motion_goes_through_its_places() {
+    // Two stretches, with a place where the second would begin, and a clip before them.
+    let walk = || Request::new("a person walks forward");
+    let model = model();
+    let clip = model.generate(&walk().seconds(3.0).seed(1)).unwrap().guided;
+    let request = walk()
+        .seconds(18.0)
+        .seed(3)
+        .path("3:0,3 9:3,7 16:-1,9 18:-2.5,9".parse().unwrap())
+        .reach("left-hand@9.3=3.6,1.3,7.2".parse().unwrap())
+        .after(&clip);
+    let generation = model.generate(&request).unwrap();
+    let motion = &generation.guided;
+    assert_eq!(motion.frames(), 360);
+    let names: Vec<&str> = generation.places.iter().map(|place| place.name).collect();
+    assert_eq!(names, ["pelvis", "pelvis", "pelvis", "pelvis", "left-hand"]);
+    assert!(
+        farthest(&generation.places) < 0.02,
+        "{:?}",
+        generation.places
+    );
+    let joints = [clip.joints(), motion.joints()].concat();
+    goes_on_at(&joints, &[60, 60 + 176, 60 + 187]);
+    // Nothing is asked of the components.
+    assert_eq!(generation.goals, Goals::anything());
+    // With a tag the places stay, and the factor holds.
+    let strong = model.generate(&request.tag(Tag::Strong)).unwrap();
+    assert!(farthest(&strong.places) < 0.03, "{:?}", strong.places);
+    let change = mean_change(&strong, 25..355);
+    assert!((change / 1.5 - 1.0).abs() < 0.1, "{change}");
+}
+
+#[test]
+fn a_stream_is_led_through_places() {
+    let model = model();
+    let walk = Request::new("a person walks forward")
+        .seconds(8.0)
+        .seed(2)
+        .path("0:0,0 4:0,4 8:3,6".parse().unwrap());
+    let mut stream = model.stream(&walk).unwrap();
+    let first = stream.next().unwrap().unwrap();
+    // The place at four seconds is where the second stretch would have begun.
+    assert_eq!(first.frames, 0..81);
+    assert_eq!(first.generation.places.len(), 2);
+    // Where the body shall go changes on the way, to a place beyond what has been added.
+    let lead = |path: &str, reaches: &[&str]| Places {
+        path: Some(path.parse().unwrap()),
+        reaches: reaches.iter().map(|text| text.parse().unwrap()).collect(),
+        ..Places::default()
+    };
+    let late = stream.lead(lead("2:0,1", &[])).unwrap_err().to_string();
+    assert!(
+        late.contains("found 2 s") && late.contains("from 4.05 s on"),
+        "{late}"
+    );
+    stream
+        .lead(lead("0:0,0 12:-3,9", &["head@7=-0.8,1.3,6"]))
+        .unwrap();
+    let second = stream.next().unwrap().unwrap();
+    assert_eq!(second.frames, 81..160);
+    assert_eq!(second.generation.places.len(), 1);
+    assert!(stream.next().is_none());
+    stream
+        .then(&Request::new("a person walks forward").seconds(4.0))
+        .unwrap();
+    let third = stream.next().unwrap().unwrap();
+    assert_eq!(third.frames, 160..240);
+    assert_eq!(third.generation.places[0].seconds, 12.0);
+    let stretches = [first, second, third];
+    for stretch in &stretches {
+        let places = &stretch.generation.places;
+        assert!(farthest(places) < 0.02, "{places:?}");
+    }
+    let joints: Vec<_> = { stretches.iter() }
+        .flat_map(|stretch| stretch.generation.guided.joints().to_vec())
+        .collect();
+    goes_on_at(&joints, &[81, 160]);
+    // Halfway between the last two places the body is on its way.
+    let pelvis = joints[170][0];
+    assert!(pelvis[0] < -0.5 && pelvis[2] > 6.0, "{pelvis:?}");
+}
+
 #[test]
 fn what_a_stream_cannot_do_is_said() {
     let model = model();
@@ -229,7 +320,7 @@ fn what_a_stream_cannot_do_is_said() {
     let message = |request: &Request| model.stream(request).err().unwrap().to_string();
     for (request, part) in [
         (walk().looped(true), "found a loop"),
-        (walk().path("0:0,0 2:1,0".parse().unwrap()), "found places"),
+        (walk().path("0:0,0 4:1,0".parse().unwrap()), "found 4 s"),
         (
             walk().guidance(lamogen::Guidance::paper()).tag(Tag::Strong),
             "found the network's own body",

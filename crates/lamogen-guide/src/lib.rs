@@ -55,8 +55,8 @@ pub use loss_term::{LossTarget, LossTerm, LossTerms, PreparedTerm, TermCompariso
 pub use noise::{StepNoise, noise};
 pub use observer::{Observer, Pass, Step};
 pub use places::{
-    Facing, GroundPath, KeyPose, PlaceError, PlaceOrigin, PlaceOutcome, Places, Reach, ReachPart,
-    Waypoint,
+    Facing, GroundPath, Itinerary, KeyPose, PlaceError, PlaceOrigin, PlaceOutcome, Places, Reach,
+    ReachPart, Waypoint,
 };
 pub use prompt_editing::prompt_with_tags;
 pub use rig::{Rig, RigMotions};

@@ -2,7 +2,9 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use lamogen_guide::{Body, Guidance, Pass, PlaceOrigin, Preset, Schedule, Tiling, longest_loop};
+use lamogen_guide::{
+    Body, Guidance, Itinerary, Pass, PlaceOrigin, Preset, Schedule, Tiling, longest_loop,
+};
 use lamogen_laban::{EndEffectors, Goals, Scale};
 use lamogen_model::{Denoiser, MotionWindow, Tokenizer, Tokens};
 use lamogen_motion::{POSE_FEATURES, RootMotion};
@@ -11,7 +13,7 @@ use crate::error::RequestError;
 use crate::long_run::LONGEST_STRETCH;
 use crate::neighbours::{KNOWN_FRAMES, KnownStart, KnownStarts, Predecessor, known_end};
 use crate::request::Request;
-use crate::stretches::stretches;
+use crate::stretches::{Section, stretches};
 
 /// A request that has been checked against a model.
 #[derive(Clone, Debug)]
@@ -98,24 +100,31 @@ impl JobGroup {
         self.guidance.body == Body::Rig
     }
 
-    /// Whether the motion of the group is so long that it is made a stretch at a time. Terms of the loss that see a motion as a whole
-    /// keep it in one piece.
+    /// Whether the motion of the group is so long that it is made a stretch at a time. Terms of the loss of one's own, which see a
+    /// motion as a whole, keep it in one piece.
     pub(crate) fn is_stretched(&self) -> bool {
         let [job] = &self.jobs[..] else { return false };
         job.tiling.is_some()
             && job.frames > LONGEST_STRETCH
             && self.is_rigid()
             && self.guidance.loss_terms.is_empty()
-            && self.guidance.places.is_empty()
+    }
+
+    /// Returns the stretches that the motion of the group is made in, if it is so long.
+    pub(crate) fn stretches(&self, itinerary: &Itinerary) -> Vec<Vec<Section>> {
+        let segments = self.jobs[0].segments.iter();
+        let lengths: Vec<usize> = segments.map(|segment| segment.frames).collect();
+        let places = itinerary.frames(lengths.iter().sum());
+        stretches(&lengths, LONGEST_STRETCH, &places)
     }
 
     /// Returns the number of stretches that the motions of the group are made in.
-    fn stretches(&self) -> usize {
-        let lengths = |job: &GenerationJob| -> Vec<usize> {
-            job.segments.iter().map(|segment| segment.frames).collect()
-        };
+    fn stretch_count(&self) -> usize {
         match self.is_stretched() {
-            true => stretches(&lengths(&self.jobs[0]), LONGEST_STRETCH).len(),
+            true => {
+                let itinerary = Itinerary::new(self.guidance.places.clone(), None);
+                self.stretches(&itinerary).len()
+            }
             false => 1,
         }
     }
@@ -134,7 +143,7 @@ impl JobGroup {
             (true, false) => self.guidance.fit.allowed(false),
             (true, true) => self.guidance.fit.allowed(false) + self.guidance.fit.allowed(true),
         };
-        self.stretches() * (steps + guided + fits)
+        self.stretch_count() * (steps + guided + fits)
     }
 }
 

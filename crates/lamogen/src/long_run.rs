@@ -5,10 +5,10 @@
 //!           ──second pass, each from the end of the one before──▶ the guided motion
 //! ```
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
-use lamogen_guide::Step;
-use lamogen_laban::{EndEffectors, LabanOptions, LabanSeries};
+use lamogen_guide::{Itinerary, Step};
+use lamogen_laban::{EndEffectors, Goals, LabanOptions, LabanSeries};
 use lamogen_model::Denoiser;
 use lamogen_motion::Motion;
 
@@ -18,7 +18,7 @@ use crate::groups::{JobGroup, requested_goals};
 use crate::neighbours::StretchEnd;
 use crate::request::Request;
 use crate::run::{Baselines, BatchRun};
-use crate::stretches::{Section, Sentence, joined, stretch_request, stretches};
+use crate::stretches::{Section, Sentence, itinerary, joined, section_places, stretch_request};
 
 /// The largest number of frames of a stretch: fifteen seconds. Longer motions of a rigid body are made in stretches.
 pub(crate) const LONGEST_STRETCH: usize = 300;
@@ -31,6 +31,7 @@ pub(crate) struct LongRun<'a, D> {
     /// The place of the request.
     index: usize,
     stretches: Vec<Vec<Section>>,
+    itinerary: Itinerary,
 }
 
 impl<'a, D: Denoiser> LongRun<'a, D> {
@@ -44,13 +45,15 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         if !group.is_stretched() {
             return None;
         }
-        let lengths: Vec<usize> = job.segments.iter().map(|segment| segment.frames).collect();
+        let places = group.guidance.places.clone();
+        let itinerary = itinerary(&requests[job.request], places);
         Some(LongRun {
             model,
             group,
             requests,
             index: job.request,
-            stretches: stretches(&lengths, LONGEST_STRETCH),
+            stretches: group.stretches(&itinerary),
+            itinerary,
         })
     }
 
@@ -70,7 +73,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         let mut baseline: Vec<Motion> = Vec::new();
         for stretch in 0..self.stretches.len() {
             let end = { baseline.last() }.map(|motion| StretchEnd::of(motion, motion, false));
-            let made = self.with_stretch(stretch, &text_alone, end, |run| {
+            let made = self.with_stretch((stretch, None), &text_alone, end, |run| {
                 let made = run.baselines(observer)?;
                 let motion = run.kept_baseline(&made.motions[0]);
                 Ok((made, motion))
@@ -93,7 +96,8 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
                 let changes_goals = self.changes_goals(stretch, &sentences);
                 StretchEnd::of(&before.baseline, &before.guided, changes_goals)
             });
-            let generation = self.with_stretch(stretch, &sentences, end, |run| {
+            let itinerary = Some(&self.itinerary);
+            let generation = self.with_stretch((stretch, itinerary), &sentences, end, |run| {
                 run.generations_from(baselines, observer)
             });
             let generation = generation.map_err(|error| {
@@ -105,13 +109,18 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         Ok(self.joined(whole, measured, made))
     }
 
-    /// Returns the sentences of the motion. If any has goals, all have: a sentence without any keeps the motion of the text.
+    /// Returns the sentences of the motion. If any has goals, all have: a sentence without any keeps the motion of the text. If none
+    /// has, places ask for nothing of the components.
     fn sentences(&self) -> Vec<Sentence> {
         let request = &self.requests[self.index];
         let job = &self.group.jobs[0];
         let goals = |request: &Request| {
             let goals = requested_goals(request).expect("goals of a checked request");
-            self.group.is_guided.then(|| goals.unwrap_or_default())
+            let others = match job.goals {
+                Some(_) => Goals::default(),
+                None => Goals::anything(),
+            };
+            self.group.is_guided.then(|| goals.unwrap_or(others))
         };
         { request.sentences().zip(&job.segments) }
             .map(|(request, segment)| Sentence {
@@ -142,10 +151,24 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         before != own && goals(before) != goals(own)
     }
 
-    /// Runs a part of the generation of a stretch.
+    /// Returns the number of frames of the motion.
+    fn length(&self) -> usize {
+        self.group.jobs[0].kept.len()
+    }
+
+    /// Returns the frames of a stretch among those of the motion.
+    fn frames(&self, stretch: usize) -> Range<usize> {
+        let length = |stretch: &Vec<Section>| -> usize {
+            stretch.iter().map(|section| section.frames.len()).sum()
+        };
+        let start = self.stretches[..stretch].iter().map(length).sum();
+        start..start + length(&self.stretches[stretch])
+    }
+
+    /// Runs a part of the generation of a stretch; with an itinerary, through its places.
     fn with_stretch<T>(
         &self,
-        stretch: usize,
+        (stretch, itinerary): (usize, Option<&Itinerary>),
         sentences: &[Sentence],
         end: Option<StretchEnd>,
         run: impl FnOnce(&BatchRun<'_, D>) -> Result<T, Error>,
@@ -157,6 +180,10 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         let mut request = stretch_request(options, requests, stretch, end);
         if stretch + 1 == self.stretches.len() {
             request.before = options.before.clone();
+        }
+        if let Some(itinerary) = itinerary {
+            let frames = (&self.frames(stretch), self.length());
+            request.places = section_places(itinerary, frames, &request);
         }
         let requests = [request];
         let groups = self.model.groups(&requests)?;
@@ -218,11 +245,18 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             joined(&stretches)
         };
         let guided = motions(|made| &made.guided);
+        let length = self.length();
+        let places = self.itinerary.outcomes(&(0..length), length, &guided);
         let targets = |target: &dyn Fn(&Generation) -> LabanSeries| -> LabanSeries {
             let frames = made.iter().flat_map(|made| target(made).frames().to_vec());
             LabanSeries::from_frames(frames.collect())
         };
-        let goals = job.requested_goals.clone().unwrap_or_default();
+        let goals = match (&job.requested_goals, self.group.is_guided) {
+            (Some(goals), _) => goals.clone(),
+            // Places ask for nothing of the components.
+            (None, true) => Goals::anything(),
+            (None, false) => Goals::default(),
+        };
         let terms = goals.terms(&self.group.guidance.laban.end_effectors);
         let parts = terms.into_iter().skip(1).map(|term| {
             let set = &term.end_effectors;
@@ -255,7 +289,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             guided,
             baseline,
             terms: Vec::new(),
-            places: Vec::new(),
+            places,
             loss: mean_loss(&made),
         }
     }

@@ -24,6 +24,17 @@ pub(crate) enum Predecessor {
     Stretch(Arc<StretchEnd>),
 }
 
+impl Predecessor {
+    /// Returns the joint positions of the last frames in metres, as many as a network sees, where the guided motion is.
+    pub(crate) fn last_frames(&self) -> &[[[f32; 3]; JOINTS]] {
+        let joints = match self {
+            Predecessor::Clip(clip) => clip.joints(),
+            Predecessor::Stretch(end) => end.guided.joints(),
+        };
+        &joints[joints.len().saturating_sub(KNOWN_FRAMES)..]
+    }
+}
+
 /// The last frames of a stretch of a generated motion, where it stands.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct StretchEnd {

@@ -349,6 +349,19 @@ impl Request {
         [self].into_iter().chain(&self.following)
     }
 
+    /// Returns the request without its places.
+    pub(crate) fn without_places(self) -> Request {
+        let without = |guidance: Guidance| Guidance {
+            places: Places::default(),
+            ..guidance
+        };
+        Request {
+            places: Places::default(),
+            guidance: self.guidance.map(without),
+            ..self
+        }
+    }
+
     /// Returns whether the request states nothing but a sentence, a length and goals.
     pub(crate) fn is_segment(&self) -> bool {
         let others = Request {

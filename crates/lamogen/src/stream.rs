@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range, RangeInclusive};
 
-use lamogen_guide::Body;
+use lamogen_guide::{Body, Itinerary, Places};
 use lamogen_laban::Goals;
 use lamogen_model::{AnyNetwork, Denoiser};
 use lamogen_motion::FRAMES_PER_SECOND;
@@ -13,7 +13,7 @@ use crate::generation::{Generation, LaMoGen, Progress};
 use crate::groups::{requested_goals, requested_guidance};
 use crate::neighbours::{KNOWN_FRAMES, StretchEnd};
 use crate::request::Request;
-use crate::stretches::{Section, Sentence, sections, stretch_request};
+use crate::stretches::{Section, Sentence, itinerary, section_places, sections, stretch_request};
 
 /// The largest number of frames of a stretch, unless the stream says otherwise: four seconds.
 const LONGEST_STRETCH: usize = 80;
@@ -46,6 +46,10 @@ pub struct MotionStream<'m, D = AnyNetwork> {
     model: &'m LaMoGen<D>,
     /// The first request, whose options hold for all stretches.
     options: Request,
+    /// The places that have been asked for.
+    itinerary: Itinerary,
+    /// Whether places have ever been asked for.
+    is_led: bool,
     /// The sentences that are not finished, each with its place. The first may have begun.
     sentences: VecDeque<PendingSentence>,
     /// The number of sentences that have been added.
@@ -66,6 +70,13 @@ struct PendingSentence {
     sections: VecDeque<Range<usize>>,
 }
 
+impl PendingSentence {
+    /// Returns the number of frames of the sentence that have been made.
+    fn made(&self) -> usize {
+        self.sections.front().map_or(0, |section| section.start)
+    }
+}
+
 /// A stretch of a [`MotionStream`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -74,7 +85,8 @@ pub struct Stretch {
     pub frames: Range<usize>,
     /// The place of the sentence among those that were added to the stream, from 0.
     pub sentence: usize,
-    /// The motion of these frames, which stands where the one before ends, and all that is known about it.
+    /// The motion of these frames, which stands where the one before ends, and all that is known about it. Its places are those at
+    /// these frames, as they are counted in the whole stream.
     pub generation: Generation,
 }
 
@@ -94,14 +106,17 @@ impl<D: Denoiser> LaMoGen<D> {
     ///
     /// # Errors
     ///
-    /// If the request is invalid, is a loop, leads to a motion, has places or loss terms, or is of the network's own body, or the
-    /// model makes a motion a window at a time.
+    /// If the request is invalid, is a loop, leads to a motion, has loss terms, or is of the network's own body, or the model makes a
+    /// motion a window at a time.
     pub fn stream(&self, request: &Request) -> Result<MotionStream<'_, D>, Error> {
+        let places = requested_guidance(request, self.preset()).places;
         let mut stream = MotionStream {
             model: self,
+            is_led: !places.is_empty(),
+            itinerary: itinerary(request, places),
             options: Request {
                 following: Vec::new(),
-                ..request.clone()
+                ..request.clone().without_places()
             },
             sentences: VecDeque::new(),
             added: 0,
@@ -131,12 +146,35 @@ impl<D: Denoiser> MotionStream<'_, D> {
         let (shortest, longest) = (*self.model.lengths().start(), longest_stretch(self.model));
         self.longest = (frames as usize).clamp(shortest.min(longest), longest);
         if self.stretches == 0 {
-            let lengths = self.section_lengths();
-            for pending in &mut self.sentences {
-                pending.sections = sections(pending.sentence.frames, lengths.clone()).collect();
-            }
+            self.cut();
         }
         self
+    }
+
+    /// Cuts what has not been made of all sentences into sections.
+    fn cut(&mut self) {
+        let places = self.itinerary.frames(self.length());
+        let lengths = self.section_lengths();
+        let mut start = self.frames;
+        for pending in &mut self.sentences {
+            let made = pending.made();
+            let left = pending.sentence.frames - made;
+            let own: Vec<usize> = { places.iter() }
+                .filter_map(|place| place.checked_sub(start))
+                .collect();
+            let sections = sections(left, lengths.clone(), &own).into_iter();
+            pending.sections = sections
+                .map(|frames| made + frames.start..made + frames.end)
+                .collect();
+            start += left;
+        }
+    }
+
+    /// Returns the number of frames that the stream has when all its sentences are made.
+    fn length(&self) -> usize {
+        let left =
+            { self.sentences.iter() }.map(|pending| pending.sentence.frames - pending.made());
+        self.frames + left.sum::<usize>()
     }
 
     /// Adds what comes next: a sentence with its length and its goals, or several.
@@ -185,7 +223,7 @@ impl<D: Denoiser> MotionStream<'_, D> {
         let Some(pending) = self.sentences.front() else {
             return Ok(());
         };
-        let first = pending.sections.front().map_or(0, |section| section.start);
+        let first = pending.made();
         let frames = pending.sentence.frames - first;
         let request = Request::new(&pending.sentence.prompt)
             .frames(frames)
@@ -205,6 +243,36 @@ impl<D: Denoiser> MotionStream<'_, D> {
                 *section = section.start - first..section.end - first;
             }
         }
+        Ok(())
+    }
+
+    /// Leads what has not been made through these places, instead of those that were asked for before. Moments and positions are
+    /// counted from where those of the first request are: the beginning of the stream, or the end of the motion that it
+    /// continues. A place may be further on than the sentences that have been added; what comes before it is on the way there.
+    ///
+    /// ```no_run
+    /// use lamogen::{LaMoGen, Places, Request};
+    ///
+    /// let model = LaMoGen::embedded(&lamogen::Device::flex())?;
+    /// let walk = Request::new("a person walks forward").seconds(12.0);
+    /// let mut stream = model.stream(&walk)?;
+    /// let first = stream.next().transpose()?;
+    /// // Two metres to the left, eight seconds after the stream began.
+    /// stream.lead(Places { path: Some("8:2,4".parse()?), ..Places::default() })?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// If two places exclude each other, or one is at a moment that has been made.
+    pub fn lead(&mut self, places: Places) -> Result<(), Error> {
+        let itinerary = self.itinerary.with_places(places.clone());
+        let checked = { places.check(Request::LONGEST_MOTION) }
+            .and_then(|()| itinerary.check_from(self.frames));
+        checked.map_err(|reason| self.refused(reason.into()))?;
+        self.is_led |= !places.is_empty();
+        self.itinerary = itinerary;
+        self.cut();
         Ok(())
     }
 
@@ -235,19 +303,27 @@ impl<D: Denoiser> MotionStream<'_, D> {
             changes_goals: before != goals.clone().unwrap_or_default(),
             ..end
         });
-        // After a guided stretch the motion of the text alone is elsewhere, and the guided one goes on from its own end.
+        // After a guided stretch the motion of the text alone is elsewhere, and the guided one goes on from its own end. Places ask
+        // for nothing of the components.
         if { end.as_ref() }.is_some_and(|end| end.baseline != end.guided) {
-            sentence.goals = Some(goals.clone().unwrap_or_default());
+            let others = match self.is_led {
+                true => Goals::anything(),
+                false => Goals::default(),
+            };
+            sentence.goals = Some(goals.clone().unwrap_or(others));
         }
+        let made = self.frames..self.frames + frames.len();
+        let length = self.length();
         let request = section.request(&sentence);
-        let request = stretch_request(&self.options, [request], self.stretches, end);
-        let generation = match self.model.generate_with(&request, observer) {
+        let mut request = stretch_request(&self.options, [request], self.stretches, end);
+        request.places = section_places(&self.itinerary, (&made, length), &request);
+        let mut generation = match self.model.generate_with(&request, observer) {
             Ok(generation) => generation,
             Err(error) => return Some(Err(error)),
         };
+        generation.places = self.itinerary.outcomes(&made, length, &generation.guided);
         let end = StretchEnd::of(&generation.baseline, &generation.guided, false);
         let place = pending.place;
-        let made = self.frames..self.frames + frames.len();
         self.end = Some((end, goals.unwrap_or_default()));
         self.stretches += 1;
         self.frames = made.end;
@@ -279,7 +355,6 @@ impl<D: Denoiser> MotionStream<'_, D> {
             ),
             (request.is_looped, "a loop"),
             (request.before.is_some(), "a motion to lead to"),
-            (!guidance.places.is_empty(), "places"),
             (!guidance.loss_terms.is_empty(), "loss terms"),
             (guidance.body == Body::Network, "the network's own body"),
         ];
@@ -312,9 +387,14 @@ impl<D: Denoiser> MotionStream<'_, D> {
                 frames,
                 goals: requested_goals(request).expect("goals of a checked request"),
             };
+            let places = self.itinerary.frames(self.length() + frames);
+            let start = self.length();
+            let own: Vec<usize> = { places.iter() }
+                .filter_map(|place| place.checked_sub(start))
+                .collect();
             self.sentences.push_back(PendingSentence {
                 place: self.added,
-                sections: sections(frames, self.section_lengths()).collect(),
+                sections: sections(frames, self.section_lengths(), &own).into(),
                 sentence,
             });
             self.added += 1;

@@ -7,11 +7,13 @@
 //!                                 a stretch begins with the last second of the one before, which it does not change
 //! ```
 
+use std::cmp::Reverse;
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
+use lamogen_guide::{Itinerary, Places};
 use lamogen_laban::Goals;
-use lamogen_motion::Motion;
+use lamogen_motion::{Motion, Placement};
 
 use crate::neighbours::{KNOWN_FRAMES, Predecessor, StretchEnd};
 use crate::request::Request;
@@ -46,12 +48,18 @@ impl Section {
 }
 
 /// Cuts sentences of these lengths into stretches of at most `longest` frames. A sentence that is longer than a stretch has
-/// stretches of its own, which are equally long and have at least half as many frames.
-pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> {
+/// stretches of its own, which are equally long and have at least half as many frames, but for what keeps a border away from the
+/// frames `places` of the whole motion, which are in the order of time ([`sections`]).
+pub(crate) fn stretches(lengths: &[usize], longest: usize, places: &[usize]) -> Vec<Vec<Section>> {
     let mut stretches: Vec<Vec<Section>> = Vec::new();
     let mut free = 0;
+    let mut start = 0;
     for (sentence, &length) in lengths.iter().enumerate() {
-        for frames in sections(length, 1..=longest) {
+        let own: Vec<usize> = { places.iter() }
+            .filter_map(|place| place.checked_sub(start))
+            .collect();
+        start += length;
+        for frames in sections(length, 1..=longest, &own) {
             let section = Section { sentence, frames };
             let needed = section.frames.len();
             match stretches.last_mut().filter(|_| needed <= free) {
@@ -60,7 +68,7 @@ pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> 
                     stretch.push(section);
                 }
                 None => {
-                    free = longest - needed;
+                    free = longest.saturating_sub(needed);
                     stretches.push(vec![section]);
                 }
             }
@@ -69,18 +77,59 @@ pub(crate) fn stretches(lengths: &[usize], longest: usize) -> Vec<Vec<Section>> 
     stretches
 }
 
-/// Cuts a sentence into the fewest equally long sections of these lengths; into longer ones, where these would be too short.
+/// The number of frames by which a border of two sections is moved at most, so that a place does not follow it too closely.
+const BORDER_SHIFT: usize = 10;
+/// The number of frames that a body should have from the border of a section to the next place.
+const WAY_TO_PLACE: usize = 20;
+
+/// Cuts a sentence into the fewest equally long sections of these lengths; into longer ones, where these would be too short. Borders
+/// are moved a little, and a section may be as much longer, where one of the frames `places` follows a border closely: what leads
+/// to a place has to begin before it. These are in the order of time.
 pub(crate) fn sections(
     length: usize,
     lengths: RangeInclusive<usize>,
-) -> impl Iterator<Item = Range<usize>> {
-    let most = (length / lengths.start().max(&1)).max(1);
+    places: &[usize],
+) -> Vec<Range<usize>> {
+    let shortest = (*lengths.start()).max(1);
+    let most = (length / shortest).max(1);
     let count = length.div_ceil(*lengths.end()).clamp(1, most);
-    let place = move |section: usize| length * section / count;
-    (0..count).map(move |section| place(section)..place(section + 1))
+    let longest = length.div_ceil(count).max(*lengths.end()) + BORDER_SHIFT;
+    let mut borders = vec![0];
+    for section in 1..count {
+        let even = length * section / count;
+        let (before, rest) = (borders[section - 1], count - section);
+        let first = (before + shortest).max(length.saturating_sub(rest * longest));
+        let last = (before + longest).min(length - rest * shortest);
+        let way = |border: &usize| {
+            let next = places.partition_point(|place| place < border);
+            { places.get(next) }.map_or(WAY_TO_PLACE, |place| (place - border).min(WAY_TO_PLACE))
+        };
+        let near = even.saturating_sub(BORDER_SHIFT).max(first)..=(even + BORDER_SHIFT).min(last);
+        let best = near.max_by_key(|border| (way(border), Reverse(border.abs_diff(even))));
+        borders.push(best.unwrap_or(even));
+    }
+    borders.push(length);
+    borders.windows(2).map(|pair| pair[0]..pair[1]).collect()
 }
 
-/// Returns the request of a stretch: its sentences, with the options of the request of the whole motion.
+/// Returns the places of a request's motion, which is made a stretch at a time.
+pub(crate) fn itinerary(request: &Request, places: Places) -> Itinerary {
+    let after = request.after.as_ref().map(Predecessor::last_frames);
+    let placement = after.and_then(|frames| frames.last().map(Placement::of));
+    Itinerary::new(places, placement)
+}
+
+/// Returns the places of the stretch that has these frames of a motion of `length` frames; `request` is that of the stretch.
+pub(crate) fn section_places(
+    itinerary: &Itinerary,
+    (frames, length): (&Range<usize>, usize),
+    request: &Request,
+) -> Places {
+    let before = request.after.as_ref().map(Predecessor::last_frames);
+    itinerary.section(frames, length, before.unwrap_or_default())
+}
+
+/// Returns the request of a stretch: its sentences, with the options of the request of the whole motion but its places.
 ///
 /// The start noise of each stretch has a seed of its own.
 pub(crate) fn stretch_request(
@@ -104,7 +153,7 @@ pub(crate) fn stretch_request(
             None => options.after.clone(),
         },
         before: None,
-        ..options.clone()
+        ..options.clone().without_places()
     };
     sentences.fold(request, Request::then)
 }
@@ -170,22 +219,46 @@ mod tests {
 
     #[test]
     fn stretches_have_all_frames_and_are_not_too_long() {
-        assert_eq!(lengths(&stretches(&[60], 400)), [[(0, 60)]]);
+        assert_eq!(lengths(&stretches(&[60], 400, &[])), [[(0, 60)]]);
         assert_eq!(
-            lengths(&stretches(&[200, 200, 40], 400)),
+            lengths(&stretches(&[200, 200, 40], 400, &[])),
             [vec![(0, 200), (1, 200)], vec![(2, 40)]]
         );
         assert_eq!(
-            lengths(&stretches(&[900, 50], 400)),
+            lengths(&stretches(&[900, 50], 400, &[])),
             [vec![(0, 300)], vec![(0, 300)], vec![(0, 300), (1, 50)]]
         );
         let ends = |length, lengths| -> Vec<usize> {
-            sections(length, lengths).map(|frames| frames.end).collect()
+            let sections = sections(length, lengths, &[]).into_iter();
+            sections.map(|frames| frames.end).collect()
         };
         assert_eq!(ends(1000, 1..=300), [250, 500, 750, 1000]);
         // No section is shorter than the shortest motion.
         assert_eq!(ends(100, 40..=40), [50, 100]);
         assert_eq!(ends(79, 40..=40), [79]);
+    }
+
+    #[test]
+    fn borders_keep_away_from_the_places_that_follow_them() {
+        let ends = |places: &[usize]| -> Vec<usize> {
+            let sections = sections(240, 40..=80, places).into_iter();
+            sections.map(|frames| frames.end).collect()
+        };
+        assert_eq!(ends(&[]), [80, 160, 240]);
+        // A place at the border, or soon after it, is one of the section before.
+        assert_eq!(ends(&[80]), [81, 160, 240]);
+        assert_eq!(ends(&[85, 200]), [86, 160, 240]);
+        // One that is later has a second.
+        assert_eq!(ends(&[95]), [75, 160, 240]);
+        assert_eq!(ends(&[92]), [72, 160, 240]);
+        // Many places leave the longest way that there is.
+        let many: Vec<usize> = (0..240).step_by(10).collect();
+        assert_eq!(ends(&many), [81, 161, 240]);
+        // Sections that cannot be shorter stay as they are.
+        let short = sections(80, 40..=40, &[45]);
+        assert_eq!(short, [0..40, 40..80]);
+        let whole = stretches(&[100, 240], 120, &[100, 225]);
+        assert_eq!(lengths(&whole), [[(0, 100)], [(1, 126)], [(1, 114)]]);
     }
 
     #[test]

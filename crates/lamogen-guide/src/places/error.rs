@@ -67,6 +67,9 @@ pub enum PlaceError {
     /// A moment is past the end of the motion.
     #[error("expected moments within the motion, 0 to {length} s, found {seconds} s")]
     Beyond { seconds: f32, length: f32 },
+    /// A moment is in a part of the motion that has been made.
+    #[error("expected moments from {made} s on, before which all is made, found {seconds} s")]
+    Passed { seconds: f32, made: f32 },
 }
 
 /// Checks a moment in seconds.

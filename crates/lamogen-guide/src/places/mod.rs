@@ -8,11 +8,12 @@
 //!
 //! Positions are in metres, relative to the start of the motion: x to the left of how the body stands at the start, y up
 //! from the floor, z forward. The pelvis starts at x = z = 0. A motion that goes on from another one counts from where that one
-//! ends ([`PlaceOrigin`]).
+//! ends ([`PlaceOrigin`]), and so does every stretch of a motion that is made in several ([`Itinerary`]).
 
 mod error;
 mod facing;
 mod ground_path;
+mod itinerary;
 mod key_pose;
 mod origin;
 mod outcome;
@@ -24,12 +25,13 @@ mod terms;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use lamogen_motion::{FRAMES_PER_SECOND, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Motion};
 
 use crate::loss_term::LossTerm;
 pub use error::PlaceError;
 pub use facing::Facing;
 pub use ground_path::{GroundPath, Waypoint};
+pub use itinerary::Itinerary;
 pub use key_pose::KeyPose;
 pub use origin::PlaceOrigin;
 pub use outcome::PlaceOutcome;
@@ -67,11 +69,7 @@ impl Places {
     /// does not start where the motion does.
     pub fn check(&self, frames: usize) -> Result<(), PlaceError> {
         let is_within = |seconds: f32| seconds * FRAMES_PER_SECOND <= frames as f32 + 0.5;
-        let moments = { self.path.iter() }
-            .flat_map(|path| path.waypoints().iter().map(|point| point.seconds))
-            .chain(self.reaches.iter().map(|reach| reach.seconds()))
-            .chain(self.poses.iter().map(KeyPose::seconds));
-        for seconds in moments {
+        for seconds in self.moments() {
             if !is_within(seconds) {
                 let length = frames as f32 / FRAMES_PER_SECOND;
                 return Err(PlaceError::Beyond { seconds, length });
@@ -140,17 +138,21 @@ impl Places {
 
     /// Returns the frames of a motion of `frames` frames that have a place.
     pub(crate) fn frames(&self, frames: usize) -> Vec<usize> {
-        let waypoints = self.path.iter().flat_map(|path| path.waypoints());
-        let moments = waypoints.map(|waypoint| waypoint.seconds);
-        let moments = moments
-            .chain(self.reaches.iter().map(|reach| reach.seconds()))
-            .chain(self.poses.iter().map(KeyPose::seconds));
+        let moments = self.moments();
         moments.map(|seconds| frame_at(seconds, frames)).collect()
+    }
+
+    /// Returns the moments of all places in seconds.
+    fn moments(&self) -> impl Iterator<Item = f32> {
+        let waypoints = self.path.iter().flat_map(GroundPath::waypoints);
+        { waypoints.map(|point| point.seconds) }
+            .chain(self.reaches.iter().map(Reach::seconds))
+            .chain(self.poses.iter().map(KeyPose::seconds))
     }
 
     /// Measures how near a motion comes to each place, in the order of the path, of the reaches and of the poses.
     pub fn outcomes(&self, motion: &Motion) -> Vec<PlaceOutcome> {
-        outcome::outcomes(self, motion.joints())
+        outcomes_of(self, motion.joints())
     }
 
     /// Measures how near a motion with known frames comes to each place, as [`outcomes`](Self::outcomes) does: with positions and
@@ -161,7 +163,7 @@ impl Places {
         motion: &Motion,
     ) -> Vec<PlaceOutcome> {
         match origin {
-            Some(origin) => outcome::outcomes(&origin.asked(self), &origin.seen(motion.joints())),
+            Some(origin) => outcomes_of(&origin.asked(self), &origin.seen(motion.joints())),
             None => self.outcomes(motion),
         }
     }
@@ -172,10 +174,21 @@ impl Places {
     }
 }
 
+/// Measures the places of a whole motion, whose poses are joint positions in metres.
+fn outcomes_of(places: &Places, poses: &[[[f32; 3]; JOINTS]]) -> Vec<PlaceOutcome> {
+    outcome::outcomes(places, poses, |seconds| {
+        Some(frame_at(seconds, poses.len()))
+    })
+}
+
+/// Returns the frame of a moment.
+fn frame_of(seconds: f32) -> usize {
+    (seconds * FRAMES_PER_SECOND).round() as usize
+}
+
 /// Returns the frame of a moment in a motion of `frames` frames. The end of a motion is its last frame.
 pub(crate) fn frame_at(seconds: f32, frames: usize) -> usize {
-    let frame = (seconds * FRAMES_PER_SECOND).round() as usize;
-    frame.min(frames.saturating_sub(1))
+    frame_of(seconds).min(frames.saturating_sub(1))
 }
 
 #[cfg(test)]

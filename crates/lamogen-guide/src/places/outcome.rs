@@ -4,7 +4,7 @@ use std::fmt;
 
 use lamogen_motion::{JOINTS, Joint};
 
-use super::{Places, frame_at};
+use super::Places;
 
 /// A place that was asked for, and the position that a motion has there.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,37 +70,45 @@ impl fmt::Display for PlaceOutcome {
     }
 }
 
-/// Measures the places of a motion, whose poses are joint positions in metres.
-pub(super) fn outcomes(places: &Places, poses: &[[[f32; 3]; JOINTS]]) -> Vec<PlaceOutcome> {
-    let at = |seconds: f32, joint: Joint| poses[frame_at(seconds, poses.len())][joint.index()];
+/// Measures the places of a motion whose poses are joint positions in metres. `frame` is the frame of a moment, if the motion has it.
+pub(super) fn outcomes(
+    places: &Places,
+    poses: &[[[f32; 3]; JOINTS]],
+    frame: impl Fn(f32) -> Option<usize>,
+) -> Vec<PlaceOutcome> {
+    let at = |seconds: f32| frame(seconds).map(|frame| &poses[frame]);
     let waypoints = places.path.iter().flat_map(|path| path.waypoints());
-    let path = waypoints.map(|point| PlaceOutcome {
-        name: "pelvis",
-        seconds: point.seconds,
-        asked: [Some(point.place[0]), None, Some(point.place[1])],
-        reached: at(point.seconds, Joint::Pelvis),
-        pose_distances: None,
+    let path = waypoints.filter_map(|point| {
+        Some(PlaceOutcome {
+            name: "pelvis",
+            seconds: point.seconds,
+            asked: [Some(point.place[0]), None, Some(point.place[1])],
+            reached: at(point.seconds)?[Joint::Pelvis.index()],
+            pose_distances: None,
+        })
     });
-    let reaches = places.reaches.iter().map(|reach| PlaceOutcome {
-        name: reach.part().name(),
-        seconds: reach.seconds(),
-        asked: reach.position().map(Some),
-        reached: at(reach.seconds(), reach.part().joint()),
-        pose_distances: None,
+    let reaches = places.reaches.iter().filter_map(|reach| {
+        Some(PlaceOutcome {
+            name: reach.part().name(),
+            seconds: reach.seconds(),
+            asked: reach.position().map(Some),
+            reached: at(reach.seconds())?[reach.part().joint().index()],
+            pose_distances: None,
+        })
     });
-    let poses = places.poses.iter().map(|pose| {
-        let frame = frame_at(pose.seconds(), poses.len());
-        let distances = pose.distances(&poses[frame]);
+    let key_poses = places.poses.iter().filter_map(|key| {
+        let pose = at(key.seconds())?;
+        let distances = key.distances(pose);
         let mean = distances.iter().sum::<f32>() / JOINTS as f32;
-        PlaceOutcome {
+        Some(PlaceOutcome {
             name: "pose",
-            seconds: pose.seconds(),
+            seconds: key.seconds(),
             asked: [None; 3],
-            reached: at(pose.seconds(), Joint::Pelvis),
+            reached: pose[Joint::Pelvis.index()],
             pose_distances: Some([mean, distances.into_iter().fold(0.0, f32::max)]),
-        }
+        })
     });
-    path.chain(reaches).chain(poses).collect()
+    path.chain(reaches).chain(key_poses).collect()
 }
 
 #[cfg(test)]
