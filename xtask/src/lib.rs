@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod bodies;
+pub mod captured_places;
 pub mod embed;
 pub mod handles;
 pub mod judges;

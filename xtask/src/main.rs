@@ -148,6 +148,15 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Ask of sentences the places at which captured motions were, and measure what these cost (R-precision, FID, jerk); prints a table in
+    /// Markdown.
+    CapturedPlaces {
+        #[command(flatten)]
+        options: xtask::captured_places::Options,
+        /// Where to compute, such as flex or wgpu:cpu.
+        #[arg(long, default_value = "flex")]
+        device: DeviceName,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -290,6 +299,15 @@ fn main() -> ExitCode {
                 }
             })
         }
+        Task::CapturedPlaces { options, device } => with_device(device, |device| {
+            match xtask::captured_places::run(&options, device, &mut |line| eprintln!("{line}")) {
+                Ok(table) => {
+                    print!("{table}");
+                    ExitCode::SUCCESS
+                }
+                Err(error) => fail(&*error),
+            }
+        }),
         Task::Embed {
             from,
             to,

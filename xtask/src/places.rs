@@ -175,7 +175,10 @@ struct Figures {
 }
 
 /// Writes a motion to a file and reads it back.
-fn through_file(motion: &Motion, folder: &std::path::Path) -> Result<Motion, Box<dyn Error>> {
+pub(crate) fn through_file(
+    motion: &Motion,
+    folder: &std::path::Path,
+) -> Result<Motion, Box<dyn Error>> {
     let path = folder.join("motion.bvh");
     write(&path, motion, &WriteOptions::default())?;
     Ok(read(&path, &ReadOptions::default())?.motion)
