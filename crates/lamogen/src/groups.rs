@@ -247,12 +247,12 @@ fn joined_goals(segments: &[JobSegment]) -> Option<Goals> {
 /// The number of frames in which goals set in beside known frames, whose speed they cannot change: one second.
 const EASE: usize = 20;
 
-/// Returns the goals of a motion with known frames around it, which may have any features. With the stretch before of the same
-/// motion, goals that go on as they were need not set in.
+/// Returns the goals of a motion with known frames around it, which may have any features, or with frames that are left out. With the
+/// stretch before of the same motion, goals that go on as they were need not set in.
 fn goals_of_kept(
     goals: Goals,
     kept: &Range<usize>,
-    frames: usize,
+    (frames, leads_to_known): (usize, bool),
     after: Option<&Predecessor>,
 ) -> Goals {
     let sets_in = match after {
@@ -260,7 +260,7 @@ fn goals_of_kept(
         _ => kept.start > 0,
     };
     let ease = |eases: bool| if eases { EASE } else { 0 };
-    let goals = goals.eased([ease(sets_in), ease(kept.end < frames)]);
+    let goals = goals.eased([ease(sets_in), ease(leads_to_known)]);
     let goals = match kept.start {
         0 => goals,
         start => Goals::anything().then(start, goals),
@@ -415,12 +415,19 @@ pub(crate) fn assign_to_group(
             .map_or(0, |start| start.baseline.features.len()),
     };
     let kept = before..before + requested;
-    let frames = kept.end + end.len();
+    let beyond = end.len() + request.ahead;
+    let frames = kept.end + beyond;
     let requested_goals = joined_goals(&segments);
-    let goals = { requested_goals.clone() }
-        .map(|goals| goals_of_kept(goals, &kept, frames, request.after.as_ref()));
+    let goals = { requested_goals.clone() }.map(|goals| {
+        goals_of_kept(
+            goals,
+            &kept,
+            (frames, !end.is_empty()),
+            request.after.as_ref(),
+        )
+    });
     let tiling = match model.window().is_none() && !is_looped {
-        true => tiling(&segments, [before, end.len()], *lengths.end()),
+        true => tiling(&segments, [before, beyond], *lengths.end()),
         false => None,
     };
     guidance.places.check(requested)?;

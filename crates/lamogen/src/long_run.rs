@@ -18,7 +18,9 @@ use crate::groups::{JobGroup, requested_goals};
 use crate::neighbours::StretchEnd;
 use crate::request::Request;
 use crate::run::{Baselines, BatchRun};
-use crate::stretches::{Section, Sentence, itinerary, joined, section_places, stretch_request};
+use crate::stretches::{
+    Section, Sentence, ahead, itinerary, joined, section_places, stretch_request,
+};
 
 /// The largest number of frames of a stretch: fifteen seconds. Longer motions of a rigid body are made in stretches.
 pub(crate) const LONGEST_STRETCH: usize = 300;
@@ -178,8 +180,9 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             { sections.iter() }.map(|section| section.request(&sentences[section.sentence]));
         let options = &self.requests[self.index];
         let mut request = stretch_request(options, requests, stretch, end);
-        if stretch + 1 == self.stretches.len() {
-            request.before = options.before.clone();
+        match stretch + 1 == self.stretches.len() {
+            true => request.before = options.before.clone(),
+            false => request.ahead = ahead(&self.itinerary),
         }
         if let Some(itinerary) = itinerary {
             let frames = (&self.frames(stretch), self.length());

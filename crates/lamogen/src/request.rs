@@ -52,6 +52,9 @@ pub struct Request {
     pub(crate) after: Option<Predecessor>,
     /// The motion that this one leads to.
     pub(crate) before: Option<Arc<Motion>>,
+    /// The number of frames that are made after those that are requested, and left out: where a motion goes on, its last frames do
+    /// not move as if they were the end.
+    pub(crate) ahead: usize,
 }
 
 impl Request {
@@ -81,6 +84,7 @@ impl Request {
             following: Vec::new(),
             after: None,
             before: None,
+            ahead: 0,
         }
     }
 

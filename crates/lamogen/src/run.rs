@@ -457,11 +457,8 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
 
     /// Returns the frames of a motion that are known before it is generated, if there are any. Such a motion runs alone.
     fn known_frames(&self, pass: Pass) -> Option<KnownFrames> {
-        let job = self
-            .group
-            .jobs
-            .first()
-            .filter(|job| job.kept != (0..job.frames))?;
+        let job =
+            { self.group.jobs.first() }.filter(|job| job.kept.start > 0 || !job.end.is_empty())?;
         let start = job.start_of(pass).map_or(&[][..], |start| &start.features);
         Some(KnownFrames::new(
             job.frames,

@@ -13,7 +13,9 @@ use crate::generation::{Generation, LaMoGen, Progress};
 use crate::groups::{requested_goals, requested_guidance};
 use crate::neighbours::{KNOWN_FRAMES, StretchEnd};
 use crate::request::Request;
-use crate::stretches::{Section, Sentence, itinerary, section_places, sections, stretch_request};
+use crate::stretches::{
+    Section, Sentence, ahead, itinerary, section_places, sections, stretch_request,
+};
 
 /// The largest number of frames of a stretch, unless the stream says otherwise: four seconds.
 const LONGEST_STRETCH: usize = 80;
@@ -317,6 +319,7 @@ impl<D: Denoiser> MotionStream<'_, D> {
         let request = section.request(&sentence);
         let mut request = stretch_request(&self.options, [request], self.stretches, end);
         request.places = section_places(&self.itinerary, (&made, length), &request);
+        request.ahead = ahead(&self.itinerary);
         let mut generation = match self.model.generate_with(&request, observer) {
             Ok(generation) => generation,
             Err(error) => return Some(Err(error)),

@@ -47,6 +47,11 @@ impl Itinerary {
         }
     }
 
+    /// Returns whether nothing is asked.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
     /// Returns an itinerary with other places, which are counted from where these are.
     pub fn with_places(&self, places: Places) -> Itinerary {
         Itinerary {
