@@ -1,7 +1,7 @@
 //! The seam of a loop: a jump between its last frame and its first is spread over the frames around it.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::JOINTS;
+use lamogen_motion::{JOINTS, smooth_step};
 
 /// The number of frames before and after the seam over which a jump is spread.
 const SPREAD: usize = 10;
@@ -69,8 +69,7 @@ impl SeamJump {
 
 /// Returns the share of a jump at a frame so many frames from it: 1 at the jump, 0 from `spread` frames on.
 pub(crate) fn jump_share(frame: usize, spread: usize) -> f64 {
-    let part = frame as f64 / spread as f64;
-    1.0 - part * part * (3.0 - 2.0 * part)
+    1.0 - smooth_step(frame as f64 / spread as f64)
 }
 
 /// Returns of the two quaternions of a rotation the one nearer to another.

@@ -1,6 +1,7 @@
 //! Two-bone inverse kinematics, and the curves over which a limb is drawn to its target.
 
 use glam::{DQuat, DVec3};
+use lamogen_motion::smooth_step;
 
 /// The part of its length to which a limb is stretched at most.
 pub(crate) const MAX_STRETCH: f64 = 0.9999;
@@ -71,10 +72,5 @@ pub(crate) fn soften(values: &[f64], reach: usize) -> Vec<f64> {
 
 /// Returns 1 at 0, 0 from 1 on, and a smooth curve between.
 pub(crate) fn fade(distance: f64) -> f64 {
-    1.0 - smooth(distance.min(1.0))
-}
-
-/// Returns a curve from 0 to 1 that begins and ends level.
-pub(crate) fn smooth(part: f64) -> f64 {
-    part * part * (3.0 - 2.0 * part)
+    1.0 - smooth_step(distance)
 }

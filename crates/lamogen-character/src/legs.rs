@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use lamogen_body::foot_contacts;
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, smooth_step};
 
-use crate::ik::{MAX_STRETCH, bend, fade, smooth, soften};
+use crate::ik::{MAX_STRETCH, bend, fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The joints of a leg: hip, knee, ankle and the ball of the foot.
@@ -166,7 +166,7 @@ fn shifts(
                 (Some((before, first)), Some((after, second))) => {
                     // In a short step one place is left for the other; in a long one the foot is free between them.
                     let part = before as f64 / (before + after) as f64;
-                    first * (1.0 - smooth(part)) + second * smooth(part)
+                    first * (1.0 - smooth_step(part)) + second * smooth_step(part)
                 }
             }
         })

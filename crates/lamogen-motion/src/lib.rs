@@ -40,6 +40,7 @@ pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
 pub use placement::{GroundMove, Placement};
+pub use precise::smooth_step;
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
 pub use skeleton::{ARMS, CHAINS, JOINTS, Joint};

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use burn::tensor::{Tensor, TensorData};
-use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, Normalization};
+use lamogen_motion::{FRAMES_PER_SECOND, FeatureGroup, Normalization, smooth_step};
 
 use super::facing::Facing;
 use super::ground_path::GroundPath;
@@ -149,12 +149,6 @@ fn knots(
         }
     }
     knots
-}
-
-/// Returns a curve from 0 to 1 that begins and ends level.
-fn smooth_step(part: f64) -> f64 {
-    let part = part.clamp(0.0, 1.0);
-    part * part * (3.0 - 2.0 * part)
 }
 
 /// Turns a vector along the ground to the left.

@@ -6,7 +6,7 @@ use super::fit::fit_rotation;
 use super::rest::{BRANCH_JOINTS, MIN_BONE_LENGTH, RestPose};
 use super::twist::{TwistEstimate, smooth_twists};
 use crate::motion::Motion;
-use crate::precise::{points, vector};
+use crate::precise::{points, smooth_step, vector};
 use crate::skeleton::{JOINTS, Joint};
 
 /// An arm or a leg: two bones that bend in a plane.
@@ -277,8 +277,7 @@ fn swing_certainty(from: DVec3, to: DVec3) -> f64 {
 
 /// Returns 0 for `x` up to `from`, 1 from `to` on, and a smooth transition between.
 fn ramp(x: f64, from: f64, to: f64) -> f64 {
-    let x = ((x - from) / (to - from)).clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
+    smooth_step((x - from) / (to - from))
 }
 
 /// Returns the basis of two orthogonal unit vectors and their cross product.
