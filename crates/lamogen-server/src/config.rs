@@ -35,7 +35,8 @@ pub struct ServerConfig {
     /// The longest time for which a client may read nothing of its answer; its connection is closed then, and its work stopped.
     /// The default is 30 s.
     pub write_time: Duration,
-    /// The number of open connections; further ones wait. The default is 512.
+    /// The number of open connections. Where a further one comes, the one that has been idle for the longest time is closed; if none
+    /// is idle, the further one waits. The default is 512.
     pub max_connections: usize,
     /// The longest time that works may go on after the server was told to end. The default is 5 s.
     pub grace: Duration,

@@ -23,6 +23,7 @@
 
 mod accept;
 mod config;
+mod connections;
 mod guard;
 mod job;
 mod metrics;

@@ -1,5 +1,6 @@
 //! The server: its connections, its end, and what its routes share.
 
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
@@ -9,6 +10,7 @@ use std::time::Duration;
 use axum::Router;
 use futures_util::future::{Either, select};
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
@@ -17,6 +19,7 @@ use tokio::sync::{Semaphore, watch};
 use tokio_io_timeout::TimeoutStream;
 
 use crate::config::{ServerConfig, ServerError};
+use crate::connections::{AnswerBody, Connections};
 use crate::job::JobLimits;
 use crate::metrics::Metrics;
 use crate::queue::WorkQueue;
@@ -153,7 +156,7 @@ impl<S: MotionService> Server<S> {
             shared.limits.clone(),
             shared.config.clone(),
         );
-        let connections = Arc::new(Semaphore::new(config.max_connections));
+        let connections = Connections::new(config.max_connections);
         let graceful = GracefulShutdown::new();
         let router: Router = router(shared);
         let mut http = http1::Builder::new();
@@ -163,9 +166,6 @@ impl<S: MotionService> Server<S> {
         let mut stopped = stop.subscribe();
         let accepting = async {
             loop {
-                let Ok(permit) = connections.clone().acquire_owned().await else {
-                    return;
-                };
                 let stream = match listener.accept().await {
                     Ok((stream, _)) => stream,
                     Err(_) => {
@@ -174,17 +174,28 @@ impl<S: MotionService> Server<S> {
                         continue;
                     }
                 };
+                let open = connections.open(connections.place().await);
                 // Small answers, such as events, must not wait for further ones.
                 let _ = stream.set_nodelay(true);
                 let mut stream = TimeoutStream::new(stream);
                 stream.set_write_timeout(Some(config.write_time));
-                let service = TowerToHyperService::new(router.clone());
-                let connection =
-                    graceful.watch(http.serve_connection(TokioIo::new(Box::pin(stream)), service));
+                let requests = open.requests();
+                let router = TowerToHyperService::new(router.clone());
+                let service = service_fn(move |request| {
+                    let running = requests.begin();
+                    let answer = router.call(request);
+                    async {
+                        Ok::<_, Infallible>(
+                            answer.await?.map(|body| AnswerBody::new(body, running)),
+                        )
+                    }
+                });
+                let connection = graceful.watch(
+                    http.serve_connection(TokioIo::new(open.stream(Box::pin(stream))), service),
+                );
                 tokio::spawn(async move {
                     // Connections that break are the clients' concern.
-                    let _ = connection.await;
-                    drop(permit);
+                    select(pin!(connection), pin!(open.ended())).await;
                 });
             }
         };

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use lamogen_server::ServerConfig;
 
-use crate::client::{JSON, ask, connect, generate, get, receive, send};
-use crate::service::RunningServer;
+use crate::client::{JSON, ask, connect, get, receive, send};
+use crate::service::{Event, RunningServer};
 
 /// Sends bytes as they are. Returns the status of the answer, if one comes before the connection is closed.
 fn send_raw(server: &RunningServer, bytes: &[u8]) -> Option<u16> {
@@ -124,14 +124,21 @@ fn a_head_that_comes_letter_by_letter_is_left() {
 }
 
 #[test]
-fn idle_connections_by_the_hundred_only_make_others_wait() {
+fn idle_connections_by_the_hundred_make_room_for_others() {
+    // None of them would end by itself while this waits.
     let server = RunningServer::start(ServerConfig {
-        head_time: Duration::from_millis(200),
+        head_time: Duration::from_secs(600),
         max_connections: 64,
         ..ServerConfig::default()
     });
+    let mut busy = connect(server.address);
+    send(&mut busy, "POST /api/v1/generate", &[JSON], b"\"hold\"");
+    assert_eq!(server.event(), Event::Begun("hold".into()));
     let idle: Vec<_> = (0..400).map(|_| connect(server.address)).collect();
-    assert_eq!(generate(server.address, "\"jump\"").status, 200);
+    assert_eq!(get(server.address, "/health").status, 200);
+    // A connection whose request is being answered stays, as old as it is.
+    server.release.send(()).unwrap();
+    assert_eq!(receive(&busy).status, 200);
     drop(idle);
 }
 
