@@ -8,7 +8,7 @@ use std::sync::mpsc;
 use std::time::Instant;
 
 use clap::Parser;
-use lamogen::{Device, LaMoGen, Motion, Preset, Request, Scale, Tag};
+use lamogen::{Device, LaMoGen, Motion, Request, Scale, Tag};
 
 /// Plays a motion while it is made, and prints when each stretch was there.
 #[derive(Parser)]
@@ -16,9 +16,9 @@ struct Arguments {
     /// How the motion is done from the beginning: light or strong, sustained or sudden, bound or free, near or far; may be repeated.
     #[arg(long = "tag")]
     tags: Vec<Tag>,
-    /// DDIM steps of each pass, 1 to 1000.
-    #[arg(long, default_value_t = Preset::Precise.steps())]
-    steps: usize,
+    /// DDIM steps of each pass, 1 to 1000; usually those of the model's preset.
+    #[arg(long)]
+    steps: Option<usize>,
     /// Length of the first sentence in seconds: until it is made, nothing plays.
     #[arg(long, default_value_t = 2.0)]
     first: f32,
@@ -55,7 +55,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     model.generate(&walk(2.0).steps(2))?;
     let start = Instant::now();
     let first = walk(arguments.first).seed(arguments.seed);
-    let mut stream = model.stream(&first.steps(arguments.steps))?;
+    let first = match arguments.steps {
+        Some(steps) => first.steps(steps),
+        None => first,
+    };
+    let mut stream = model.stream(&first)?;
     stream.then(&walk(8.0))?;
     let (sender, receiver) = mpsc::channel();
     std::thread::scope(|scope| -> Result<(), Box<dyn Error>> {

@@ -40,7 +40,7 @@ fn all_components_follow_their_tags_for_every_prompt_and_seed() {
                     .tag(tag)
                     .seed(seed)
                     .frames(40)
-                    .steps(25)
+                    .steps(12)
             })
             .collect();
         let component = tag.component();

@@ -59,8 +59,11 @@ const fn reach(sentence: &'static str, reaches: &'static [&'static str]) -> Case
     }
 }
 
+/// A path of more than fifteen seconds, with a place where a stretch ends.
+const LONG_PATH: &str = "6:0,5 12:4,8 18:8,5 24:8,0";
+
 /// The cases: paths, reaches, both, and places beside tags.
-const CASES: [Case; 19] = [
+const CASES: [Case; 22] = [
     path("a person walks forward", 4.0, "0:0,0 2:0.5,1.5 4:2,2"),
     path("a person walks forward", 4.0, "0:0,0 2:1,0 4:1,2"),
     path("a person walks and turns left", 4.0, "2:0,1.5 4:1.5,2.5"),
@@ -113,6 +116,13 @@ const CASES: [Case; 19] = [
     Case {
         tags: &[Tag::Strong],
         ..path("a person walks forward", 4.0, "2:0.5,1.5 4:2,2.5")
+    },
+    // Made in two stretches.
+    path("a person walks forward", 24.0, LONG_PATH),
+    path("a person jogs", 20.0, "5:0,10 10:8,16 15:16,10 20:16,0"),
+    Case {
+        tags: &[Tag::Light],
+        ..path("a person walks forward", 24.0, LONG_PATH)
     },
     Case {
         tags: &[Tag::Light, Tag::Sustained],

@@ -272,7 +272,7 @@ pub fn generation_facts(
         "model": source.name,
         "licence": licence,
         "preset": preset.name(),
-        "steps": pass.steps.unwrap_or(source.model.default_steps(preset)),
+        "steps": generation.steps,
         "emphasis": pass.emphasis,
         "body": pass.body.unwrap_or(BodyName::of(preset.guidance().body)).name(),
         "temporal_smoothing": source.temporal_smoothing_frames(),

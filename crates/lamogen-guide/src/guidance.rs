@@ -180,7 +180,7 @@ pub enum Preset {
     /// on the embedded model it moves the other components less than the paper's numbers.
     #[default]
     Fast,
-    /// 25 steps, an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
+    /// 12 steps (25 where a motion has to meet others), an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
     /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse, and
     /// was chosen on the embedded model, which runs with it. MDM has norms to move instead.
     Precise,
@@ -204,6 +204,16 @@ impl Preset {
         match self {
             Preset::Paper => TRAINING_STEPS,
             Preset::Fast => 100,
+            Preset::Precise => 12,
+        }
+    }
+
+    /// Returns the number of DDIM steps of each pass of a motion of which some frames have to meet others: its own ends in a loop, the
+    /// frames of a motion before or after it, those of another sentence, or places. The network needs more steps to make the frames
+    /// between fit.
+    pub fn meeting_steps(self) -> usize {
+        match self {
+            Preset::Paper | Preset::Fast => self.steps(),
             Preset::Precise => 25,
         }
     }
@@ -273,7 +283,7 @@ impl Guidance {
 
     /// Returns options that move the scales and shifts of each stylization layer instead of the embedding that they are
     /// computed from, with a small learning rate and more weight on Time and Flow where these shall change. A finish
-    /// then removes the remaining distance. They are meant for 25 DDIM steps or more.
+    /// then removes the remaining distance. They are meant for 12 DDIM steps or more.
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,

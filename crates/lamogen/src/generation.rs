@@ -73,6 +73,8 @@ pub struct Generation {
     pub terms: Vec<TermValues>,
     /// How near the guided motion comes to each place that the request asked for.
     pub places: Vec<PlaceOutcome>,
+    /// The number of DDIM steps of each pass.
+    pub steps: usize,
     /// The loss at every step of the guided pass, over all terms.
     pub loss: Vec<f32>,
 }
@@ -344,9 +346,10 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     /// Returns the number of steps of a request with a preset and without steps of its own: those of the preset, or all
-    /// timesteps that the network was trained with if these are fewer.
+    /// timesteps that the network was trained with if these are fewer. Motions of which some frames have to meet others may have more
+    /// ([`Preset::meeting_steps`]); [`Generation::steps`] says how many a motion had.
     pub fn default_steps(&self, preset: Preset) -> usize {
-        default_steps(preset, &self.network)
+        default_steps(preset, false, &self.network)
     }
 
     /// Returns the licence of the weights, if their file states one. PyTorch checkpoints do not.

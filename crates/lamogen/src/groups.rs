@@ -271,9 +271,21 @@ fn goals_of_kept(
     }
 }
 
-/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer.
-pub(crate) fn default_steps(preset: Preset, model: &impl Denoiser) -> usize {
-    preset.steps().min(model.noise_schedule().timesteps())
+/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer. Motions of which
+/// some frames have to meet others may have more.
+pub(crate) fn default_steps(preset: Preset, meets_others: bool, model: &impl Denoiser) -> usize {
+    let steps = match meets_others {
+        true => preset.meeting_steps(),
+        false => preset.steps(),
+    };
+    steps.min(model.noise_schedule().timesteps())
+}
+
+/// Returns whether some frames of a motion have to meet others: those of another motion or sentence, of its own other end, or of
+/// places and other terms of the loss.
+fn meets_others(request: &Request, guidance: &Guidance, tiling: Option<&Tiling>) -> bool {
+    let is_alone = request.after.is_none() && request.before.is_none() && tiling.is_none();
+    request.is_looped || !is_alone || !guidance.places.is_empty() || !guidance.loss_terms.is_empty()
 }
 
 /// What the sentences of a request are checked by.
@@ -387,8 +399,6 @@ pub(crate) fn assign_to_group(
     default: Preset,
 ) -> Result<(), RequestError> {
     let preset = request.preset.unwrap_or(default);
-    let steps = request.steps.unwrap_or(default_steps(preset, model));
-    Schedule::new(model.noise_schedule()).ddim(steps)?;
     let mut guidance = requested_guidance(request, default);
     guidance.check()?;
     let (start, end) = known_frames(request, model.window())?;
@@ -430,6 +440,9 @@ pub(crate) fn assign_to_group(
         true => tiling(&segments, [before, beyond], *lengths.end()),
         false => None,
     };
+    let meets_others = meets_others(request, &guidance, tiling.as_ref());
+    let steps = { request.steps }.unwrap_or_else(|| default_steps(preset, meets_others, model));
+    Schedule::new(model.noise_schedule()).ddim(steps)?;
     guidance.places.check(requested)?;
     if !guidance.places.is_empty() && kept != (0..frames) {
         let before = start.as_ref();

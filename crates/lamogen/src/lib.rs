@@ -24,7 +24,7 @@
 //!
 //! # The embedded model
 //!
-//! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it changes the scales and shifts of every layer over 25 DDIM
+//! [`LaMoGen::embedded`] runs with [`Preset::Precise`]: it changes the scales and shifts of every layer over 12 DDIM
 //! steps, fits the result to a rigid body and refines the motion of that body. Its predictions are smoothed along time
 //! by one frame ([`TemporalSmoothing`]). It follows sentences by classifier-free guidance ([`ClassifierFree`]), which
 //! evaluates the network twice a step. It makes motions of 40 to 196 frames at 20 frames a second of one body with

@@ -179,7 +179,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         let requests =
             { sections.iter() }.map(|section| section.request(&sentences[section.sentence]));
         let options = &self.requests[self.index];
-        let mut request = stretch_request(options, requests, stretch, end);
+        let mut request = stretch_request(options, requests, stretch, end).steps(self.group.steps);
         match stretch + 1 == self.stretches.len() {
             true => request.before = options.before.clone(),
             false => request.ahead = ahead(&self.itinerary),
@@ -293,6 +293,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             baseline,
             terms: Vec::new(),
             places,
+            steps: self.group.steps,
             loss: mean_loss(&made),
         }
     }

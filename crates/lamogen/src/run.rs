@@ -223,6 +223,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 baseline_laban: self.series(&whole.baseline, index),
                 parts: self.parts(&goals[index], &whole, &parts, index),
                 terms: terms.iter().map(|term| self.term(term, index)).collect(),
+                steps: self.group.steps,
                 loss: guided.loss.iter().map(|losses| losses[index]).collect(),
             };
             (job.request, generation)
@@ -405,6 +406,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
                 parts: Vec::new(),
                 terms: Vec::new(),
                 places: Vec::new(),
+                steps: self.group.steps,
                 loss: Vec::new(),
             };
             (job.request, generation)
