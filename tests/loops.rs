@@ -89,7 +89,8 @@ fn the_seam_of_a_loop_is_like_any_other_step() {
             assert!(x.hypot(z) < 0.15, "{request}: begins at {x}, {z}");
             let twice = motion.repeated(2).unwrap();
             // Of velocities there are two steps at the seam: from the last step to the seam's, and from there to the first. The
-            // larger of two typical values is above a percentile of single ones more often than one in ten times.
+            // larger of two typical values is above a percentile of single ones more often than one in ten times. Where the body is at
+            // its fastest when it passes the seam, the steps beside it are as large; and a millimetre is not seen.
             for ((what, steps), (seam, tolerance)) in ["position", "velocity", "rotation"]
                 .iter()
                 .zip(steps(&twice))
@@ -101,8 +102,11 @@ fn the_seam_of_a_loop_is_like_any_other_step() {
             {
                 let values = means(&steps);
                 let own = percentile_90(&values[..frames - 1]);
+                let beside = [seam.start - 1, seam.end].map(|frame| values[frame]);
+                let own = beside.into_iter().fold(own, f64::max);
+                let unseen = if *what == "rotation" { 0.0 } else { 0.001 };
                 let found = values[seam].iter().copied().fold(0.0, f64::max);
-                if found > tolerance * own {
+                if found > tolerance * own + unseen {
                     failures.push(format!("{request}: {what}: seam {found:.4}, own {own:.4}"));
                 }
             }
