@@ -260,53 +260,19 @@ fn main() -> ExitCode {
                 }
             })
         }
-        Task::Load { options } => {
-            match xtask::load::run(&options, &mut |line| eprintln!("{line}")) {
-                Ok(table) => {
-                    print!("{table}");
-                    ExitCode::SUCCESS
-                }
-                Err(error) => fail(&*error),
-            }
-        }
+        Task::Load { options } => printed(xtask::load::run(&options, &mut say)),
         Task::Truth { options, device } => truth(&options, device),
         Task::Seams { options, device } => with_device(device, |device| {
-            match xtask::seams::run(&options, device, &mut |line| eprintln!("{line}")) {
-                Ok(table) => {
-                    print!("{table}");
-                    ExitCode::SUCCESS
-                }
-                Err(error) => fail(&*error),
-            }
+            printed(xtask::seams::run(&options, device, &mut |line| say(&line)))
         }),
         Task::Perception { options, device } => with_device(device, |device| {
-            match xtask::perception::run(&options, device, &mut |line| eprintln!("{line}")) {
-                Ok(page) => {
-                    print!("{page}");
-                    ExitCode::SUCCESS
-                }
-                Err(error) => fail(&*error),
-            }
+            printed(xtask::perception::run(&options, device, &mut say))
         }),
-        Task::Places { options, device } => {
-            with_device(device, |device| {
-                match xtask::places::run(&options, device, &mut |line| eprintln!("{line}")) {
-                    Ok(table) => {
-                        print!("{table}");
-                        ExitCode::SUCCESS
-                    }
-                    Err(error) => fail(&*error),
-                }
-            })
-        }
+        Task::Places { options, device } => with_device(device, |device| {
+            printed(xtask::places::run(&options, device, &mut say))
+        }),
         Task::CapturedPlaces { options, device } => with_device(device, |device| {
-            match xtask::captured_places::run(&options, device, &mut |line| eprintln!("{line}")) {
-                Ok(table) => {
-                    print!("{table}");
-                    ExitCode::SUCCESS
-                }
-                Err(error) => fail(&*error),
-            }
+            printed(xtask::captured_places::run(&options, device, &mut say))
         }),
         Task::Embed {
             from,
@@ -329,6 +295,22 @@ fn with_device(name: DeviceName, task: impl FnOnce(&Device) -> ExitCode) -> Exit
     match name.open() {
         Ok(device) => task(&device),
         Err(error) => fail(&error),
+    }
+}
+
+/// Prints a line about what is being measured.
+fn say(line: &str) {
+    eprintln!("{line}");
+}
+
+/// Prints a table or a page, or why there is none.
+fn printed(result: Result<String, Box<dyn std::error::Error>>) -> ExitCode {
+    match result {
+        Ok(text) => {
+            print!("{text}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => fail(&*error),
     }
 }
 

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{LaMoGen, TemporalSmoothing};
+use lamogen::{LaMoGen, Preset, TemporalSmoothing};
 
 /// The options that select a model and its sampling.
 #[derive(Clone, Debug, clap::Args)]
@@ -13,7 +13,7 @@ pub struct Subject {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// DDIM steps.
-    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, default_value_t = Preset::Precise.steps() as u64, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub steps: u64,
     /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
     #[arg(long)]

@@ -180,8 +180,8 @@ pub enum Preset {
     /// on the embedded model it moves the other components less than the paper's numbers.
     #[default]
     Fast,
-    /// 12 steps (25 where a motion has to meet others), an update of the modulation at each, and a finish. Motions come nearest to what the tags ask for, and
-    /// the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse, and
+    /// 12 steps (25 where a motion has to meet others), an update of the modulation at each, and a finish. Motions come
+    /// nearest to what the tags ask for, and the other components move least. This preset is for networks with stylization layers, such as MotionDiffuse, and
     /// was chosen on the embedded model, which runs with it. MDM has norms to move instead.
     Precise,
 }

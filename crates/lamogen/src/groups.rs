@@ -100,6 +100,15 @@ impl JobGroup {
         self.guidance.body == Body::Rig
     }
 
+    /// Returns the goals of the kept frames of one of the jobs. Places and terms of one's own ask for nothing of the components.
+    pub(crate) fn reported_goals(&self, job: &GenerationJob) -> Goals {
+        match (&job.requested_goals, self.is_guided) {
+            (Some(goals), _) => goals.clone(),
+            (None, true) => Goals::anything(),
+            (None, false) => Goals::default(),
+        }
+    }
+
     /// Whether the motion of the group is so long that it is made a stretch at a time. Terms of the loss of one's own, which see a
     /// motion as a whole, keep it in one piece.
     pub(crate) fn is_stretched(&self) -> bool {

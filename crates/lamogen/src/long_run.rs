@@ -254,12 +254,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
             let frames = made.iter().flat_map(|made| target(made).frames().to_vec());
             LabanSeries::from_frames(frames.collect())
         };
-        let goals = match (&job.requested_goals, self.group.is_guided) {
-            (Some(goals), _) => goals.clone(),
-            // Places ask for nothing of the components.
-            (None, true) => Goals::anything(),
-            (None, false) => Goals::default(),
-        };
+        let goals = self.group.reported_goals(job);
         let terms = goals.terms(&self.group.guidance.laban.end_effectors);
         let parts = terms.into_iter().skip(1).map(|term| {
             let set = &term.end_effectors;

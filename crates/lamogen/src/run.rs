@@ -318,12 +318,7 @@ impl<'a, D: Denoiser> BatchRun<'a, D> {
         jobs.map(|((request, generation), job)| {
             let frames = KeptFrames {
                 frames: &job.kept,
-                goals: match (&job.requested_goals, self.group.is_guided) {
-                    (Some(goals), _) => goals.clone(),
-                    // Places and terms of one's own ask for nothing of the components.
-                    (None, true) => Goals::anything(),
-                    (None, false) => Goals::default(),
-                },
+                goals: self.group.reported_goals(job),
                 starts: job.start.as_ref(),
                 options: &self.group.guidance.laban,
                 device: &device,

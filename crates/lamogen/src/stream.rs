@@ -14,7 +14,7 @@ use crate::groups::{requested_goals, requested_guidance};
 use crate::neighbours::{KNOWN_FRAMES, StretchEnd};
 use crate::request::Request;
 use crate::stretches::{
-    Section, Sentence, ahead, itinerary, section_places, sections, stretch_request,
+    Section, Sentence, ahead, itinerary, places_from, section_places, sections, stretch_request,
 };
 
 /// The largest number of frames of a stretch, unless the stream says otherwise: four seconds.
@@ -161,9 +161,7 @@ impl<D: Denoiser> MotionStream<'_, D> {
         for pending in &mut self.sentences {
             let made = pending.made();
             let left = pending.sentence.frames - made;
-            let own: Vec<usize> = { places.iter() }
-                .filter_map(|place| place.checked_sub(start))
-                .collect();
+            let own = places_from(start, &places);
             let sections = sections(left, lengths.clone(), &own).into_iter();
             pending.sections = sections
                 .map(|frames| made + frames.start..made + frames.end)
@@ -390,11 +388,8 @@ impl<D: Denoiser> MotionStream<'_, D> {
                 frames,
                 goals: requested_goals(request).expect("goals of a checked request"),
             };
-            let places = self.itinerary.frames(self.length() + frames);
             let start = self.length();
-            let own: Vec<usize> = { places.iter() }
-                .filter_map(|place| place.checked_sub(start))
-                .collect();
+            let own = places_from(start, &self.itinerary.frames(start + frames));
             self.sentences.push_back(PendingSentence {
                 place: self.added,
                 sections: sections(frames, self.section_lengths(), &own).into(),

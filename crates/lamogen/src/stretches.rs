@@ -55,9 +55,7 @@ pub(crate) fn stretches(lengths: &[usize], longest: usize, places: &[usize]) -> 
     let mut free = 0;
     let mut start = 0;
     for (sentence, &length) in lengths.iter().enumerate() {
-        let own: Vec<usize> = { places.iter() }
-            .filter_map(|place| place.checked_sub(start))
-            .collect();
+        let own = places_from(start, places);
         start += length;
         for frames in sections(length, 1..=longest, &own) {
             let section = Section { sentence, frames };
@@ -75,6 +73,12 @@ pub(crate) fn stretches(lengths: &[usize], longest: usize, places: &[usize]) -> 
         }
     }
     stretches
+}
+
+/// Returns the frames of places from a frame on, counted from there.
+pub(crate) fn places_from(start: usize, places: &[usize]) -> Vec<usize> {
+    let later = places.iter().filter_map(|place| place.checked_sub(start));
+    later.collect()
 }
 
 /// The number of frames by which a border of two sections is moved at most, so that a place does not follow it too closely.

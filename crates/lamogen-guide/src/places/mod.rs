@@ -21,6 +21,8 @@ mod reach;
 mod root_plan;
 mod spline;
 mod terms;
+#[cfg(test)]
+mod testing;
 
 use std::borrow::Cow;
 use std::sync::Arc;
