@@ -168,8 +168,8 @@ fn a_stopped_run_returns_what_it_has() {
             }
         })
         .unwrap_err();
-    // For each five steps, a fit of at most 60, five guided steps, a fit of at most 200.
-    assert_eq!((seen[0], seen[9]), ((1, 540), (10, 540)));
+    // For each five steps, a fit of at most 60, five guided steps, a fit of at most 300.
+    assert_eq!((seen[0], seen[9]), ((1, 740), (10, 740)));
     assert!(seen.iter().enumerate().all(|(i, (done, _))| *done == i + 1));
     says(
         &error.to_string(),

@@ -76,8 +76,8 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
     let model = options.subject.open(device)?;
     let request = Request::new(&*options.prompt)
         .seconds(options.seconds)
-        .steps(options.subject.steps as usize)
         .seed(options.seed);
+    let request = options.subject.with_steps(request);
     let motion = model.generate(&request)?.guided;
     let folder = tempfile::tempdir()?;
     let [hero, animated] = ["hero.glb", "animated.glb"].map(|name| folder.path().join(name));

@@ -142,7 +142,7 @@ pub fn run(
                 .frames(motion.frames())
                 .seed(place as u64)
                 .places(places.clone());
-            let generation = model.generate(&request)?;
+            let generation = model.generate(&options.subject.with_steps(request))?;
             let made = through_file(&generation.guided, folder.path())?;
             // With nothing asked, the places of the path are measured, which the text alone misses.
             let outcomes = match asked {

@@ -137,12 +137,12 @@ fn measure(
     for sentence in sentences {
         for seed in 1..=options.seeds {
             let request = |tag: &Tag| {
-                Request::new(sentence)
+                let request = Request::new(sentence)
                     .seconds(options.seconds)
-                    .steps(options.subject.steps as usize)
                     .seed(seed)
-                    .tag(*tag)
-                    .guidance(guidance.clone())
+                    .tag(*tag);
+                let request = options.subject.with_steps(request);
+                request.guidance(guidance.clone())
             };
             let requests: Vec<Request> = TAGS.as_flattened().iter().map(request).collect();
             let generations = model.generate_all(&requests)?;

@@ -83,10 +83,10 @@ pub fn run(
             .iter()
             .enumerate()
             .map(|(place, entry)| {
-                Request::new(&entry.captions[caption(entry, seed)].text)
+                let request = Request::new(&entry.captions[caption(entry, seed)].text)
                     .seconds(entry.frames as f32 / FRAMES_PER_SECOND)
-                    .steps(options.subject.steps as usize)
-                    .seed(seed * 100_000 + place as u64)
+                    .seed(seed * 100_000 + place as u64);
+                options.subject.with_steps(request)
             })
             .collect();
         let generations = model.generate_all(&requests)?.into_iter();
@@ -112,7 +112,7 @@ pub fn run(
         "model": options.subject.model,
         "split": options.split.name(),
         "motions": entries.len(),
-        "steps": options.subject.steps,
+        "steps": options.subject.steps(&model),
         "temporal_smoothing": model.temporal_smoothing().map(|temporal_smoothing| json!({ "frames": temporal_smoothing.frames, "until": temporal_smoothing.until })),
         "repeats": options.repeats,
         "validation_loss": losses,

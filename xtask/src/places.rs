@@ -247,7 +247,8 @@ pub fn run(
     let mut kept = Vec::new();
     for case in CASES.iter().filter(|case| case.name().contains(only)) {
         for seed in 1..=options.seeds {
-            let generation = model.generate(&case.request(seed)?)?;
+            let request = options.subject.with_steps(case.request(seed)?);
+            let generation = model.generate(&request)?;
             let figures = measure(case, &generation, folder.path())?;
             let row = format!(
                 "| {} | {seed} | {} | {} | {:.2}, {:.2} | {:.0}, {:.0} | {:.2} | {} |",

@@ -1,10 +1,11 @@
 //! Measures where a motion goes from one sentence to the next: as one motion, as a motion that continues another, and as separate
-//! clips that are cross-faded.
+//! clips that are cross-faded. What chance makes of the measure is seen in motions of one sentence, which have no join.
 //!
 //! ```text
 //! pairs of sentences ──▶ one motion of both                  ──▶ steps at the join, steps elsewhere
 //!                    ├─▶ a motion, and one that continues it ──▶ the same
-//!                    └─▶ a motion of each, cross-faded         ──▶ the same
+//!                    ├─▶ a motion of each, cross-faded         ──▶ the same
+//!                    └─▶ a motion of the first alone           ──▶ steps in its middle, steps elsewhere
 //! ```
 
 use std::error::Error;
@@ -65,7 +66,7 @@ pub fn run(
     let model = options.subject.open(device)?;
     let suite = sentences();
     let mut random = ChaCha8Rng::seed_from_u64(0);
-    let mut seams: [Vec<Seam>; 3] = Default::default();
+    let mut seams: [Vec<Seam>; MOTIONS.len()] = Default::default();
     for seed in 0..options.pairs {
         let pair: Vec<_> = suite.sample(&mut random, 2).collect();
         let request = |sentence: usize, frames: usize| {
@@ -75,28 +76,31 @@ pub fn run(
                 false => request,
             }
         };
-        let whole = request(0, FRAMES).then(request(1, FRAMES)).seed(seed);
-        let whole = model.generate(&whole)?.guided;
-        let first = model.generate(&request(0, FRAMES).seed(seed))?.guided;
-        let next = request(1, FRAMES).seed(seed + options.pairs).after(&first);
-        let next = model.generate(&next)?.guided;
+        let generate = |request: Request| -> Result<Motion, Box<dyn Error>> {
+            let request = options.subject.with_steps(request);
+            Ok(model.generate(&request)?.guided)
+        };
+        let whole = generate(request(0, FRAMES).then(request(1, FRAMES)).seed(seed))?;
+        let first = generate(request(0, FRAMES).seed(seed))?;
+        let next = generate(request(1, FRAMES).seed(seed + options.pairs).after(&first))?;
         let continued = Motion::from_joints([first.joints(), next.joints()].concat())?;
         let clips = [0, 1].map(|sentence| {
             // A clip reaches as far into the other as a tile does.
             let request = request(sentence, FRAMES + FADE / 2);
             request.seed(seed + sentence as u64 * options.pairs)
         });
-        let [first, second] = clips.map(|request| model.generate(&request));
-        let fade = cross_fade(&first?.guided, &second?.guided)?;
-        let motions = [whole, continued, fade];
+        let [first, second] = clips.map(generate);
+        let fade = cross_fade(&first?, &second?)?;
+        let alone = generate(request(0, 2 * FRAMES).seed(seed))?;
+        let motions = [whole, continued, fade, alone];
         for (seams, motion) in seams.iter_mut().zip(&motions) {
             seams.push(Seam::of(motion)?);
         }
-        let [whole, continued, faded] = seams
+        let [whole, continued, faded, alone] = seams
             .each_ref()
             .map(|seams| seams[seams.len() - 1].ratios[1]);
         progress(format!(
-            "{} | {}: jerk {whole:.2}, continued {continued:.2}, cross-faded {faded:.2}",
+            "{} | {}: jerk {whole:.2}, continued {continued:.2}, cross-faded {faded:.2}, without a join {alone:.2}",
             pair[0].text, pair[1].text
         ));
     }
@@ -187,10 +191,10 @@ fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
 }
 
 /// The motions that are measured, in the order of the results.
-const MOTIONS: [&str; 3] = ["one motion", "continued", "cross-faded"];
+const MOTIONS: [&str; 4] = ["one motion", "continued", "cross-faded", "without a join"];
 
 /// Formats what was measured of each kind of motion.
-fn table(seams: &[Vec<Seam>; 3]) -> String {
+fn table(seams: &[Vec<Seam>; MOTIONS.len()]) -> String {
     let mut text = String::from(
         "| at the join | motion | median | 90 % | worst | pairs within |\n|---|---|---|---|---|---|\n",
     );

@@ -91,8 +91,7 @@ pub fn run(options: &Options, device: &Device) -> Result<(), Box<dyn Error>> {
     };
     let request = |sentence: &&str| {
         let request = Request::new(*sentence).seconds(options.seconds);
-        let steps = options.subject.steps as usize;
-        request.steps(steps).seed(options.seed)
+        options.subject.with_steps(request).seed(options.seed)
     };
     let requests: Vec<Request> = sentences.iter().map(request).collect();
     let motions = model.generate_all(&requests)?;

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{LaMoGen, Preset, TemporalSmoothing};
+use lamogen::{LaMoGen, Request, TemporalSmoothing};
 
 /// The options that select a model and its sampling.
 #[derive(Clone, Debug, clap::Args)]
@@ -12,9 +12,9 @@ pub struct Subject {
     /// Folder of a model; the embedded one without.
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// DDIM steps.
-    #[arg(long, default_value_t = Preset::Precise.steps() as u64, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    pub steps: u64,
+    /// DDIM steps of every motion; those of the preset without, which has more for motions that have to meet others.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    steps: Option<u64>,
     /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
     #[arg(long)]
     pub temporal_smoothing: Option<f32>,
@@ -27,6 +27,20 @@ pub struct Subject {
 }
 
 impl Subject {
+    /// Sets the steps of a request, if they were given.
+    pub fn with_steps(&self, request: Request) -> Request {
+        match self.steps {
+            Some(steps) => request.steps(steps as usize),
+            None => request,
+        }
+    }
+
+    /// Returns the steps of the model's motions that do not have to meet others.
+    pub fn steps(&self, model: &LaMoGen) -> usize {
+        let steps = self.steps.map(|steps| steps as usize);
+        steps.unwrap_or(model.preset().steps())
+    }
+
     /// Loads the model.
     ///
     /// # Errors

@@ -104,8 +104,7 @@ pub fn run(
             .map(|seed| {
                 let request = Request::new(&sentence.text).seconds(sentence.seconds);
                 let request = request.guidance(guidance.clone());
-                let steps = options.subject.steps as usize;
-                request.steps(steps).seed(seed)
+                options.subject.with_steps(request).seed(seed)
             })
             .collect();
         let generations = model.generate_all(&requests)?;
@@ -123,7 +122,7 @@ pub fn run(
         let subject = &options.subject;
         let file = json!({
             "model": subject.model.as_deref().unwrap_or(Path::new("embedded")),
-            "steps": subject.steps,
+            "steps": subject.steps(&model),
             "temporal_smoothing": model.temporal_smoothing().map(|temporal_smoothing| json!({ "frames": temporal_smoothing.frames, "until": temporal_smoothing.until })),
             "text_scale": model.text_scale(),
             "seeds": options.seeds,

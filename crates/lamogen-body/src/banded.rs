@@ -67,24 +67,40 @@ impl BandedFactorization {
         BandedFactorization { diagonal, lower }
     }
 
-    /// Solves the system in place. The right-hand side is read from `values` at `offset`, `offset + stride`, …, one number
-    /// for each frame, and the solution is written there.
-    pub(crate) fn solve(&self, values: &mut [f64], offset: usize, stride: usize) {
-        let frames = self.diagonal.len();
-        let at = |t: usize| offset + t * stride;
-        for t in 0..frames {
-            for k in 0..BANDWIDTH.min(t) {
-                values[at(t)] -= self.lower[t][k] * values[at(t - 1 - k)];
+    /// Solves the system in place for `W` right-hand sides at once. Those of a frame stand in `values` beside each other, the
+    /// first frame's at `offset`, and those of the following frames `stride` numbers further each; the solutions are written there.
+    pub(crate) fn solve<const W: usize>(&self, values: &mut [f64], offset: usize, stride: usize) {
+        let rows = values[offset..].chunks_mut(stride);
+        let rows = rows.zip(self.lower.iter().zip(&self.diagonal));
+        // The solutions of the frames before, the nearest first.
+        let mut before = [[0.0; W]; BANDWIDTH];
+        for (row, (lower, diagonal)) in rows {
+            let row = row.first_chunk_mut::<W>().expect("a row for every frame");
+            let mut solved = *row;
+            for (factor, other) in lower.iter().zip(&before) {
+                subtract(&mut solved, *factor, other);
             }
+            *row = solved.map(|x| x / diagonal);
+            before = [solved, before[0], before[1]];
         }
-        for t in 0..frames {
-            values[at(t)] /= self.diagonal[t];
-        }
-        for t in (0..frames).rev() {
-            for k in 0..BANDWIDTH.min(t) {
-                values[at(t - 1 - k)] -= self.lower[t][k] * values[at(t)];
+        // The solutions of the frames after, with the rows of the factor that belong to them.
+        let mut after = [([0.0; W], [0.0; BANDWIDTH]); BANDWIDTH];
+        for (t, lower) in self.lower.iter().enumerate().rev() {
+            let place = offset + t * stride;
+            let row = values[place..].first_chunk_mut::<W>();
+            let row = row.expect("a row for every frame");
+            for (k, (other, factors)) in after.iter().enumerate().rev() {
+                subtract(row, factors[k], other);
             }
+            after = [(*row, *lower), after[0], after[1]];
         }
+    }
+}
+
+/// Subtracts `factor * other` from `values`.
+fn subtract<const W: usize>(values: &mut [f64; W], factor: f64, other: &[f64; W]) {
+    for (value, other) in values.iter_mut().zip(other) {
+        *value -= factor * other;
     }
 }
 
@@ -97,27 +113,31 @@ mod tests {
         for frames in [1, 2, 3, 4, 5, 30] {
             let diagonal = |t: usize| 0.1 + 0.05 * (t as f64).sin().abs();
             let banded = BandedFactorization::new(frames, diagonal, 2.0, 5.0);
-            let right: Vec<f64> = (0..2 * frames).map(|i| (i as f64 * 0.7).cos()).collect();
+            let right: Vec<f64> = (0..3 * frames).map(|i| (i as f64 * 0.7).cos()).collect();
             let mut solved = right.clone();
-            banded.solve(&mut solved, 1, 2);
-            let x: Vec<f64> = (0..frames).map(|t| solved[1 + 2 * t]).collect();
-            let mut product: Vec<f64> = (0..frames).map(|t| diagonal(t) * x[t]).collect();
-            for (factors, weight) in [(&SECOND_DIFFERENCE[..], 2.0), (&THIRD_DIFFERENCE[..], 5.0)] {
-                for start in 0..(frames + 1).saturating_sub(factors.len()) {
-                    let difference: f64 = { factors.iter().enumerate() }
-                        .map(|(i, a)| a * x[start + i])
-                        .sum();
-                    for (i, a) in factors.iter().enumerate() {
-                        product[start + i] += weight * a * difference;
+            banded.solve::<2>(&mut solved, 1, 3);
+            for column in [1, 2] {
+                let x: Vec<f64> = (0..frames).map(|t| solved[column + 3 * t]).collect();
+                let mut product: Vec<f64> = (0..frames).map(|t| diagonal(t) * x[t]).collect();
+                for (factors, weight) in
+                    [(&SECOND_DIFFERENCE[..], 2.0), (&THIRD_DIFFERENCE[..], 5.0)]
+                {
+                    for start in 0..(frames + 1).saturating_sub(factors.len()) {
+                        let difference: f64 = { factors.iter().enumerate() }
+                            .map(|(i, a)| a * x[start + i])
+                            .sum();
+                        for (i, a) in factors.iter().enumerate() {
+                            product[start + i] += weight * a * difference;
+                        }
                     }
                 }
-            }
-            for t in 0..frames {
-                assert!(
-                    (product[t] - right[1 + 2 * t]).abs() < 1e-9,
-                    "{frames} frames, {t}"
-                );
-                assert_eq!(solved[2 * t], right[2 * t]);
+                for t in 0..frames {
+                    assert!(
+                        (product[t] - right[column + 3 * t]).abs() < 1e-9,
+                        "{frames} frames, {t}"
+                    );
+                    assert_eq!(solved[3 * t], right[3 * t]);
+                }
             }
         }
     }

@@ -6,7 +6,7 @@ use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 use rayon::prelude::*;
 
 use crate::options::FitOptions;
-use crate::track::{MotionFit, TrialMotion};
+use crate::track::{FitEvaluation, MotionFit, TrialMotion};
 
 /// A motion to fit, and the body to fit it to.
 #[derive(Clone, Copy, Debug)]
@@ -32,14 +32,20 @@ pub struct FitResult {
 }
 
 /// An objective, as a function of joint positions, that a fit minimises together with its own terms.
-pub trait FitObjective {
+pub trait FitObjective: Send {
     /// Returns the value of every motion and its gradient with respect to the joint positions, which are
     /// `joints[motion][frame][joint]` in metres. If a value is not finite, the fit rejects the step and tries a shorter
     /// one.
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
-    ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)>;
+    ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)>;
+
+    /// Takes the travel of a cycle of a motion that is a loop, `[x, y, z]` in metres. It is called before the first evaluation, for
+    /// loops only. The default does nothing.
+    fn set_loop_travel(&mut self, motion: usize, travel: [f64; 3]) {
+        let _ = (motion, travel);
+    }
 
     /// Returns the frames of a motion at which the objective counts far more than all terms of the fit, such as those of a
     /// place that a hand has to reach. A fit makes its steps shorter there. The default returns none.
@@ -94,17 +100,35 @@ impl FitOptions {
         let mut fits: Vec<MotionFit> = { inputs.par_iter().zip(&stiff_frames) }
             .map(|(input, stiff_frames)| MotionFit::new(input, *self, stiff_frames))
             .collect();
+        if let Some(goal) = &mut goal {
+            let travels = { fits.iter().enumerate() }
+                .filter_map(|(motion, fit)| Some((motion, fit.loop_travel()?)));
+            travels.for_each(|(motion, travel)| goal.set_loop_travel(motion, travel));
+        }
         let mut is_stopped = false;
         for evaluation in 0..total {
             let trials: Vec<TrialMotion> = fits.par_iter().map(MotionFit::trial).collect();
-            let goal_values = goal.as_deref_mut().map(|goal| {
-                let joints: Vec<_> = trials.iter().map(TrialMotion::joints).collect();
-                goal.evaluate(&joints)
-            });
-            fits.par_iter_mut().enumerate().for_each(|(index, fit)| {
-                if !fit.is_done() {
+            // The goal and the fits' own terms do not depend on each other.
+            let (goal_values, evaluations) = rayon::join(
+                || {
+                    goal.as_deref_mut().map(|goal| {
+                        let joints: Vec<_> = trials.iter().map(TrialMotion::joints).collect();
+                        goal.evaluate(&joints)
+                    })
+                },
+                || -> Vec<Option<FitEvaluation>> {
+                    let pairs = fits.par_iter().zip(&trials);
+                    let evaluate = |(fit, trial): (&MotionFit, &TrialMotion)| {
+                        (!fit.is_done()).then(|| fit.evaluate(trial))
+                    };
+                    pairs.map(evaluate).collect()
+                },
+            );
+            let evaluations = evaluations.into_par_iter().enumerate();
+            { fits.par_iter_mut().zip(evaluations) }.for_each(|(fit, (index, evaluation))| {
+                if let Some(evaluation) = evaluation {
                     let goal_value = goal_values.as_ref().map(|values| &values[index]);
-                    fit.advance(&trials[index], goal_value);
+                    fit.advance(&trials[index], evaluation, goal_value);
                 }
             });
             is_stopped = on_progress(FitProgress {

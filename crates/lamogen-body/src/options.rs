@@ -11,7 +11,7 @@ use lamogen_motion::Joint;
 pub struct FitOptions {
     /// The largest number of evaluations of the terms without a goal. The fit ends earlier if it converges. Default: 60.
     pub evaluations: usize,
-    /// The largest number of evaluations of the terms with a goal. Default: 200.
+    /// The largest number of evaluations of the terms with a goal. Default: 300.
     pub goal_evaluations: usize,
     /// The weight of the distance of every joint from that of the motion, in metres. Default: 4.
     pub nearness: f64,
@@ -50,7 +50,7 @@ pub struct FitOptions {
     /// The weight of the difference of a joint's quaternion from the one solved. It decides twists that the joint
     /// positions do not show. Default: 0.002.
     pub prior: f64,
-    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 15.
+    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 30.
     pub goal: f64,
     /// The distance in metres that a foot may slide while it stands; further on it takes steps of this length. `None`, the
     /// default, holds every standing foot in one place.
@@ -61,7 +61,7 @@ impl Default for FitOptions {
     fn default() -> Self {
         FitOptions {
             evaluations: 60,
-            goal_evaluations: 200,
+            goal_evaluations: 300,
             nearness: 4.0,
             smoothness: 15.0,
             jerk: 0.1,
@@ -76,7 +76,7 @@ impl Default for FitOptions {
             hinge: 2.0,
             plane: 0.05,
             prior: 0.002,
-            goal: 15.0,
+            goal: 30.0,
             stride: None,
         }
     }

@@ -72,6 +72,8 @@ fn hold_start(
 /// An elbow or knee, which bends one way only.
 struct HingeJoint {
     joint: Joint,
+    /// The index of the joint in [`PARENT_JOINTS`].
+    place: usize,
     /// The direction of the bone below the joint in the T-pose.
     bone: DVec3,
     /// The axis about which the joint bends.
@@ -105,6 +107,15 @@ pub(crate) struct MotionFit {
     /// Rough curvatures of the fit's value, of the root and of every joint that has children.
     curvatures: Vec<BandedFactorization>,
     minimizer: Minimizer,
+}
+
+/// The fit's own terms at a trial motion.
+pub(crate) struct FitEvaluation {
+    value: f64,
+    /// The gradient of the terms of the joint positions with respect to these.
+    position_gradient: Vec<[DVec3; JOINTS]>,
+    /// The gradient of the other terms with respect to root and quaternions, [`FRAME_WIDTH`] numbers a frame.
+    gradient: Vec<f64>,
 }
 
 /// The motion that a trial point of the minimiser describes.
@@ -254,6 +265,11 @@ impl MotionFit {
         fit
     }
 
+    /// Returns the travel of a cycle of a loop, in metres.
+    pub(crate) fn loop_travel(&self) -> Option<[f64; 3]> {
+        { self.seam.as_ref() }.map(|seam| seam.travel.to_array())
+    }
+
     /// Returns whether the fit has converged.
     pub(crate) fn is_done(&self) -> bool {
         self.minimizer.is_done()
@@ -284,15 +300,34 @@ impl MotionFit {
         }))
     }
 
-    /// Computes value and gradient of the fit at a trial motion and passes them to the minimiser. `goal` is the value of
-    /// the goal there, with its gradient with respect to the joint positions; it is weighted and added.
+    /// Computes the fit's own terms at a trial motion.
+    pub(crate) fn evaluate(&self, trial: &TrialMotion) -> FitEvaluation {
+        let frames = self.reference.len();
+        let mut position_gradient = vec![[DVec3::ZERO; JOINTS]; frames];
+        let mut gradient = vec![0.0; FRAME_WIDTH * frames];
+        let value = self.add_position_terms(trial, &mut position_gradient)
+            + self.add_rotation_terms(trial, &mut gradient)
+            + self.add_step_terms(trial, &mut gradient);
+        FitEvaluation {
+            value,
+            position_gradient,
+            gradient,
+        }
+    }
+
+    /// Passes the value and the gradient at a trial motion to the minimiser. `goal` is the value of the goal there, with its
+    /// gradient with respect to the joint positions; it is weighted and added.
     pub(crate) fn advance(
         &mut self,
         trial: &TrialMotion,
-        goal: Option<&(f64, Vec<[[f32; 3]; JOINTS]>)>,
+        evaluation: FitEvaluation,
+        goal: Option<&(f64, Vec<[[f64; 3]; JOINTS]>)>,
     ) {
-        let mut position_gradient = vec![[DVec3::ZERO; JOINTS]; self.reference.len()];
-        let mut value = self.add_position_terms(trial, &mut position_gradient);
+        let FitEvaluation {
+            mut value,
+            mut position_gradient,
+            mut gradient,
+        } = evaluation;
         if let Some((goal_value, gradient)) = goal {
             value += self.options.goal * goal_value;
             for (sums, gradient) in position_gradient
@@ -300,26 +335,20 @@ impl MotionFit {
                 .iter_mut()
                 .zip(gradient.as_flattened())
             {
-                *sums += self.options.goal * DVec3::from(gradient.map(f64::from));
+                *sums += self.options.goal * DVec3::from(*gradient);
             }
         }
-        let mut gradient = vec![0.0; FRAME_WIDTH * self.reference.len()];
-        value += self.add_frame_terms(trial, &position_gradient, &mut gradient);
-        value += self.add_step_terms(trial, &mut gradient);
+        pull_back_positions(trial, &position_gradient, &mut gradient);
         self.fold_seam(trial.frames, &mut gradient);
         self.differentiate_normalization(trial, &mut gradient);
         let held = self.held * FRAME_WIDTH;
         gradient[..held].fill(0.0);
         let curvatures = &self.curvatures;
         self.minimizer.update(value, gradient, &|step| {
-            for (block, curvature) in curvatures.iter().enumerate() {
-                let (offset, width) = match block {
-                    0 => (0, 3),
-                    _ => (4 * block - 1, 4),
-                };
-                for i in 0..width {
-                    curvature.solve(step, offset + i, FRAME_WIDTH);
-                }
+            let (root, joints) = curvatures.split_first().expect("the root has a curvature");
+            root.solve::<3>(step, 0, FRAME_WIDTH);
+            for (joint, curvature) in joints.iter().enumerate() {
+                curvature.solve::<4>(step, 3 + 4 * joint, FRAME_WIDTH);
             }
             step[..held].fill(0.0);
         });
@@ -439,19 +468,11 @@ impl MotionFit {
         value
     }
 
-    /// Returns the value of the terms of the rotations at single frames, and adds their gradient to `gradient`, together
-    /// with the gradient of the joint positions pulled back to root and rotations.
-    fn add_frame_terms(
-        &self,
-        trial: &TrialMotion,
-        position_gradient: &[[DVec3; JOINTS]],
-        gradient: &mut [f64],
-    ) -> f64 {
+    /// Returns the value of the terms of the rotations at single frames, and adds their gradient to `gradient`.
+    fn add_rotation_terms(&self, trial: &TrialMotion, gradient: &mut [f64]) -> f64 {
         let options = &self.options;
         let mut value = 0.0;
         for (t, row) in gradient.chunks_exact_mut(FRAME_WIDTH).enumerate() {
-            let (root, mut turns) = trial.poses[t].pull_back(&position_gradient[t]);
-            row[..3].copy_from_slice(&root.to_array());
             for hinge in &self.hinges {
                 let q = trial.local[t][hinge.joint.index()];
                 let bone = q * hinge.bone;
@@ -462,16 +483,18 @@ impl MotionFit {
                 value += options.hinge * back * back + options.plane * aside * aside;
                 let bone_gradient = 2.0 * options.hinge * back * hinge.bend_direction
                     + 2.0 * options.plane * aside * hinge.axis;
-                turns[hinge.joint.index()] += q.inverse() * bone.cross(bone_gradient);
+                let turn = q.inverse() * bone.cross(bone_gradient);
+                let sums = quaternion_mut(row, hinge.place).iter_mut();
+                for (sum, g) in sums.zip(quaternion_gradient(q, turn)) {
+                    *sum += g;
+                }
             }
             for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let j = joint.index();
-                let q = trial.local[t][j];
-                let off = (q - self.solved[t][j]).to_array();
-                let turn_gradient = quaternion_gradient(q, turns[j]);
-                for (i, g) in quaternion_mut(row, k).iter_mut().enumerate() {
-                    value += options.prior * off[i] * off[i];
-                    *g += turn_gradient[i] + 2.0 * options.prior * off[i];
+                let off = (trial.local[t][j] - self.solved[t][j]).to_array();
+                for (sum, off) in quaternion_mut(row, k).iter_mut().zip(off) {
+                    value += options.prior * off * off;
+                    *sum += 2.0 * options.prior * off;
                 }
             }
         }
@@ -593,6 +616,28 @@ impl MotionFit {
     }
 }
 
+/// Adds the gradient of the joint positions, pulled back to root and rotations.
+fn pull_back_positions(
+    trial: &TrialMotion,
+    position_gradient: &[[DVec3; JOINTS]],
+    gradient: &mut [f64],
+) {
+    let rows = gradient.chunks_exact_mut(FRAME_WIDTH).enumerate();
+    for (t, row) in rows {
+        let (root, turns) = trial.poses[t].pull_back(&position_gradient[t]);
+        for (sum, g) in row.iter_mut().zip(root.to_array()) {
+            *sum += g;
+        }
+        for (k, joint) in PARENT_JOINTS.iter().enumerate() {
+            let j = joint.index();
+            let sums = quaternion_mut(row, k).iter_mut();
+            for (sum, g) in sums.zip(quaternion_gradient(trial.local[t][j], turns[j])) {
+                *sum += g;
+            }
+        }
+    }
+}
+
 /// Removes the travel of a loop that is played several times, evenly over its frames. Its first frame stays where it is.
 fn remove_travel(frames: usize, reference: &mut [[DVec3; JOINTS]]) {
     let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
@@ -663,6 +708,8 @@ fn hinges(offsets: &BoneOffsets) -> [HingeJoint; 4] {
         let bone = offsets.0[end.index()].normalize_or_zero();
         HingeJoint {
             joint,
+            place: { PARENT_JOINTS.iter().position(|parent| *parent == joint) }
+                .expect("elbows and knees have children"),
             bone,
             axis,
             bend_direction: axis.cross(bone),

@@ -280,7 +280,7 @@ impl FitObjective for WristHeightObjective {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
-    ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
+    ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)> {
         let wrist = Joint::RightWrist.index();
         let evaluate = |poses: &Vec<[[f32; 3]; JOINTS]>| {
             let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
@@ -288,7 +288,7 @@ impl FitObjective for WristHeightObjective {
             for (gradient, pose) in gradient.iter_mut().zip(poses) {
                 let off = pose[wrist][1] - self.0;
                 value += f64::from(off * off);
-                gradient[wrist][1] = 2.0 * off;
+                gradient[wrist][1] = f64::from(2.0 * off);
             }
             (value, gradient)
         };

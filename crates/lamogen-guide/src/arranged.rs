@@ -164,9 +164,25 @@ impl<D: Denoiser, A: FrameArrangement> Denoiser for Arranged<'_, D, A> {
         let evaluation = self.network.linearize(input, context);
         let shape = evaluation.output.dims();
         let output = arrangement.blend(evaluation.output.clone());
+        let unconditional = evaluation.unconditional.clone();
         LinearizedEvaluation::new(output, move |gradient| {
             evaluation.pull(transpose(|x| arrangement.blend(x), shape, gradient))
         })
+        .with_unconditional(unconditional)
+    }
+
+    fn denoise_again(
+        &self,
+        input: DenoiserInput,
+        context: &Self::Context,
+        unconditional: Option<Tensor<3>>,
+    ) -> Tensor<3> {
+        let Some(arrangement) = &self.arrangement else {
+            return self.network.denoise_again(input, context, unconditional);
+        };
+        // The unconditional output that was kept is that of the arranged frames.
+        let input = arranged_input(arrangement, input);
+        arrangement.blend(self.network.denoise_again(input, context, unconditional))
     }
 
     fn modulation_width(&self) -> usize {

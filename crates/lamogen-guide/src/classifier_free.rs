@@ -18,7 +18,8 @@ use crate::error::GuideError;
 /// The network may limit the scale of some features, such as the turning of the root ([`Denoiser::text_scales`]), and
 /// decides what takes the place of the sentence ([`Denoiser::unconditional`]).
 ///
-/// The network is evaluated twice a step. Gradients with respect to the embedding or modulation go through the
+/// The network is evaluated twice a step. Where only the condition changes ([`Denoiser::denoise_again`]), the unconditional output
+/// is not computed anew. Gradients with respect to the embedding or modulation go through the
 /// conditional evaluation, those with respect to the noisy motion through both.
 pub struct ClassifierFree<'a, D> {
     network: &'a D,
@@ -198,13 +199,32 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         let conditional = self.network.linearize(input, &context.conditional);
         match unconditional {
             Some((unconditional, scales)) => {
-                let output = combine(conditional.output.clone(), unconditional, scales.clone());
+                let output = combine(
+                    conditional.output.clone(),
+                    unconditional.clone(),
+                    scales.clone(),
+                );
                 LinearizedEvaluation::new(output, move |gradient| {
                     conditional.pull(gradient * scales)
                 })
+                .with_unconditional(Some(unconditional))
             }
             None => conditional,
         }
+    }
+
+    fn denoise_again(
+        &self,
+        input: DenoiserInput,
+        context: &Self::Context,
+        unconditional: Option<Tensor<3>>,
+    ) -> Tensor<3> {
+        let (Some(text_guidance), Some(unconditional)) = (&self.text_guidance, unconditional)
+        else {
+            return self.denoise(input, context);
+        };
+        let conditional = self.network.denoise(input, &context.conditional);
+        combine(conditional, unconditional, text_guidance.scales.clone())
     }
 
     fn modulation_width(&self) -> usize {

@@ -167,6 +167,9 @@ pub struct Guidance {
     pub places: Places,
     /// Where the places are counted from, if some frames of the motions are known before they are made. Default: the start.
     pub place_origin: Option<PlaceOrigin>,
+    /// The directions in which the own +Z of the baselines and of the guided motions points in the rooms where they will be put, in
+    /// radians to the left. The box of Shape has the axes of the room. Default: 0.
+    pub headings: [f32; 2],
 }
 
 /// Guidance options together with the number of DDIM steps that they were chosen for.
@@ -208,9 +211,8 @@ impl Preset {
         }
     }
 
-    /// Returns the number of DDIM steps of each pass of a motion of which some frames have to meet others: its own ends in a loop, the
-    /// frames of a motion before or after it, those of another sentence, or places. The network needs more steps to make the frames
-    /// between fit.
+    /// Returns the number of DDIM steps of each pass of a motion that has to arrive somewhere: at its own beginning in a
+    /// loop, in another motion, or at places. The network needs more steps to make the frames between fit.
     pub fn meeting_steps(self) -> usize {
         match self {
             Preset::Paper | Preset::Fast => self.steps(),
@@ -267,6 +269,7 @@ impl Guidance {
             loss_terms: LossTerms::default(),
             places: Places::default(),
             place_origin: None,
+            headings: [0.0; 2],
         }
     }
 
@@ -287,8 +290,8 @@ impl Guidance {
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,
-            learning_rate: 0.005,
-            final_learning_rate: Some(0.02),
+            learning_rate: 0.0015,
+            final_learning_rate: Some(0.006),
             epsilon: 0.04,
             emphasis: [1.0, 3.0, 3.0, 1.0],
             finish: Some(Finish::default()),

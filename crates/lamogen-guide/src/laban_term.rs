@@ -13,6 +13,8 @@ use crate::loss_term::{LossTarget, LossTerm};
 #[derive(Clone, Debug)]
 pub struct LabanTerm {
     features: LabanFeatures,
+    /// The measurement of the baselines, which may face elsewhere.
+    baseline_features: LabanFeatures,
     goals: Vec<[Goal; COMPONENTS]>,
     divisor: LossDivisor,
     emphasis: [f32; COMPONENTS],
@@ -41,8 +43,11 @@ impl LabanTerm {
             end_effectors,
             ..guidance.laban.clone()
         };
+        let features = LabanFeatures::new(&options, frames, lengths, device);
+        let [of_baseline, of_guided] = guidance.headings;
         LabanTerm {
-            features: LabanFeatures::new(&options, frames, lengths, device),
+            baseline_features: features.clone().with_heading(of_baseline),
+            features: features.with_heading(of_guided),
             goals,
             divisor: guidance.divisor,
             emphasis: guidance.emphasis,
@@ -61,6 +66,10 @@ impl LossTerm for LabanTerm {
 
     fn measure(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
         self.features.measure(joints)
+    }
+
+    fn measure_baseline(&self, joints: Tensor<4>, _lengths: &[usize]) -> Tensor<3> {
+        self.baseline_features.measure(joints)
     }
 
     fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget {

@@ -74,6 +74,15 @@ pub trait LossTerm: fmt::Debug + Send + Sync {
     /// - output: `[batch, frames, values]`, with at least one value; values past a motion's length are ignored
     fn measure(&self, joints: Tensor<4>, lengths: &[usize]) -> Tensor<3>;
 
+    /// Measures the values of the baselines. The default measures them as those of all motions.
+    ///
+    /// # Shapes
+    ///
+    /// As in [`measure`](Self::measure).
+    fn measure_baseline(&self, joints: Tensor<4>, lengths: &[usize]) -> Tensor<3> {
+        self.measure(joints, lengths)
+    }
+
     /// Returns the values to reach, and the weight of each difference. It is called once, with the values measured on
     /// the baseline, `[batch, frames, values]`.
     fn target(&self, baseline: Tensor<3>, lengths: &[usize]) -> LossTarget;
@@ -203,7 +212,7 @@ impl PreparedTerm {
     ) -> Result<Self, GuideError> {
         let [batch, frames, ..] = joints.dims();
         let device = joints.device();
-        let baseline = term.measure(joints, lengths);
+        let baseline = term.measure_baseline(joints, lengths);
         let shape = baseline.dims();
         let problem = |what: &str, expected: String, found: [usize; 3]| {
             Err(GuideError::LossTerm {
@@ -279,6 +288,11 @@ impl PreparedTerm {
     /// Returns the values to reach, `[batch, frames, values]`.
     pub(crate) fn target(&self) -> Tensor<3> {
         self.target.clone()
+    }
+
+    /// Returns the factors on differences, `[batch, frames, values]`; 0 past each motion's length.
+    pub(crate) fn weight(&self) -> Tensor<3> {
+        self.weight.clone()
     }
 
     /// Compares finished motions with the baselines and the target.

@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use lamogen_body::{FitInput, FitObjective, FitProgress};
-use lamogen_laban::Goals;
+use lamogen_laban::{Goals, MotionLoss};
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
+use rayon::prelude::*;
 
 use crate::error::GuideError;
 use crate::guidance::Guidance;
@@ -16,10 +17,10 @@ use crate::loss_term::TermComparison;
 /// The factor on the emphasis of components that shall change, and on the loss of other terms, relative to the
 /// network's pass. On the body a larger weight is possible: in the network's pass it would move the motion away from
 /// the sentence.
-const RIG_EMPHASIS: f32 = 3.5;
+const RIG_EMPHASIS: f32 = 5.0;
 /// The factor on the loss of places, relative to the network's pass. In that pass a position that a hand is far from
 /// would count more than everything else, and the network leaves the sentence for it; the body has to be there.
-const PLACE_EMPHASIS: f32 = 350.0;
+const PLACE_EMPHASIS: f32 = 175.0;
 
 /// The distance in metres that a foot may slide on a path before it takes a step.
 const STRIDE: f64 = 0.4;
@@ -108,7 +109,7 @@ impl<'a> Rig<'a> {
             lengths, baseline_lengths,
             "motions are as long as their baselines"
         );
-        let baselines: Vec<&[[[f32; 3]; JOINTS]]> = baselines.iter().map(Motion::joints).collect();
+        let poses: Vec<&[[[f32; 3]; JOINTS]]> = baselines.iter().map(Motion::joints).collect();
         let guidance = Guidance {
             emphasis: self
                 .guidance
@@ -117,7 +118,7 @@ impl<'a> Rig<'a> {
             ..self.guidance.clone()
         };
         let targets = Targets::new(
-            &self.joint_tensor(&baselines),
+            &self.joint_tensor(&poses),
             &lengths,
             goals,
             &guidance,
@@ -127,6 +128,7 @@ impl<'a> Rig<'a> {
             rig: self,
             lengths: &lengths,
             targets: &targets,
+            laban: targets.laban_losses(&guidance, baselines, &self.device),
             is_first: true,
             non_finite: None,
         };
@@ -192,6 +194,8 @@ struct LossObjective<'g> {
     /// The number of frames of each motion.
     lengths: &'g [usize],
     targets: &'g Targets,
+    /// The Laban losses of each motion.
+    laban: Vec<Vec<MotionLoss>>,
     /// Whether the next evaluation is the first. At later evaluations the loss may be non-finite because a step was too
     /// large; the fit then makes a smaller step.
     is_first: bool,
@@ -200,6 +204,12 @@ struct LossObjective<'g> {
 }
 
 impl FitObjective for LossObjective<'_> {
+    fn set_loop_travel(&mut self, motion: usize, travel: [f64; 3]) {
+        for loss in &mut self.laban[motion] {
+            loss.set_loop_travel(travel);
+        }
+    }
+
     fn stiff_frames(&self, motion: usize) -> Vec<usize> {
         let guidance = self.rig.guidance;
         let places = guidance.places.counted_from(guidance.place_origin.as_ref());
@@ -209,11 +219,44 @@ impl FitObjective for LossObjective<'_> {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
-    ) -> Vec<(f64, Vec<[[f32; 3]; JOINTS]>)> {
+    ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)> {
+        let others = self.evaluate_others(joints);
+        let evaluations = joints.par_iter().zip(&self.laban).zip(others);
+        let evaluations: Vec<_> = evaluations
+            .map(|((joints, laban), (others, mut gradient))| {
+                let laban = laban.iter();
+                let laban = laban.flat_map(|loss| loss.evaluate(joints, &mut gradient));
+                let losses: Vec<f64> = laban.chain(others).collect();
+                let non_finite = losses.iter().position(|loss| !loss.is_finite());
+                ((losses.iter().sum(), gradient), non_finite)
+            })
+            .collect();
+        if std::mem::replace(&mut self.is_first, false) {
+            let values = evaluations.iter().map(|(_, non_finite)| *non_finite);
+            self.non_finite = { values.enumerate() }
+                .find_map(|(motion, value)| value.map(|value| (motion, value)));
+        }
+        { evaluations.into_iter().map(|(evaluation, _)| evaluation) }.collect()
+    }
+}
+
+impl LossObjective<'_> {
+    /// Computes the loss of each value that is no Laban feature, for every motion, and the gradient of their sum. The terms
+    /// are functions of tensors that anyone may write, so autodiff differentiates them.
+    fn evaluate_others(
+        &self,
+        joints: &[Vec<[[f32; 3]; JOINTS]>],
+    ) -> Vec<(Vec<f64>, Vec<[[f64; 3]; JOINTS]>)> {
         let poses: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
+        if !self.targets.has_others() {
+            return { joints.iter() }
+                .map(|joints| (Vec::new(), vec![[[0.0; 3]; JOINTS]; joints.len()]))
+                .collect();
+        }
         let leaf = self.rig.joint_tensor(&poses).autodiff().require_grad();
         let [_, frames, ..] = leaf.dims();
-        let loss = self.targets.loss(leaf.clone());
+        let loss = self.targets.other_loss(&leaf);
+        let [_, values] = loss.dims();
         let losses: Vec<f32> = to_host(loss.clone().inner());
         let gradient = match loss.is_tracked() {
             true => leaf.grad(&loss.sum().backward()),
@@ -223,18 +266,17 @@ impl FitObjective for LossObjective<'_> {
         let (poses, _) = gradient.as_chunks::<3>();
         let (poses, _) = poses.as_chunks::<JOINTS>();
         let motions = losses
-            .chunks_exact(self.targets.values())
-            .zip(poses.chunks_exact(frames));
-        let motions = motions.zip(joints).enumerate();
-        let is_first = std::mem::replace(&mut self.is_first, false);
+            .chunks_exact(values)
+            .zip(poses.chunks_exact(frames))
+            .zip(joints);
+        let wide = |pose: &[[f32; 3]; JOINTS]| pose.map(|point| point.map(f64::from));
         motions
-            .map(|(motion, ((losses, gradient), joints))| {
-                let non_finite = losses.iter().position(|loss| !loss.is_finite());
-                if let Some(value) = non_finite.filter(|_| is_first) {
-                    self.non_finite.get_or_insert((motion, value));
-                }
-                let loss = losses.iter().copied().map(f64::from).sum();
-                (loss, gradient[..joints.len()].to_vec())
+            .map(|((losses, gradient), joints)| {
+                let gradient = gradient[..joints.len()].iter().map(wide);
+                (
+                    losses.iter().copied().map(f64::from).collect(),
+                    gradient.collect(),
+                )
             })
             .collect()
     }

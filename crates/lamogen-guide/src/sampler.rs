@@ -295,6 +295,19 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
         self.model.denoise(self.input(state, index), &state.context)
     }
 
+    /// Returns the network's output at a step of which the condition has changed since a linearized evaluation, which kept
+    /// its unconditional output.
+    pub(crate) fn evaluate_again(
+        &self,
+        state: &SamplerState<'_, D::Context>,
+        index: usize,
+        unconditional: Option<Tensor<3>>,
+    ) -> Tensor<3> {
+        let input = self.input(state, index);
+        self.model
+            .denoise_again(input, &state.context, unconditional)
+    }
+
     /// Returns the network's output at a step, with its derivative with respect to the noisy motion.
     pub(crate) fn linearize_motion<'b>(
         &'b self,

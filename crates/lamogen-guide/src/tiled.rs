@@ -15,8 +15,11 @@ use lamogen_model::{Denoiser, FrameMask};
 
 use crate::arranged::{Arranged, FrameArrangement, smooth_step};
 
-/// The number of frames that neighbouring tiles share, if the network's motions are long enough: one second.
-const OVERLAP: usize = 20;
+/// The number of frames by which a tile reaches into each of its neighbours, if they and the network's motions are long enough: one
+/// second, so that neighbours share two. With half of it, motions pass from one sentence to the next within a few frames.
+const REACH: usize = 20;
+/// The number of frames of the shortest sentence beside others: one second.
+const SHORTEST: usize = 20;
 
 /// The frames that a network sees at once, in a motion of several sentences or one that is longer than the network's longest.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,21 +34,20 @@ pub struct Tile {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tiling {
     tiles: Vec<Tile>,
-    overlap: usize,
 }
 
 impl Tiling {
     /// Cuts a motion into tiles. `lengths` are the numbers of frames of its sentences, one after another, and `longest` is the
     /// length of the network's longest motion.
     ///
-    /// The tiles of a sentence are equally long, and reach half a second into their neighbours.
+    /// The pieces of a sentence are equally long. A tile is a piece with up to a second of its neighbours on each side, but
+    /// at most half of a neighbour or of its own, so that no frame is in three tiles.
     ///
     /// # Panics
     ///
     /// If there is no sentence, one is shorter than [`shortest`](Self::shortest), or the longest motion has fewer than 2
     /// frames.
     pub fn new(lengths: &[usize], longest: usize) -> Tiling {
-        let overlap = overlap(longest);
         let total: usize = lengths.iter().sum();
         assert!(total > 0, "a motion has a sentence");
         if let [length] = lengths
@@ -55,37 +57,43 @@ impl Tiling {
                 frames: 0..total,
                 sentence: 0,
             };
-            return Tiling {
-                tiles: vec![tile],
-                overlap: 0,
-            };
+            return Tiling { tiles: vec![tile] };
         }
-        let mut tiles = Vec::new();
+        let reach = reach(longest);
+        let mut pieces = Vec::new();
         let mut start = 0;
         for (sentence, &length) in lengths.iter().enumerate() {
             assert!(
                 length >= Tiling::shortest(longest),
-                "a sentence of {length} frames is shorter than an overlap"
+                "a sentence of {length} frames is shorter than {}",
+                Tiling::shortest(longest)
             );
-            let pieces = length.div_ceil(longest - overlap);
-            for piece in 0..pieces {
-                let place = |piece: usize| start + length * piece / pieces;
-                let from = place(piece).saturating_sub(overlap / 2);
-                let until = (place(piece + 1) + overlap / 2).min(total);
-                tiles.push(Tile {
-                    frames: from..until,
-                    sentence,
-                });
-            }
+            let count = length.div_ceil(longest - 2 * reach);
+            let place = |piece: usize| start + length * piece / count;
+            pieces.extend((0..count).map(|piece| Tile {
+                frames: place(piece)..place(piece + 1),
+                sentence,
+            }));
             start += length;
         }
-        Tiling { tiles, overlap }
+        let borders: Vec<usize> = { pieces.windows(2) }
+            .map(|pair| {
+                let halves = pair.iter().map(|piece| piece.frames.len() / 2);
+                halves.fold(reach, usize::min)
+            })
+            .collect();
+        let mut tiles = pieces;
+        for (border, reach) in borders.into_iter().enumerate() {
+            tiles[border].frames.end += reach;
+            tiles[border + 1].frames.start -= reach;
+        }
+        Tiling { tiles }
     }
 
     /// Returns the number of frames of the shortest sentence beside others, for a network whose longest motion has `longest`
     /// frames.
     pub fn shortest(longest: usize) -> usize {
-        overlap(longest).max(1)
+        SHORTEST.min(longest / 2).max(1)
     }
 
     /// Returns the tiles in the order of their frames.
@@ -104,9 +112,10 @@ impl Tiling {
     }
 }
 
-/// Returns the number of frames that tiles share, which is even.
-fn overlap(longest: usize) -> usize {
-    OVERLAP.min(longest / 2) / 2 * 2
+/// Returns the number of frames by which tiles reach into their neighbours at most, for a network whose longest motion has
+/// `longest` frames.
+fn reach(longest: usize) -> usize {
+    REACH.min(longest / 4)
 }
 
 /// A network whose motions are made of tiles.
@@ -231,18 +240,23 @@ mod tests {
                 .collect()
         };
         assert_eq!(ranges(&[196], 196), [(0..196, 0)]);
-        assert_eq!(ranges(&[60, 40], 196), [(0..70, 0), (50..100, 1)]);
-        assert_eq!(ranges(&[200], 196), [(0..110, 0), (90..200, 0)]);
+        assert_eq!(ranges(&[60, 40], 196), [(0..80, 0), (40..100, 1)]);
+        assert_eq!(ranges(&[200], 196), [(0..120, 0), (80..200, 0)]);
         let long = ranges(&[1200, 40], 196);
-        assert_eq!(long.last(), Some(&(1190..1240, 1)));
+        assert_eq!(long.last(), Some(&(1180..1240, 1)));
         for pair in long.windows(2) {
-            assert_eq!(pair[0].0.end - pair[1].0.start, 20);
+            assert_eq!(pair[0].0.end - pair[1].0.start, 40);
         }
         assert!(long.iter().all(|(frames, _)| frames.len() <= 196));
-        // Networks of very short motions overlap less.
+        // A short sentence is reached into by half of its length from both sides, and networks of very short motions
+        // overlap less.
+        assert_eq!(
+            ranges(&[60, 25, 60], 196),
+            [(0..72, 0), (48..97, 1), (73..145, 2)]
+        );
         assert_eq!(
             ranges(&[6, 8], 8),
-            [(0..5, 0), (1..8, 0), (4..12, 1), (8..14, 1)]
+            [(0..4, 0), (2..7, 0), (5..12, 1), (8..14, 1)]
         );
     }
 
@@ -255,7 +269,7 @@ mod tests {
         let values: Vec<f32> = (0..2 * frames).map(|value| value as f32).collect();
         let motion = Tensor::<3>::from_data(TensorData::new(values, [1, frames, 2]), &device);
         let tiles = layout.arrange(motion.clone());
-        assert_eq!(tiles.dims(), [4, 170, 2]);
+        assert_eq!(tiles.dims(), [4, 190, 2]);
         let difference = (layout.blend(tiles) - motion)
             .abs()
             .max()
@@ -274,9 +288,9 @@ mod tests {
         let blended: Vec<f32> = { layout.blend(Tensor::from_data(data, &device)) }
             .try_into_vec_as()
             .unwrap();
-        assert!(blended[..50].iter().all(|share| *share == 0.0));
-        assert!(blended[70..].iter().all(|share| *share == 1.0));
-        assert!(blended[50..70].windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(blended[..40].iter().all(|share| *share == 0.0));
+        assert!(blended[80..].iter().all(|share| *share == 1.0));
+        assert!(blended[40..80].windows(2).all(|pair| pair[0] < pair[1]));
         assert!((blended[59] + blended[60] - 1.0).abs() < 1e-6);
     }
 }

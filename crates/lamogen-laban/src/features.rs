@@ -8,7 +8,7 @@ use crate::smoothing::{GaussianKernel, Smoothing};
 use crate::window::SmoothingWindow;
 
 /// The number that is added to squared norms, so that a joint at rest has a finite gradient.
-const SQUARED_NORM_OFFSET: f32 = 1e-12;
+pub(crate) const SQUARED_NORM_OFFSET: f32 = 1e-12;
 
 /// Options of the measurement of Laban features. The defaults are those of the paper.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,10 +44,12 @@ pub struct LabanFeatures {
     masses: Tensor<1>,
     /// 1 at the frames of each motion, else 0; `None` where no motion is padded.
     mask: Option<Tensor<3>>,
+    /// The direction of the motions in the room, in radians.
+    heading: f32,
 }
 
 /// The number of differences: velocity, acceleration and jerk.
-const ORDERS: usize = 3;
+pub(crate) const ORDERS: usize = 3;
 
 impl LabanFeatures {
     /// Prepares the measurement of a batch of motions of the given lengths, padded to `frames` frames.
@@ -83,7 +85,14 @@ impl LabanFeatures {
             effectors: Tensor::from_data(joints.as_slice(), device),
             masses: Tensor::from_data(masses.as_slice(), device),
             mask,
+            heading: 0.0,
         }
+    }
+
+    /// Sets the direction in which the motions' own +Z points in the room where they will be put, in radians to the left of the
+    /// room's. The box of Shape has the axes of the room; the other features do not depend on directions. Default: 0.
+    pub fn with_heading(self, heading: f32) -> Self {
+        LabanFeatures { heading, ..self }
     }
 
     /// Measures the features of joint positions.
@@ -106,7 +115,7 @@ impl LabanFeatures {
         let joints = self
             .smooth(0, joints.reshape([batch, frames, count * axes]))
             .reshape([batch, frames, count, axes]);
-        let shape = volume(joints.clone());
+        let shape = volume(turned(joints.clone(), self.heading));
         let [weight, time, flow] = self.efforts(joints);
         let features = Tensor::cat(vec![weight, time, flow, shape], 2);
         match &self.mask {
@@ -160,6 +169,17 @@ impl LabanFeatures {
             Tensor::cat(vec![zeros, effort.sum_dim(2)], 1)
         })
     }
+}
+
+/// Turns joint positions `[batch, frames, joints, 3]` to the left about the vertical, by an angle in radians.
+fn turned(joints: Tensor<4>, angle: f32) -> Tensor<4> {
+    if angle == 0.0 {
+        return joints;
+    }
+    let (sin, cos) = angle.sin_cos();
+    let [x, y, z] = std::array::from_fn(|axis| joints.clone().narrow(3, axis, 1));
+    let (left, forward) = (x.clone() * cos + z.clone() * sin, z * cos - x * sin);
+    Tensor::cat(vec![left, y, forward], 3)
 }
 
 /// Computes the volume of the box around the joints `[batch, frames, joints, 3]`, as `[batch, frames, 1]`.
@@ -259,6 +279,22 @@ mod tests {
             }
             let shape = |features| component(features, Component::Shape);
             assert!(largest(shape(&after) - shape(&before)) > 0.01);
+        }
+    }
+
+    #[test]
+    fn a_heading_is_a_turn_of_the_motion() {
+        let angle = 0.7;
+        let turned = turned(swinging(4.0), angle);
+        for options in every_smoothing() {
+            let expected = measure(turned.clone(), &options);
+            let features = LabanFeatures::new(&options, FRAMES, &[FRAMES], &Device::flex());
+            let found = features.with_heading(angle).measure(swinging(4.0));
+            for part in Component::ALL {
+                let (expected, found) = (component(&expected, part), component(&found, part));
+                let change = largest(found - expected.clone()) / largest(expected);
+                assert!(change < 1e-4, "{part}: {change}");
+            }
         }
     }
 

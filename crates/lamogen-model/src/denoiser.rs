@@ -152,6 +152,24 @@ pub trait Denoiser {
         LinearizedEvaluation::by_autodiff(input, |input| self.denoise(input, context))
     }
 
+    /// Evaluates the network again at the noisy motion and the timestep of a [linearized](Denoiser::linearize) evaluation, with
+    /// another embedding or modulation. The output is that of [`denoise`](Denoiser::denoise).
+    ///
+    /// `unconditional` is what the first evaluation [kept](LinearizedEvaluation::unconditional). The default does not need it.
+    ///
+    /// # Panics
+    ///
+    /// In the same cases as [`denoise`](Denoiser::denoise).
+    fn denoise_again(
+        &self,
+        input: DenoiserInput,
+        context: &Self::Context,
+        unconditional: Option<Tensor<3>>,
+    ) -> Tensor<3> {
+        let _ = unconditional;
+        self.denoise(input, context)
+    }
+
     /// Returns the number of scales and shifts of all stylization layers of the network together.
     ///
     /// The network computes the scales and shifts from the sentence and the timestep, and adds
@@ -202,6 +220,9 @@ pub fn limited_text_scales(scale: f64, features: usize) -> Vec<f32> {
 pub struct LinearizedEvaluation<'a, const D: usize = 2> {
     /// The output of [`Denoiser::denoise`], `[batch, frames, features]`, not tracked by autodiff.
     pub output: Tensor<3>,
+    /// The output of the unconditional evaluation of classifier-free guidance, which another embedding or modulation does not
+    /// change ([`Denoiser::denoise_again`]); `None` if there was none.
+    pub unconditional: Option<Tensor<3>>,
     shape: [usize; 3],
     pullback: Box<dyn FnOnce(Tensor<3>) -> Tensor<D> + 'a>,
 }
@@ -213,7 +234,16 @@ impl<'a, const D: usize> LinearizedEvaluation<'a, D> {
         LinearizedEvaluation {
             shape: output.dims(),
             output,
+            unconditional: None,
             pullback: Box::new(pullback),
+        }
+    }
+
+    /// Adds the output of the unconditional evaluation.
+    pub fn with_unconditional(self, unconditional: Option<Tensor<3>>) -> Self {
+        LinearizedEvaluation {
+            unconditional,
+            ..self
         }
     }
 

@@ -346,8 +346,8 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     /// Returns the number of steps of a request with a preset and without steps of its own: those of the preset, or all
-    /// timesteps that the network was trained with if these are fewer. Motions of which some frames have to meet others may have more
-    /// ([`Preset::meeting_steps`]); [`Generation::steps`] says how many a motion had.
+    /// timesteps that the network was trained with if these are fewer. Loops, motions with places and motions
+    /// that lead to another may have more ([`Preset::meeting_steps`]); [`Generation::steps`] says how many a motion had.
     pub fn default_steps(&self, preset: Preset) -> usize {
         default_steps(preset, false, &self.network)
     }

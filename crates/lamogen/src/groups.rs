@@ -280,21 +280,21 @@ fn goals_of_kept(
     }
 }
 
-/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer. Motions of which
-/// some frames have to meet others may have more.
-pub(crate) fn default_steps(preset: Preset, meets_others: bool, model: &impl Denoiser) -> usize {
-    let steps = match meets_others {
+/// Returns the number of steps that a preset makes with a model: its own, or all timesteps of a model that has fewer. Motions
+/// that have to arrive somewhere may have more.
+pub(crate) fn default_steps(preset: Preset, has_meetings: bool, model: &impl Denoiser) -> usize {
+    let steps = match has_meetings {
         true => preset.meeting_steps(),
         false => preset.steps(),
     };
     steps.min(model.noise_schedule().timesteps())
 }
 
-/// Returns whether some frames of a motion have to meet others: those of another motion or sentence, of its own other end, or of
-/// places and other terms of the loss.
-fn meets_others(request: &Request, guidance: &Guidance, tiling: Option<&Tiling>) -> bool {
-    let is_alone = request.after.is_none() && request.before.is_none() && tiling.is_none();
-    request.is_looped || !is_alone || !guidance.places.is_empty() || !guidance.loss_terms.is_empty()
+/// Returns whether a motion has to arrive somewhere: at its own beginning, in another motion, at places, or where other terms of the
+/// loss lead it.
+fn has_meetings(request: &Request, guidance: &Guidance) -> bool {
+    let arrives = request.is_looped || request.before.is_some();
+    arrives || !guidance.places.is_empty() || !guidance.loss_terms.is_empty()
 }
 
 /// What the sentences of a request are checked by.
@@ -449,14 +449,17 @@ pub(crate) fn assign_to_group(
         true => tiling(&segments, [before, beyond], *lengths.end()),
         false => None,
     };
-    let meets_others = meets_others(request, &guidance, tiling.as_ref());
-    let steps = { request.steps }.unwrap_or_else(|| default_steps(preset, meets_others, model));
+    let has_meetings = has_meetings(request, &guidance);
+    let steps = { request.steps }.unwrap_or_else(|| default_steps(preset, has_meetings, model));
     Schedule::new(model.noise_schedule()).ddim(steps)?;
     guidance.places.check(requested)?;
     if !guidance.places.is_empty() && kept != (0..frames) {
         let before = start.as_ref();
         let before = before.map_or(Vec::new(), |start| start.guided().rotations.joints());
         guidance.place_origin = Some(PlaceOrigin::new(&before, kept.clone()));
+    }
+    if let (Some(starts), Body::Rig) = (&start, guidance.body) {
+        guidance.headings = [&starts.baseline, starts.guided()].map(KnownStart::heading);
     }
     if is_looped && guidance.places.path.is_some() {
         return Err(RequestError::PathOfLoop);

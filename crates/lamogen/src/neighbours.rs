@@ -1,7 +1,7 @@
 //! The motions before and after a generated one.
 //!
 //! ```text
-//! clip ──on HumanML3D's body──▶ its last second ──▶ pose features: the first frames that the network sees
+//! clip ──on HumanML3D's body──▶ its last two seconds ──▶ pose features: the first frames that the network sees
 //!                                              └──▶ rotations: the first frames of the body's fit
 //!                                              └──▶ where it stands at its end: where the new motion begins
 //! ```
@@ -12,8 +12,9 @@ use lamogen_motion::{JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotatio
 
 use crate::error::RequestError;
 
-/// The number of frames of a clip that a network without windows sees: one second.
-pub(crate) const KNOWN_FRAMES: usize = 20;
+/// The number of frames of a clip that a network without windows sees: two seconds. With one second, jerk at the border is larger
+/// by a third where the next motion begins in another pose.
+pub(crate) const KNOWN_FRAMES: usize = 40;
 
 /// What a generated motion continues.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,6 +130,14 @@ impl KnownStart {
             features,
             placement: last(clip.joints()),
         })
+    }
+
+    /// Returns by how much a motion that goes on from these frames is turned when it is put where the clip stands at its end, in
+    /// radians to the left.
+    pub(crate) fn heading(&self) -> f32 {
+        let last = self.rotations.joints().last().map(Placement::of);
+        let last = last.expect("there are known frames");
+        (self.placement.heading() - last.heading()) as f32
     }
 
     /// Moves a motion that goes on from these frames to where the clip stands at its end.

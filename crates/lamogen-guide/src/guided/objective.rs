@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Tensor;
-use lamogen_laban::{COMPONENTS, EndEffectors, Goal, Goals, LabanSeries};
-use lamogen_motion::{Normalization, joints};
+use burn::tensor::{Device, Tensor, TensorData};
+use lamogen_laban::{
+    COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, LabanSeries, LabanTarget,
+    MotionLoss,
+};
+use lamogen_motion::{JOINTS, Motion, Normalization, joints};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
@@ -22,11 +25,19 @@ pub(super) struct Objective<'a> {
 pub(crate) struct Targets {
     /// The Laban features of the whole body, then those of each set of end-effectors that any motion of the batch has
     /// goals for.
-    laban: Vec<(EndEffectors, PreparedTerm)>,
+    laban: Vec<LabanSet>,
     /// The terms of [`Guidance::loss_terms`].
     others: Vec<PreparedTerm>,
     /// The terms of [`Guidance::places`].
     places: Vec<PreparedTerm>,
+}
+
+/// The Laban features of one set of end-effectors as a term of the loss.
+struct LabanSet {
+    end_effectors: EndEffectors,
+    /// The goals of each motion.
+    goals: Vec<[Goal; COMPONENTS]>,
+    term: PreparedTerm,
 }
 
 /// The comparison of finished motions with all targets.
@@ -57,6 +68,8 @@ pub struct LabanComparison {
 pub(super) struct MotionPath<'w, const D: usize> {
     /// The tensor where autodiff begins, `[batch, frames, features]`; not tracked.
     pub(super) leaf: Tensor<3>,
+    /// The output of the network's unconditional evaluation, if there was one.
+    pub(super) unconditional: Option<Tensor<3>>,
     /// Turns the leaf into clean motions, normalised.
     pub(super) clean: Box<dyn Fn(Tensor<3>) -> Tensor<3> + 'w>,
     /// Turns the gradient with respect to the leaf into the gradient with respect to the variable.
@@ -67,6 +80,8 @@ pub(super) struct MotionPath<'w, const D: usize> {
 pub(super) struct LossGradient<const D: usize> {
     /// The leaf of the path.
     pub(super) leaf: Tensor<3>,
+    /// The output of the network's unconditional evaluation, if there was one.
+    pub(super) unconditional: Option<Tensor<3>>,
     /// The loss of each motion, summed over all values of all terms.
     pub(super) loss: Vec<f32>,
     /// The gradient with respect to the variable.
@@ -104,13 +119,17 @@ impl Targets {
             let batch = (frames, lengths);
             let term = LabanTerm::new(
                 end_effectors.clone(),
-                goals,
+                goals.clone(),
                 guidance,
                 batch,
                 &joints.device(),
             );
             let term = PreparedTerm::new(Arc::new(term), joints.clone(), lengths, 1.0)?;
-            Ok((end_effectors, term))
+            Ok(LabanSet {
+                end_effectors,
+                goals,
+                term,
+            })
         });
         // Places are checked against every length, so those of the longest motion hold for all.
         let longest = lengths.iter().copied().max().unwrap_or(0);
@@ -132,7 +151,7 @@ impl Targets {
 
     /// Iterates over all terms, the whole body's Laban features first.
     fn terms(&self) -> impl Iterator<Item = &PreparedTerm> {
-        let laban = self.laban.iter().map(|(_, term)| term);
+        let laban = self.laban.iter().map(|set| &set.term);
         laban.chain(&self.others).chain(&self.places)
     }
 
@@ -164,9 +183,71 @@ impl Targets {
         }
     }
 
+    /// Returns the Laban losses of each motion, one for each set of end-effectors, for motions in main memory. Their values are
+    /// the first of all [values](Self::values). Baselines that are loops are measured in the middle of several cycles.
+    pub(crate) fn laban_losses(
+        &self,
+        guidance: &Guidance,
+        baselines: &[Motion],
+        device: &Device,
+    ) -> Vec<Vec<MotionLoss>> {
+        let [of_baseline, of_guided] = guidance.headings;
+        let mut losses = vec![Vec::with_capacity(self.laban.len()); baselines.len()];
+        for set in &self.laban {
+            let options = LabanOptions {
+                end_effectors: set.end_effectors.clone(),
+                ..guidance.laban.clone()
+            };
+            let [_, frames, _] = set.term.target().dims();
+            let [targets, weights] = [set.term.target(), set.term.weight()].map(to_host);
+            for (motion, (losses, baseline)) in losses.iter_mut().zip(baselines).enumerate() {
+                let length = baseline.frames();
+                let rows = |values: &[f32], start: usize| {
+                    values.as_chunks::<COMPONENTS>().0[start..start + length].to_vec()
+                };
+                let [target, weight] = match baseline.repeated(3) {
+                    None => [&targets, &weights].map(|values| rows(values, motion * frames)),
+                    Some(cycles) => {
+                        let features =
+                            LabanFeatures::new(&options, 3 * length, &[3 * length], device)
+                                .with_heading(of_baseline)
+                                .measure(joint_tensor(cycles.joints(), device))
+                                .narrow(1, length, length);
+                        let target = LabanTarget::new(
+                            features,
+                            &[length],
+                            &set.goals[motion..=motion],
+                            guidance.divisor,
+                            guidance.emphasis,
+                        );
+                        [target.features(), target.weight()].map(|values| rows(&to_host(values), 0))
+                    }
+                };
+                let loss = MotionLoss::new(&options, &target, &weight);
+                losses.push(loss.with_heading(of_guided));
+            }
+        }
+        losses
+    }
+
+    /// Returns whether there are values that are no Laban features.
+    pub(crate) fn has_others(&self) -> bool {
+        !(self.others.is_empty() && self.places.is_empty())
+    }
+
+    /// Returns the loss of each value that is no Laban feature, `[batch, values]`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such value.
+    pub(crate) fn other_loss(&self, joints: &Tensor<4>) -> Tensor<2> {
+        let terms = self.others.iter().chain(&self.places);
+        Tensor::cat(terms.map(|term| term.loss(joints.clone())).collect(), 1)
+    }
+
     /// Returns the means over time of the whole body's Laban target, over the frames with known features.
     fn laban_means(&self, lengths: &[usize]) -> Vec<[Option<f32>; COMPONENTS]> {
-        let target = self.laban[0].1.target();
+        let target = self.laban[0].term.target();
         let [_, frames, _] = target.dims();
         let series = |motion: usize| {
             let rows = target.clone().narrow(0, motion, 1);
@@ -179,7 +260,12 @@ impl Targets {
 
     /// Compares finished motions with all targets.
     pub(crate) fn compare(self, joints: &Tensor<4>) -> Comparisons {
-        let mut laban = self.laban.into_iter().map(|(end_effectors, term)| {
+        let mut laban = self.laban.into_iter().map(|set| {
+            let LabanSet {
+                end_effectors,
+                term,
+                ..
+            } = set;
             let compared = term.compare(joints.clone());
             LabanComparison {
                 end_effectors,
@@ -241,7 +327,12 @@ impl<'a> Objective<'a> {
         &self,
         path: impl Fn() -> MotionPath<'w, D>,
     ) -> Result<LossGradient<D>, NonFinite> {
-        let MotionPath { leaf, clean, pull } = path();
+        let MotionPath {
+            leaf,
+            unconditional,
+            clean,
+            pull,
+        } = path();
         let (tracked, loss) = self.loss(&leaf, &clean);
         let losses = to_host(loss.clone().inner());
         let values = self.targets.values();
@@ -265,6 +356,7 @@ impl<'a> Objective<'a> {
         }
         Ok(LossGradient {
             leaf,
+            unconditional,
             loss: self.sum_values(&losses),
             gradient,
         })
@@ -292,7 +384,9 @@ impl<'a> Objective<'a> {
         let mut values = 0..self.targets.values();
         values
             .find(|&value| {
-                let MotionPath { leaf, clean, pull } = path();
+                let MotionPath {
+                    leaf, clean, pull, ..
+                } = path();
                 let (leaf, loss) = self.loss(&leaf, &clean);
                 let loss = loss.narrow(0, motion, 1).narrow(1, value, 1);
                 first_non_finite(&pull(leaf_gradient(&leaf, loss.sum()))).is_some()
@@ -323,6 +417,15 @@ fn goals_by_end_effectors(
         }
     }
     sets
+}
+
+/// Copies joints to a tensor, `[1, frames, 22, 3]`.
+fn joint_tensor(joints: &[[[f32; 3]; JOINTS]], device: &Device) -> Tensor<4> {
+    let values = joints.as_flattened().as_flattened().to_vec();
+    Tensor::from_data(
+        TensorData::new(values, [1, joints.len(), JOINTS, 3]),
+        device,
+    )
 }
 
 /// Computes the gradient of a loss with respect to a leaf: zeros if the loss does not depend on the leaf.

@@ -148,6 +148,7 @@ impl<'s, 'a, D: Denoiser> ConditioningVariable<'s, 'a, D> {
             let linearized = sampler.linearize(state, index);
             MotionPath {
                 leaf: linearized.output.clone(),
+                unconditional: linearized.unconditional.clone(),
                 clean: Box::new(|output| {
                     let clean = sampler.clean_motion(state, output, step);
                     self.chain.within(clean, &self.baseline)
@@ -223,7 +224,11 @@ impl<D: Denoiser> Variable for ConditioningVariable<'_, '_, D> {
         self.update(evaluation.gradient.clone(), index);
         let output = match self.guidance.update {
             UpdateTiming::Lagged => evaluation.leaf,
-            UpdateTiming::Immediate => self.sampler.evaluate(&self.state, index),
+            UpdateTiming::Immediate => {
+                let unconditional = evaluation.unconditional.take();
+                self.sampler
+                    .evaluate_again(&self.state, index, unconditional)
+            }
         };
         let step = &self.sampler.steps()[index];
         let prediction = self.sampler.clean_motion(&self.state, output.clone(), step);
@@ -461,6 +466,7 @@ impl<'s, 'a, D: Denoiser> NoiseVariable<'s, 'a, D> {
         }
         MotionPath {
             leaf: state.x,
+            unconditional: None,
             clean: Box::new(|motion| motion),
             pull: Box::new(move |gradient| {
                 let pullbacks = pullbacks.into_iter().rev();
@@ -511,6 +517,7 @@ impl<D: Denoiser> Variable for NoiseVariable<'_, '_, D> {
 fn identity_path<'w>(motion: &Tensor<3>) -> MotionPath<'w, 3> {
     MotionPath {
         leaf: motion.clone(),
+        unconditional: None,
         clean: Box::new(|motion| motion),
         pull: Box::new(|gradient| gradient),
     }

@@ -141,12 +141,14 @@ fn quantize(data: &TensorData) -> (Vec<i8>, Vec<f32>) {
 /// Multiplies integers `[rows, …]` by the scale of each row.
 pub(super) fn dequantize(numbers: &TensorData, scales: &TensorData) -> TensorData {
     let scales: Vec<f32> = scales.iter::<f32>().collect();
-    let values: Vec<f32> = numbers.iter::<f32>().collect();
-    let width = (values.len() / scales.len().max(1)).max(1);
-    let rows = values.chunks(width).zip(scales);
-    let values: Vec<f32> = rows
-        .flat_map(|(row, scale)| row.iter().map(move |x| x * scale))
-        .collect();
+    let integers = numbers
+        .as_slice::<i8>()
+        .expect("the numbers are integers of 8 bits");
+    let width = (integers.len() / scales.len().max(1)).max(1);
+    let mut values = Vec::with_capacity(integers.len());
+    for (row, scale) in integers.chunks(width).zip(scales) {
+        values.extend(row.iter().map(|x| f32::from(*x) * scale));
+    }
     TensorData::new(values, numbers.shape().to_vec())
 }
 

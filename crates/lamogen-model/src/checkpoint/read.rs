@@ -364,13 +364,26 @@ impl Checkpoint {
         match self.is_quantized(key) {
             true => Ok(dequantize(
                 &self.read_stored(key, Some(DType::I8))?,
-                &self.read_stored(&scale_key(key), None)?,
+                &self.read_floats(&scale_key(key))?,
             )),
-            false => self.read_stored(key, None),
+            false => self.read_floats(key),
         }
     }
 
-    /// Reads the numbers of a stored tensor, in 32 bits.
+    /// Reads the numbers of a stored tensor of floats, in 32 bits.
+    fn read_floats(&self, key: &str) -> Result<TensorData, CheckpointError> {
+        let data = self.read_stored(key, None)?.convert::<f32>();
+        let numbers = data.as_slice::<f32>().expect("converted to f32");
+        match numbers.iter().all(|number| number.is_finite()) {
+            true => Ok(data),
+            false => Err(CheckpointError::NotFinite {
+                path: self.path.clone(),
+                key: key.to_owned(),
+            }),
+        }
+    }
+
+    /// Reads the numbers of a stored tensor.
     ///
     /// `forced_dtype` is the type of a safetensors tensor that is not a type of weights by itself, such as integers of 8
     /// bits.
@@ -407,21 +420,12 @@ impl Checkpoint {
             }
             _ => io_error(&self.path, error),
         })?;
-        let data = TensorData::try_from_bytes(
+        TensorData::try_from_bytes(
             burn::tensor::Bytes::from_bytes_vec(bytes),
             shape.to_vec(),
             dtype,
         )
-        .map_err(|error| format_error(&self.path, format!("tensor `{key}`: {error}")))?;
-        let data = data.convert::<f32>();
-        let numbers = data.as_slice::<f32>().expect("converted to f32");
-        match numbers.iter().all(|number| number.is_finite()) {
-            true => Ok(data),
-            false => Err(CheckpointError::NotFinite {
-                path: self.path.clone(),
-                key: key.to_owned(),
-            }),
-        }
+        .map_err(|error| format_error(&self.path, format!("tensor `{key}`: {error}")))
     }
 }
 
