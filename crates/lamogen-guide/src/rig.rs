@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use lamogen_body::{FitInput, FitObjective, FitProgress};
 use lamogen_laban::{Goals, MotionLoss};
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::error::GuideError;
 use crate::guidance::Guidance;
 use crate::guided::{Comparisons, LabanComparison, Targets};
-use crate::host::to_host;
+use crate::host::{joint_tensor, to_host};
 use crate::loss_term::TermComparison;
 
 /// The factor on the emphasis of components that shall change, and on the loss of other terms, relative to the
@@ -118,7 +118,7 @@ impl<'a> Rig<'a> {
             ..self.guidance.clone()
         };
         let targets = Targets::new(
-            &self.joint_tensor(&poses),
+            &joint_tensor(&poses, &self.device),
             &lengths,
             goals,
             &guidance,
@@ -152,7 +152,7 @@ impl<'a> Rig<'a> {
             whole,
             parts,
             terms,
-        } = targets.compare(&self.joint_tensor(&joints));
+        } = targets.compare(&joint_tensor(&joints, &self.device));
         Ok(RigMotions {
             rotations: fit.rotations,
             is_stopped: fit.is_stopped,
@@ -173,19 +173,6 @@ impl<'a> Rig<'a> {
         };
         motions.iter().map(input).collect()
     }
-
-    /// Copies the joints of motions to a tensor `[batch, frames, 22, 3]`, padded with zeros to the longest motion.
-    fn joint_tensor(&self, motions: &[&[[[f32; 3]; JOINTS]]]) -> Tensor<4> {
-        let frames = motions.iter().map(|motion| motion.len()).max().unwrap_or(0);
-        let width = JOINTS * 3;
-        let mut values = Vec::with_capacity(motions.len() * frames * width);
-        for (index, motion) in motions.iter().enumerate() {
-            values.extend_from_slice(motion.as_flattened().as_flattened());
-            values.resize((index + 1) * frames * width, 0.0);
-        }
-        let data = TensorData::new(values, [motions.len(), frames, JOINTS, 3]);
-        Tensor::from_data(data, &self.device)
-    }
 }
 
 /// The loss of all terms as the objective of a fit.
@@ -201,6 +188,14 @@ struct LossObjective<'g> {
     is_first: bool,
     /// The first motion that had a non-finite loss at the first evaluation, and the index of the value with that loss.
     non_finite: Option<(usize, usize)>,
+}
+
+/// The losses of one motion that are no Laban features.
+struct OtherLosses {
+    /// The loss of each value.
+    losses: Vec<f64>,
+    /// The gradient of their sum with respect to the joint positions.
+    gradient: Vec<[[f64; 3]; JOINTS]>,
 }
 
 impl FitObjective for LossObjective<'_> {
@@ -223,10 +218,11 @@ impl FitObjective for LossObjective<'_> {
         let others = self.evaluate_others(joints);
         let evaluations = joints.par_iter().zip(&self.laban).zip(others);
         let evaluations: Vec<_> = evaluations
-            .map(|((joints, laban), (others, mut gradient))| {
+            .map(|((joints, laban), others)| {
+                let mut gradient = others.gradient;
                 let laban = laban.iter();
                 let laban = laban.flat_map(|loss| loss.evaluate(joints, &mut gradient));
-                let losses: Vec<f64> = laban.chain(others).collect();
+                let losses: Vec<f64> = laban.chain(others.losses).collect();
                 let non_finite = losses.iter().position(|loss| !loss.is_finite());
                 ((losses.iter().sum(), gradient), non_finite)
             })
@@ -243,17 +239,19 @@ impl FitObjective for LossObjective<'_> {
 impl LossObjective<'_> {
     /// Computes the loss of each value that is no Laban feature, for every motion, and the gradient of their sum. The terms
     /// are functions of tensors that anyone may write, so autodiff differentiates them.
-    fn evaluate_others(
-        &self,
-        joints: &[Vec<[[f32; 3]; JOINTS]>],
-    ) -> Vec<(Vec<f64>, Vec<[[f64; 3]; JOINTS]>)> {
+    fn evaluate_others(&self, joints: &[Vec<[[f32; 3]; JOINTS]>]) -> Vec<OtherLosses> {
         let poses: Vec<&[[[f32; 3]; JOINTS]]> = joints.iter().map(Vec::as_slice).collect();
         if !self.targets.has_others() {
             return { joints.iter() }
-                .map(|joints| (Vec::new(), vec![[[0.0; 3]; JOINTS]; joints.len()]))
+                .map(|joints| OtherLosses {
+                    losses: Vec::new(),
+                    gradient: vec![[[0.0; 3]; JOINTS]; joints.len()],
+                })
                 .collect();
         }
-        let leaf = self.rig.joint_tensor(&poses).autodiff().require_grad();
+        let leaf = joint_tensor(&poses, &self.rig.device)
+            .autodiff()
+            .require_grad();
         let [_, frames, ..] = leaf.dims();
         let loss = self.targets.other_loss(&leaf);
         let [_, values] = loss.dims();
@@ -273,10 +271,10 @@ impl LossObjective<'_> {
         motions
             .map(|((losses, gradient), joints)| {
                 let gradient = gradient[..joints.len()].iter().map(wide);
-                (
-                    losses.iter().copied().map(f64::from).collect(),
-                    gradient.collect(),
-                )
+                OtherLosses {
+                    losses: losses.iter().copied().map(f64::from).collect(),
+                    gradient: gradient.collect(),
+                }
             })
             .collect()
     }

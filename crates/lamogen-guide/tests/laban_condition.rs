@@ -65,8 +65,23 @@ fn the_scale_extrapolates_from_the_unconditional_output() {
         let output = network.denoise(input.clone(), &prompt.context);
         assert_eq!(yaw_and_height(&output), expected);
         // The gradient goes through the conditional output: it is the sum of the derivatives of the squared embedding.
-        let linearized = network.linearize(input, &prompt.context);
+        let linearized = network.linearize(input.clone(), &prompt.context);
         assert_eq!(yaw_and_height(&linearized.output), expected);
+        // With another embedding, the unconditional output that was kept is that of the same evaluation.
+        let moved = DenoiserInput {
+            embedding: input.embedding + 2.0,
+            ..input
+        };
+        let kept = linearized.unconditional.clone();
+        assert_eq!(kept.is_some(), scale != 1.0);
+        let again = |kept| network.denoise_again(moved.clone(), &prompt.context, kept);
+        let whole = yaw_and_height(&network.denoise(moved.clone(), &prompt.context));
+        assert_eq!(yaw_and_height(&again(kept.clone())), whole);
+        if let Some(kept) = kept {
+            // Here it is 0 instead of 1, and nothing computes it anew.
+            let height = yaw_and_height(&again(Some(kept.zeros_like())))[1];
+            assert_eq!(height, 25.0 * scale as f32);
+        }
         let gradient = linearized.pull(output.ones_like());
         let gradient = gradient.try_into_vec_as::<f32>().unwrap()[0];
         let scale = scale as f32;

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
     COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, LabanSeries, LabanTarget,
     MotionLoss,
 };
-use lamogen_motion::{JOINTS, Motion, Normalization, joints};
+use lamogen_motion::{Motion, Normalization, joints};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
-use crate::host::{first_non_finite, to_host};
+use crate::host::{first_non_finite, joint_tensor, to_host};
 use crate::laban_term::LabanTerm;
 use crate::loss_term::{LossTerm, PreparedTerm, TermComparison};
 
@@ -211,7 +211,7 @@ impl Targets {
                         let features =
                             LabanFeatures::new(&options, 3 * length, &[3 * length], device)
                                 .with_heading(of_baseline)
-                                .measure(joint_tensor(cycles.joints(), device))
+                                .measure(joint_tensor(&[cycles.joints()], device))
                                 .narrow(1, length, length);
                         let target = LabanTarget::new(
                             features,
@@ -417,15 +417,6 @@ fn goals_by_end_effectors(
         }
     }
     sets
-}
-
-/// Copies joints to a tensor, `[1, frames, 22, 3]`.
-fn joint_tensor(joints: &[[[f32; 3]; JOINTS]], device: &Device) -> Tensor<4> {
-    let values = joints.as_flattened().as_flattened().to_vec();
-    Tensor::from_data(
-        TensorData::new(values, [1, joints.len(), JOINTS, 3]),
-        device,
-    )
 }
 
 /// Computes the gradient of a loss with respect to a leaf: zeros if the loss does not depend on the leaf.
