@@ -20,7 +20,10 @@ use crate::loss_term::TermComparison;
 const RIG_EMPHASIS: f32 = 5.0;
 /// The factor on the loss of places, relative to the network's pass. In that pass a position that a hand is far from
 /// would count more than everything else, and the network leaves the sentence for it; the body has to be there.
-const PLACE_EMPHASIS: f32 = 175.0;
+const PLACE_EMPHASIS: f32 = 500.0;
+/// The factor on the weight of all goals beside places. Goals that count as much as by themselves would push the body off places
+/// at which they cannot be reached, as a light walk cannot on a path at the speed of a usual one.
+const GOALS_BESIDE_PLACES: f64 = 0.35;
 
 /// The distance in metres that a foot may slide on a path before it takes a step.
 const STRIDE: f64 = 0.4;
@@ -137,6 +140,9 @@ impl<'a> Rig<'a> {
         // A path leads bodies on whose feet the sentence would have standing.
         if self.guidance.places.path.is_some() && fit.stride.is_none() {
             fit.stride = Some(STRIDE);
+        }
+        if !self.guidance.places.is_empty() {
+            fit.goal *= GOALS_BESIDE_PLACES;
         }
         let fit = fit.run(&inputs, Some(&mut objective), on_progress);
         if let Some((motion, value)) = objective.non_finite {
