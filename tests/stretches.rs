@@ -86,7 +86,7 @@ fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
     };
     let [target, guided] = [&generation.target, &generation.guided_laban].map(shape);
     let peak = target.iter().copied().fold(0.0, f32::max);
-    // A stretch is measured as it faces when it begins, and Shape is a box along the axes of the room.
+    // Shape is a box along the axes of the room, and so are the targets of every stretch.
     assert!((peak / 0.9 - 1.0).abs() < 0.05, "{peak}");
     let change = guided.iter().sum::<f32>() / target.iter().sum::<f32>();
     assert!((change - 1.0).abs() < 0.1, "{change}");

@@ -85,7 +85,7 @@ pub fn run(
         let next = generate(request(1, FRAMES).seed(seed + options.pairs).after(&first))?;
         let continued = Motion::from_joints([first.joints(), next.joints()].concat())?;
         let clips = [0, 1].map(|sentence| {
-            // A clip reaches as far into the other as a tile does.
+            // A clip reaches half of the fade into the other.
             let request = request(sentence, FRAMES + FADE / 2);
             request.seed(seed + sentence as u64 * options.pairs)
         });

@@ -12,7 +12,7 @@ pub struct Subject {
     /// Folder of a model; the embedded one without.
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// DDIM steps of every motion; those of the preset without, which has more for motions that have to meet others.
+    /// DDIM steps of every motion; those of the preset without, which has more for motions that have to arrive somewhere.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1000))]
     steps: Option<u64>,
     /// Frames by which predictions are smoothed along time; the model's own default without, 0 is off.
@@ -35,7 +35,7 @@ impl Subject {
         }
     }
 
-    /// Returns the steps of the model's motions that do not have to meet others.
+    /// Returns the steps of the model's motions that do not have to arrive anywhere.
     pub fn steps(&self, model: &LaMoGen) -> usize {
         let steps = self.steps.map(|steps| steps as usize);
         steps.unwrap_or(model.preset().steps())

@@ -2,8 +2,7 @@
 
 use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
-    COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanOptions, LabanTarget,
-    LossDivisor,
+    COMPONENTS, Component, EndEffectors, Goal, LabanFeatures, LabanTarget, LossDivisor,
 };
 
 use crate::guidance::Guidance;
@@ -39,10 +38,7 @@ impl LabanTerm {
         (frames, lengths): (usize, &[usize]),
         device: &Device,
     ) -> Self {
-        let options = LabanOptions {
-            end_effectors,
-            ..guidance.laban.clone()
-        };
+        let options = guidance.laban.with_end_effectors(end_effectors);
         let features = LabanFeatures::new(&options, frames, lengths, device);
         let [of_baseline, of_guided] = guidance.headings;
         LabanTerm {

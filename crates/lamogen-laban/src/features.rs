@@ -19,6 +19,16 @@ pub struct LabanOptions {
     pub end_effectors: EndEffectors,
 }
 
+impl LabanOptions {
+    /// Returns the options with other end-effectors.
+    pub fn with_end_effectors(&self, end_effectors: EndEffectors) -> LabanOptions {
+        LabanOptions {
+            end_effectors,
+            ..self.clone()
+        }
+    }
+}
+
 /// Measures the Laban features of motions of given lengths.
 ///
 /// The value is built once for a batch; [`measure`](Self::measure) is then a differentiable function of the

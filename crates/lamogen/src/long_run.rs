@@ -8,7 +8,7 @@
 use std::ops::{ControlFlow, Range};
 
 use lamogen_guide::{Itinerary, Step};
-use lamogen_laban::{EndEffectors, Goals, LabanOptions, LabanSeries};
+use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::Denoiser;
 use lamogen_motion::Motion;
 
@@ -297,10 +297,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
     fn series(&self, motion: &Motion, end_effectors: Option<&EndEffectors>) -> LabanSeries {
         let options = &self.group.guidance.laban;
         let options = match end_effectors {
-            Some(set) => &LabanOptions {
-                end_effectors: set.clone(),
-                ..options.clone()
-            },
+            Some(set) => &options.with_end_effectors(set.clone()),
             None => options,
         };
         LabanSeries::of(motion, options, &self.model.network().device())

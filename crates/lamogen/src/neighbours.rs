@@ -135,16 +135,18 @@ impl KnownStart {
     /// Returns by how much a motion that goes on from these frames is turned when it is put where the clip stands at its end, in
     /// radians to the left.
     pub(crate) fn heading(&self) -> f32 {
-        let last = self.rotations.joints().last().map(Placement::of);
-        let last = last.expect("there are known frames");
-        (self.placement.heading() - last.heading()) as f32
+        (self.placement.heading() - self.end().heading()) as f32
     }
 
     /// Moves a motion that goes on from these frames to where the clip stands at its end.
     pub(crate) fn carry_on(&self, rotations: &Rotations) -> Rotations {
+        self.end().to(&self.placement).of_rotations(rotations)
+    }
+
+    /// Returns where the known frames stand at their end.
+    fn end(&self) -> Placement {
         let last = self.rotations.joints().last().map(Placement::of);
-        let last = last.expect("there are known frames");
-        last.to(&self.placement).of_rotations(rotations)
+        last.expect("there are known frames")
     }
 }
 

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
-    COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanOptions, LabanSeries, LabanTarget,
-    MotionLoss,
+    COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanSeries, LabanTarget, MotionLoss,
 };
 use lamogen_motion::{Motion, Normalization, joints};
 
@@ -194,10 +193,7 @@ impl Targets {
         let [of_baseline, of_guided] = guidance.headings;
         let mut losses = vec![Vec::with_capacity(self.laban.len()); baselines.len()];
         for set in &self.laban {
-            let options = LabanOptions {
-                end_effectors: set.end_effectors.clone(),
-                ..guidance.laban.clone()
-            };
+            let options = guidance.laban.with_end_effectors(set.end_effectors.clone());
             let [_, frames, _] = set.term.target().dims();
             let [targets, weights] = [set.term.target(), set.term.weight()].map(to_host);
             for (motion, (losses, baseline)) in losses.iter_mut().zip(baselines).enumerate() {
