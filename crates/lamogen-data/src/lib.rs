@@ -18,6 +18,7 @@ mod entry;
 mod error;
 mod form;
 mod humanml3d;
+mod kind;
 mod mirror;
 mod more_captions;
 mod options;

@@ -29,7 +29,7 @@ pub struct PackArguments {
     /// What is said of motion files, a line each.
     #[arg(long, value_name = "FILE")]
     pub captions: Option<PathBuf>,
-    /// Further captions of motions that have some, a line of JSON each: {"name": "run_3", "captions": ["a kid dashes off"]}.
+    /// Further captions of motions that have some, a line of JSON each: {"name": "run_3", "captions": ["a kid dashes off"]}, or of kinds of motion (see docs/data.md).
     #[arg(long, value_name = "FILE")]
     pub more_captions: Option<PathBuf>,
     /// Add motions that are put together from motions for training, by a recipe (see docs/data.md).

@@ -15,10 +15,11 @@ use rayon::prelude::*;
 
 use self::captions::{fill, phrases};
 use self::join::join;
-use self::recipe::{Composition, Part, Recipe, Source};
+use self::recipe::{Composition, Part, Recipe};
 use crate::dataset::Dataset;
 use crate::entry::{Caption, Entry};
 use crate::error::DataError;
+use crate::kind::Kind;
 use crate::options::LoadOptions;
 use crate::split::Split;
 
@@ -26,9 +27,6 @@ use crate::split::Split;
 const CAPTIONS: usize = 8;
 /// How many choices of parts are tried for every motion that is wanted.
 const TRIES: usize = 12;
-
-/// One in so many captions may contain a word that the recipe does not want: writers use words in many senses.
-const RARE: usize = 8;
 
 /// Checks the text of a recipe. The error says what is wrong with it.
 pub(crate) fn check(text: &str) -> Result<(), String> {
@@ -126,17 +124,17 @@ impl Dataset {
         composition.parts.iter().enumerate().map(of_part).collect()
     }
 
-    /// Returns the entries of a source.
-    fn entries_of(&self, source: &Source, originals: &[usize]) -> Result<Vec<usize>, String> {
+    /// Returns the entries of a kind.
+    fn entries_of(&self, kind: &Kind, originals: &[usize]) -> Result<Vec<usize>, String> {
         let entries = || originals.iter().map(|&index| (index, &self.entries[index]));
-        for content in &source.content {
+        for content in &kind.content {
             if !entries().any(|(_, entry)| entry.content.as_ref() == Some(content)) {
                 return Err(format!(
                     "no motion for training has the content {content:?}"
                 ));
             }
         }
-        let fitting = entries().filter(|(_, entry)| source.fits(entry));
+        let fitting = entries().filter(|(_, entry)| kind.fits(entry));
         let fitting: Vec<usize> = fitting.map(|(index, _)| index).collect();
         match fitting.is_empty() {
             true => {
@@ -271,19 +269,5 @@ impl Dataset {
         };
         let image = crate::pack::mirror_image(&composed);
         self.entries.extend([composed, image]);
-    }
-}
-
-impl Source {
-    /// Returns whether an entry is one of the motions.
-    fn fits(&self, entry: &Entry) -> bool {
-        let content = entry.content.as_ref();
-        let has_content = content.is_some_and(|content| self.content.contains(content));
-        let has = |text: &str, word: &String| text.to_lowercase().contains(word.as_str());
-        let texts = || entry.captions.iter().map(|caption| caption.text.as_str());
-        let unwanted = texts().filter(|text| self.without.iter().any(|word| has(text, word)));
-        has_content
-            && texts().any(|text| self.words.iter().all(|word| has(text, word)))
-            && unwanted.count() * RARE <= entry.captions.len()
     }
 }

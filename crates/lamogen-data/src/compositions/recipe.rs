@@ -4,6 +4,8 @@ use std::collections::HashSet;
 
 use serde::Deserialize;
 
+use crate::kind::Kind;
+
 /// The most motions of a composition.
 const MOST: usize = 100_000;
 
@@ -34,9 +36,9 @@ pub(super) struct Composition {
 #[serde(deny_unknown_fields)]
 pub(super) struct Part {
     /// Which motions it may be.
-    pub of: Source,
+    pub of: Kind,
     /// Which motions the arms are taken from, if not from the same.
-    pub arms: Option<Source>,
+    pub arms: Option<Kind>,
     /// Whether the mirror image is used.
     #[serde(default)]
     pub mirrored: bool,
@@ -58,20 +60,6 @@ pub(super) struct Part {
     /// Whether the part stays in its place.
     #[serde(default)]
     pub in_place: bool,
-}
-
-/// Which motions of the data set a part may be.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Source {
-    /// The contents that the motion may have.
-    pub content: Vec<String>,
-    /// Words that a caption of the motion has to contain, all of them in one caption.
-    #[serde(default)]
-    pub words: Vec<String>,
-    /// Words that at most one in eight captions of the motion may contain.
-    #[serde(default)]
-    pub without: Vec<String>,
 }
 
 fn whole() -> [f32; 2] {

@@ -25,7 +25,7 @@ pub struct PackOptions {
     /// `{"file": "walk.bvh", "captions": ["a person walks"]}`, or a file, a tab and a caption. Data sets have captions
     /// of their own and need no file.
     pub captions: Option<PathBuf>,
-    /// A file of further captions for motions that already have some, by their names (see [`Dataset::add_captions`]).
+    /// A file of further captions for motions that already have some, by their names or kinds (see [`Dataset::add_captions`]).
     pub more_captions: Option<PathBuf>,
     /// A recipe of motions that are put together from training motions (see [`Dataset::add_compositions`]).
     pub compositions: Option<PathBuf>,
@@ -115,7 +115,7 @@ pub fn pack(
 /// Adds further captions and other speeds as the options say, and writes the data set.
 fn finish(mut dataset: Dataset, out: &Path, options: &PackOptions) -> Result<Dataset, DataError> {
     if let Some(path) = &options.more_captions {
-        for name in dataset.add_captions(path)? {
+        for name in dataset.add_captions(path, options.seed)? {
             // A motion that was left out is already listed.
             if !dataset.problems.iter().any(|problem| problem.name == name) {
                 let reason = format!("{} has captions of it", path.display());
