@@ -40,6 +40,8 @@ pub struct MeshVertex {
     pub normal: [f32; 3],
     /// The place on the texture.
     pub texture_coordinates: [f32; 2],
+    /// Red, green, blue and opacity from 0 to 1, in linear light, which are multiplied with the colour of the material.
+    pub colour: [f32; 4],
     /// The places of the bones in [`CharacterMesh::bones`].
     pub bones: [u16; 4],
     /// The weights of the bones; their sum is 1.
@@ -134,6 +136,7 @@ impl CharacterMesh {
                     position: *position,
                     normal: surface.normals[at],
                     texture_coordinates: surface.texture_coordinates[at],
+                    colour: surface.colours[at],
                     bones: joints.map(|joint| first as u16 + joint),
                     weights: surface.weights[at],
                 });

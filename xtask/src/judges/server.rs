@@ -63,7 +63,8 @@ fn examples(page: &str) -> Vec<Example> {
     examples
 }
 
-/// Runs the examples of `docs/server.md` in curl, Python and JavaScript against a server, and reads the files that they write.
+/// Runs the examples of `docs/server.md` in curl, Python and JavaScript against a server, and reads the files that they write. The one for
+/// Godot, which no package installs, is parsed.
 pub(super) fn check_examples(_: &Path, _: &JudgedFiles) -> Result<()> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/server.md");
     let page = fs::read_to_string(page)?;
@@ -107,6 +108,11 @@ pub(super) fn check_examples(_: &Path, _: &JudgedFiles) -> Result<()> {
     let script = here(&find("js", "const glb")?.code) + keep;
     fs::write(folder.join("ask.mjs"), script)?;
     run_command(Command::new("node").arg("ask.mjs").current_dir(&folder))?;
+
+    fs::write(folder.join("ask.gd"), &find("gdscript", "generate")?.code)?;
+    let bin = std::path::absolute(install_python("gdtoolkit-venv", "gdtoolkit")?)?;
+    let mut parse = Command::new(bin.join("gdparse"));
+    run_command(parse.arg("ask.gd").current_dir(&folder))?;
 
     let mut generate = Command::new(&command);
     generate.args([

@@ -208,16 +208,17 @@ impl StoredCharacter {
     }
 }
 
-/// Returns the JSON of a mesh. Vertices are 36 bytes each, little-endian: the position as three 32-bit floats; the normal as three signed
+/// Returns the JSON of a mesh. Vertices are 40 bytes each, little-endian: the position as three 32-bit floats; the normal as three signed
 /// bytes of 127ths, and a byte that is zero; the place on the texture as two 32-bit floats; four bones of 16 bits; four weights of
-/// 255ths.
+/// 255ths; red, green and blue in sRGB, and opacity, as four 255ths.
 fn mesh_json(mesh: &CharacterMesh) -> Value {
-    let mut vertices = Vec::with_capacity(36 * mesh.vertices.len());
+    let mut vertices = Vec::with_capacity(40 * mesh.vertices.len());
     for vertex in &mesh.vertices {
         let MeshVertex {
             position,
             normal,
             texture_coordinates,
+            colour: [red, green, blue, opacity],
             bones,
             weights,
         } = vertex;
@@ -232,6 +233,9 @@ fn mesh_json(mesh: &CharacterMesh) -> Value {
         vertices.extend(texture_coordinates.iter().flat_map(|x| x.to_le_bytes()));
         vertices.extend(bones.iter().flat_map(|bone| bone.to_le_bytes()));
         vertices.extend(weights.iter().map(|weight| (255.0 * weight).round() as u8));
+        let colour = [red, green, blue].map(|light| light.powf(1.0 / 2.2));
+        let colour = colour.iter().chain([opacity]);
+        vertices.extend(colour.map(|x| (255.0 * x).round() as u8));
     }
     let indices: Vec<u8> = mesh
         .indices

@@ -186,14 +186,26 @@ pub(super) fn bind_matrix_accessors(document: &Value) -> Vec<Option<usize>> {
 fn surface_accessors(document: &Value) -> Vec<usize> {
     let meshes = document["meshes"].as_array().into_iter().flatten();
     let primitives = meshes.flat_map(|mesh| mesh["primitives"].as_array().into_iter().flatten());
-    primitives
-        .flat_map(|primitive| {
-            let names = ["POSITION", "NORMAL", "TEXCOORD_0", "JOINTS_0", "WEIGHTS_0"];
-            let attributes = names.map(|name| index(&primitive["attributes"][name]));
-            attributes.into_iter().chain([index(&primitive["indices"])])
-        })
-        .flatten()
-        .collect()
+    let values = |value: &Value, wanted: fn(&str) -> bool| -> Vec<usize> {
+        let named = value.as_object().into_iter().flatten();
+        { named.filter(|(name, _)| wanted(name)) }
+            .filter_map(|(_, value)| index(value))
+            .collect()
+    };
+    let mut accessors = Vec::new();
+    for primitive in primitives {
+        accessors.extend(index(&primitive["indices"]));
+        accessors.extend(values(&primitive["attributes"], |name| {
+            let single = ["POSITION", "NORMAL", "COLOR_0", "JOINTS_0", "WEIGHTS_0"];
+            single.contains(&name) || name.starts_with("TEXCOORD_")
+        }));
+        for target in primitive["targets"].as_array().into_iter().flatten() {
+            accessors.extend(values(target, |name| {
+                ["POSITION", "NORMAL"].contains(&name)
+            }));
+        }
+    }
+    accessors
 }
 
 /// Reduces an animation to the channels that move nodes, and adds the indices of their accessors to `accessors`.

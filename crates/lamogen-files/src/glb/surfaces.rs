@@ -33,8 +33,11 @@ pub struct Surface {
     pub positions: Vec<[f32; 3]>,
     /// The normals of the vertices; those of the triangles if the file has none.
     pub normals: Vec<[f32; 3]>,
-    /// The places of the vertices on the texture; zero if the file has none.
+    /// The places of the vertices on the texture of their material; zero if the file has none.
     pub texture_coordinates: Vec<[f32; 2]>,
+    /// Red, green, blue and opacity of the vertices from 0 to 1, in linear light, which are multiplied with the colour of
+    /// the material; 1 if the file has none.
+    pub colours: Vec<[f32; 4]>,
     /// The joints of the skin that move each vertex; zero without a skin.
     pub joints: Vec<[u16; 4]>,
     /// The weights of those joints; their sum is 1.
@@ -114,10 +117,15 @@ impl SurfaceReader<'_> {
             let Some(mesh) = index(&value["mesh"]) else {
                 continue;
             };
-            let primitives = document["meshes"][mesh]["primitives"].as_array();
+            let mesh_value = &document["meshes"][mesh];
+            let shape_weights = [&value["weights"], &mesh_value["weights"]]
+                .into_iter()
+                .find_map(Value::as_array);
+            let shape_weights = shape_weights.map_or(&[][..], Vec::as_slice);
+            let primitives = mesh_value["primitives"].as_array();
             for (place, primitive) in primitives.into_iter().flatten().enumerate() {
                 let skin = index(&value["skin"]);
-                let surface = self.surface(primitive, node, skin);
+                let surface = self.surface(primitive, node, skin, shape_weights);
                 let surface = surface
                     .map_err(|problem| format!("meshes[{mesh}].primitives[{place}]: {problem}"))?;
                 surfaces.extend(surface);
@@ -159,12 +167,91 @@ impl SurfaceReader<'_> {
         self.file.floats(accessor).map(Some)
     }
 
-    /// Reads the triangles of a primitive; `None` if it has no triangles.
+    /// Adds the shapes of a primitive (morph targets) to the rows of an attribute, each by its weight.
+    fn add_shapes(
+        &mut self,
+        rows: &mut [[f64; 3]],
+        primitive: &Value,
+        attribute: &str,
+        weights: &[Value],
+    ) -> Result<(), FormatProblem> {
+        let targets = primitive["targets"].as_array().into_iter().flatten();
+        for (place, (target, weight)) in targets.zip(weights).enumerate() {
+            let weight = weight.as_f64().unwrap_or(0.0);
+            if weight == 0.0 {
+                continue;
+            }
+            let Some(changes) = self.rows::<3>(&target[attribute])? else {
+                continue;
+            };
+            if changes.len() != rows.len() {
+                let (expected, found) = (rows.len(), changes.len());
+                return Err(format!(
+                    "targets[{place}].{attribute}: expected {expected} rows, found {found}"
+                ));
+            }
+            for (row, change) in rows.iter_mut().flatten().zip(changes.iter().flatten()) {
+                *row += weight * change;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the colours of vertices, of three or four numbers.
+    fn colours(&mut self, accessor: &Value) -> Result<Option<Vec<[f64; 4]>>, FormatProblem> {
+        let document = &self.file.document;
+        let kind = index(accessor).and_then(|place| document["accessors"][place]["type"].as_str());
+        let colours = match kind {
+            Some("VEC3") => { self.rows::<3>(accessor)? }.map(|rows| {
+                let opaque = rows
+                    .into_iter()
+                    .map(|[red, green, blue]| [red, green, blue, 1.0]);
+                opaque.collect::<Vec<_>>()
+            }),
+            _ => self.rows::<4>(accessor)?,
+        };
+        Ok(colours.map(|rows| {
+            let within = rows.into_iter().map(|row| row.map(|x| x.clamp(0.0, 1.0)));
+            within.collect()
+        }))
+    }
+
+    /// Reads where vertices are on the base texture of their material.
+    fn texture_coordinates(
+        &mut self,
+        primitive: &Value,
+    ) -> Result<Option<Vec<[f64; 2]>>, FormatProblem> {
+        let document = &self.file.document;
+        let material = index(&primitive["material"]);
+        let texture = material.map_or(&Value::Null, |place| {
+            &document["materials"][place]["pbrMetallicRoughness"]["baseColorTexture"]
+        });
+        let change = &texture["extensions"]["KHR_texture_transform"];
+        let set = [&change["texCoord"], &texture["texCoord"]];
+        let set = set.into_iter().find_map(index).unwrap_or(0);
+        let rows = self.rows::<2>(&primitive["attributes"][format!("TEXCOORD_{set}")])?;
+        if change.is_null() {
+            return Ok(rows);
+        }
+        let number = |value: &Value, default: f64| value.as_f64().unwrap_or(default);
+        let [offset, scale] = [("offset", 0.0), ("scale", 1.0)]
+            .map(|(name, default)| [0, 1].map(|axis| number(&change[name][axis], default)));
+        // Counterclockwise as one looks at the texture, whose second axis goes down.
+        let (sin, cos) = number(&change["rotation"], 0.0).sin_cos();
+        let moved = |[u, v]: [f64; 2]| {
+            let (u, v) = (scale[0] * u, scale[1] * v);
+            [offset[0] + cos * u + sin * v, offset[1] + cos * v - sin * u]
+        };
+        Ok(rows.map(|rows| rows.into_iter().map(moved).collect()))
+    }
+
+    /// Reads the triangles of a primitive; `None` if it has no triangles. `shape_weights` are those of its shapes.
     fn surface(
         &mut self,
         primitive: &Value,
         node: usize,
         skin: Option<usize>,
+        shape_weights: &[Value],
     ) -> Result<Option<Surface>, FormatProblem> {
         if !primitive["extensions"]["KHR_draco_mesh_compression"].is_null() {
             return Err("expected triangles without compression or with meshopt's, found those of Draco, which are not read".into());
@@ -174,9 +261,10 @@ impl SurfaceReader<'_> {
             return Ok(None);
         }
         let attributes = &primitive["attributes"];
-        let Some(positions) = self.rows::<3>(&attributes["POSITION"])? else {
+        let Some(mut positions) = self.rows::<3>(&attributes["POSITION"])? else {
             return Ok(None);
         };
+        self.add_shapes(&mut positions, primitive, "POSITION", shape_weights)?;
         let count = positions.len();
         let corners: Vec<u32> = match self.rows::<1>(&primitive["indices"])? {
             Some(rows) => rows.into_iter().map(|[corner]| corner as u32).collect(),
@@ -186,7 +274,11 @@ impl SurfaceReader<'_> {
             return Err(format!("expected indices below {count}, found {corner}"));
         }
         let mut normals = self.rows::<3>(&attributes["NORMAL"])?;
-        let texture = self.rows::<2>(&attributes["TEXCOORD_0"])?;
+        if let Some(normals) = &mut normals {
+            self.add_shapes(normals, primitive, "NORMAL", shape_weights)?;
+        }
+        let texture = self.texture_coordinates(primitive)?;
+        let colours = self.colours(&attributes["COLOR_0"])?;
         let skin = skin.filter(|_| !attributes["JOINTS_0"].is_null());
         let (joints, weights) = match skin {
             None => (None, None),
@@ -196,14 +288,14 @@ impl SurfaceReader<'_> {
             ),
         };
         let mut corners = triangles(&corners, mode);
-        let mut positions = positions;
         let as_long = |rows: usize, name: &str| match rows == count {
             true => Ok(()),
             false => Err(format!("{name}: expected {count} rows, found {rows}")),
         };
         for (name, rows) in [
             ("NORMAL", normals.as_ref().map(Vec::len)),
-            ("TEXCOORD_0", texture.as_ref().map(Vec::len)),
+            ("TEXCOORD", texture.as_ref().map(Vec::len)),
+            ("COLOR_0", colours.as_ref().map(Vec::len)),
             ("JOINTS_0", joints.as_ref().map(Vec::len)),
             ("WEIGHTS_0", weights.as_ref().map(Vec::len)),
         ] {
@@ -246,6 +338,13 @@ impl SurfaceReader<'_> {
                     texture
                         .as_ref()
                         .map_or([0.0; 2], |rows| rows[*place].map(|x| x as f32))
+                })
+                .collect(),
+            colours: { kept.iter() }
+                .map(|place| {
+                    colours
+                        .as_ref()
+                        .map_or([1.0; 4], |rows| rows[*place].map(|x| x as f32))
                 })
                 .collect(),
             joints: { kept.iter() }

@@ -2,7 +2,7 @@
 
 /** The bones of a row of the texture that holds their matrices; a bone takes three texels. */
 const BONES_PER_ROW = 256;
-const VERTEX_BYTES = 36;
+const VERTEX_BYTES = 40;
 
 const VERTEX_SHADER = `#version 300 es
 layout(location = 0) in vec3 position;
@@ -10,6 +10,7 @@ layout(location = 1) in vec4 normal;
 layout(location = 2) in vec2 place;
 layout(location = 3) in uvec4 bones;
 layout(location = 4) in vec4 weights;
+layout(location = 5) in vec4 vertexColour;
 uniform highp sampler2D matrices;
 uniform vec3 focus, right, up, back;
 uniform float distance;
@@ -18,6 +19,7 @@ uniform vec4 projection;
 out vec3 worldNormal;
 out vec3 toCamera;
 out vec2 texturePlace;
+out vec4 tint;
 
 void main() {
   vec3 world = vec3(0), turned = vec3(0);
@@ -36,6 +38,7 @@ void main() {
   worldNormal = turned;
   toCamera = focus + back * distance - world;
   texturePlace = place;
+  tint = vertexColour;
 }`;
 
 const FRAGMENT_SHADER = `#version 300 es
@@ -43,15 +46,19 @@ precision highp float;
 in vec3 worldNormal;
 in vec3 toCamera;
 in vec2 texturePlace;
+in vec4 tint;
 uniform vec4 colour;
 uniform sampler2D image;
 uniform vec3 light;
 uniform float cutoff, greyness;
+uniform bool isTranslucent;
 out vec4 result;
 
 void main() {
-  vec4 base = colour * texture(image, texturePlace);
+  vec4 base = colour * tint * texture(image, texturePlace);
   if (base.a < cutoff) discard;
+  // Of a material without translucency, opacity says only where nothing is drawn.
+  if (!isTranslucent) base.a = 1.0;
   vec3 normal = normalize(worldNormal + vec3(1e-9));
   if (dot(normal, toCamera) < 0.0) normal = -normal;
   float bright = max(dot(normal, light), 0.0);
@@ -147,12 +154,13 @@ class CharacterPainter {
       gl.bufferData(kind, bytesOf(i === 0 ? mesh.vertices : mesh.indices), gl.STATIC_DRAW);
       return buffer;
     });
-    for (let i = 0; i < 5; i++) gl.enableVertexAttribArray(i);
+    for (let i = 0; i < 6; i++) gl.enableVertexAttribArray(i);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, VERTEX_BYTES, 0);
     gl.vertexAttribPointer(1, 4, gl.BYTE, true, VERTEX_BYTES, 12);
     gl.vertexAttribPointer(2, 2, gl.FLOAT, false, VERTEX_BYTES, 16);
     gl.vertexAttribIPointer(3, 4, gl.UNSIGNED_SHORT, VERTEX_BYTES, 24);
     gl.vertexAttribPointer(4, 4, gl.UNSIGNED_BYTE, true, VERTEX_BYTES, 32);
+    gl.vertexAttribPointer(5, 4, gl.UNSIGNED_BYTE, true, VERTEX_BYTES, 36);
     const rows = Math.ceil(mesh.bones.length / BONES_PER_ROW);
     this.matrices = { texture: gl.createTexture(), rows, numbers: new Float32Array(rows * BONES_PER_ROW * 12) };
     gl.bindTexture(gl.TEXTURE_2D, this.matrices.texture);
@@ -261,7 +269,8 @@ class CharacterPainter {
         const { colour, image, cutoff, translucent } = materials[i];
         if (translucent !== isTranslucent) return;
         const [red, green, blue] = colour.map((x) => x ** (1 / 2.2));
-        gl.uniform4f(places.colour, red, green, blue, isTranslucent || cutoff !== null ? colour[3] : 1);
+        gl.uniform4f(places.colour, red, green, blue, colour[3]);
+        gl.uniform1i(places.isTranslucent, isTranslucent ? 1 : 0);
         gl.uniform1f(places.cutoff, cutoff ?? (isTranslucent ? 0.02 : -1));
         gl.activeTexture(gl.TEXTURE1);
         gl.bindTexture(gl.TEXTURE_2D, this.images[image] ?? this.white);
