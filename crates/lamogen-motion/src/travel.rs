@@ -243,7 +243,7 @@ pub enum LoopEnd {
 impl Motion {
     /// Returns the motion with a frame rate and its travel as files hold them.
     ///
-    /// Rotations follow the shortest arc between two frames. The frame rate of a loop is changed so little that its cycle is
+    /// New frames lie on smooth curves through the motion's own ([`Rotations::resampled`]). The frame rate of a loop is changed so little that its cycle is
     /// a whole number of frames.
     ///
     /// # Panics
@@ -254,9 +254,9 @@ impl Motion {
             let rotations = self.rotations().resampled(frames_per_second);
             return Keyframes::new(rotations, self.root_motion(), None);
         };
-        let closed = self.rotations().repeated(1, 1, travel);
         let rate = loop_frame_rate(self.frames(), frames_per_second);
-        let keyframes = Keyframes::new(closed.resampled(rate), self.root_motion(), Some(travel));
+        let cycle = self.rotations().resampled_loop(travel, rate);
+        let keyframes = Keyframes::new(cycle, self.root_motion(), Some(travel));
         match end {
             LoopEnd::Closed => keyframes,
             LoopEnd::Open => {

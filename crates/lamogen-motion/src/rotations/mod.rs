@@ -10,7 +10,7 @@ pub use rest::RestPose;
 #[cfg(test)]
 mod tests;
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use glam::{DQuat, DVec3};
 
@@ -272,8 +272,8 @@ impl Rotations {
         measured
     }
 
-    /// Resamples the movement to another frame rate. Rotations follow the shortest arc between two frames; the pelvis
-    /// follows a smooth curve through its positions. The result begins with the first frame and ends with the last one,
+    /// Resamples the movement to another frame rate. Rotations and the place of the pelvis follow smooth curves through
+    /// those of the frames. The result begins with the first frame and ends with the last one,
     /// or up to half a new frame before or after it, and is no loop ([`Motion::keyframes`] keeps loops).
     ///
     /// # Panics
@@ -287,13 +287,18 @@ impl Rotations {
         if frames_per_second == self.frames_per_second {
             return self.clone();
         }
+        self.resampled_within(0..=self.frames() - 1, frames_per_second)
+    }
+
+    /// Resamples some of the frames. The curves go on through the frames before and after them.
+    fn resampled_within(&self, range: RangeInclusive<usize>, frames_per_second: f32) -> Rotations {
         let step = f64::from(self.frames_per_second) / f64::from(frames_per_second);
-        let last = self.frames() - 1;
-        let frames = (last as f64 / step).round() as usize + 1;
+        let (first, last) = range.into_inner();
+        let frames = ((last - first) as f64 / step).round() as usize + 1;
         // Each new frame lies between two old ones: the index of the first, and the fraction of the way to the second.
         let times = (0..frames).map(|frame| {
-            let time = (frame as f64 * step).min(last as f64);
-            let before = (time.floor() as usize).min(last.saturating_sub(1));
+            let time = (first as f64 + frame as f64 * step).min(last as f64);
+            let before = (time.floor() as usize).min(last.saturating_sub(1).max(first));
             (before, time - before as f64)
         });
         let (root, local) = times
@@ -311,6 +316,23 @@ impl Rotations {
             frames_per_second,
             loop_travel: None,
         }
+    }
+
+    /// Resamples a loop with the given travel from its first frame to the one that closes it. The curves go on over the
+    /// seam.
+    pub(crate) fn resampled_loop(&self, travel: [f32; 2], frames_per_second: f32) -> Rotations {
+        if frames_per_second == self.frames_per_second {
+            return self.repeated(1, 1, travel);
+        }
+        // The second cycle has neighbours on both sides.
+        let around = self.repeated(2, 2, travel);
+        let range = self.frames()..=2 * self.frames();
+        let mut cycle = around.resampled_within(range, frames_per_second);
+        for root in &mut cycle.root {
+            root[0] -= travel[0];
+            root[2] -= travel[1];
+        }
+        cycle
     }
 
     /// Returns the first frames.
@@ -378,14 +400,57 @@ impl Rotations {
         position.as_vec3().to_array()
     }
 
-    /// Interpolates the local rotations along the shortest arc.
+    /// Interpolates the local rotations along smooth curves.
     fn local_between(&self, before: usize, fraction: f64) -> [[f32; 4]; JOINTS] {
-        let after = (before + 1).min(self.frames() - 1);
+        if fraction == 0.0 {
+            return self.local[before];
+        }
+        let last = self.frames() - 1;
         std::array::from_fn(|joint| {
-            let [from, to] = [before, after].map(|frame| quaternion(self.local[frame][joint]));
-            from.slerp(to, fraction).to_array().map(|x| x as f32)
+            let at = |frame: usize| quaternion(self.local[frame.min(last)][joint]);
+            let (from, to) = (at(before), at(before + 1));
+            let step = turn_between(from, to);
+            let earlier = match before {
+                0 => step,
+                before => turn_between(at(before - 1), from),
+            };
+            let later = match before + 2 > last {
+                true => step,
+                false => turn_between(to, at(before + 2)),
+            };
+            let curve = [
+                from,
+                from * DQuat::from_scaled_axis(turning_speed(earlier, step) / 3.0),
+                to * DQuat::from_scaled_axis(-turning_speed(step, later) / 3.0),
+                to,
+            ];
+            on_curve(curve, fraction).to_array().map(|x| x as f32)
         })
     }
+}
+
+/// Returns the rotation that leads from one to another on the shortest arc, as an axis times an angle, seen from the first.
+fn turn_between(from: DQuat, to: DQuat) -> DVec3 {
+    let turn = from.conjugate() * to;
+    match turn.w < 0.0 {
+        true => -turn,
+        false => turn,
+    }
+    .to_scaled_axis()
+}
+
+/// Returns how fast a joint turns at a frame, from the turns before and after it: their mean, but not more than twice the
+/// smaller one. A foot that comes to rest within a frame would otherwise swing beyond its place.
+fn turning_speed(before: DVec3, after: DVec3) -> DVec3 {
+    let most = 2.0 * before.length().min(after.length());
+    ((before + after) / 2.0).clamp_length_max(most)
+}
+
+/// Returns the rotation at a fraction of the way on a Bézier curve of rotations (Shoemake 1985).
+fn on_curve([a, b, c, d]: [DQuat; 4], fraction: f64) -> DQuat {
+    let [ab, bc, cd] = [(a, b), (b, c), (c, d)].map(|(from, to)| from.slerp(to, fraction));
+    ab.slerp(bc, fraction)
+        .slerp(bc.slerp(cd, fraction), fraction)
 }
 
 /// Converts a quaternion to 64 bits and length 1.

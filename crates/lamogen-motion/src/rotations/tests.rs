@@ -372,6 +372,83 @@ fn resampling_keeps_the_frames_that_both_rates_have_and_the_bones() {
     assert_eq!(Rotations::of(&short).resampled(120.0).frames(), 1);
 }
 
+/// Returns a motion of which one frame in three is kept, at 20 frames a second, and the motion itself at 60.
+fn thinned(frames: usize, turn: impl Fn(f64, Joint) -> DQuat) -> (Rotations, Rotations) {
+    let (mut fine, _) = moved(frames, |t, joint| turn(t as f64 / 60.0, joint));
+    fine.frames_per_second = 60.0;
+    (fine.resampled(20.0), fine)
+}
+
+#[test]
+fn resampled_movement_is_smooth_and_near_the_movement_itself() {
+    let (coarse, fine) = thinned(121, |time, joint| match joint {
+        LeftKnee => DQuat::from_rotation_x(0.8 + 0.7 * (3.0 * time * TAU).sin()),
+        RightElbow => DQuat::from_rotation_y(0.9 + 0.8 * (2.0 * time * TAU).cos()),
+        _ => DQuat::IDENTITY,
+    });
+    let again = coarse.resampled(60.0);
+    let error = |straight: bool| {
+        let pairs = (3..118).flat_map(|frame| {
+            [LeftKnee, RightElbow].map(|joint| {
+                let there = quaternion(fine.local[frame][joint.index()]);
+                let found = quaternion(again.local[frame][joint.index()]);
+                let [a, b] = [0, 1].map(|next| {
+                    quaternion(coarse.local[(frame / 3 + next).min(40)][joint.index()])
+                });
+                let on_arc = a.slerp(b, (frame % 3) as f64 / 3.0);
+                let found = if straight { on_arc } else { found };
+                there.angle_between(found).to_degrees()
+            })
+        });
+        pairs.fold(0.0, f64::max)
+    };
+    // Of knees that swing three times a second, the shortest arc cuts off the ends by degrees.
+    assert!(error(true) > 3.0, "{}", error(true));
+    assert!(error(false) < 0.6 * error(true), "{}", error(false));
+}
+
+#[test]
+fn a_joint_that_comes_to_rest_does_not_swing_beyond_its_place() {
+    let (coarse, _) = thinned(91, |time, joint| match joint {
+        RightKnee => DQuat::from_rotation_x((1.2 - 2.4 * time).max(0.0)),
+        _ => DQuat::IDENTITY,
+    });
+    let again = coarse.resampled(120.0);
+    for pose in again.local() {
+        let turn = quaternion(pose[RightKnee.index()]).to_scaled_axis();
+        assert!(turn.x > -1e-6, "{turn}");
+    }
+    let rest = quaternion(again.local()[again.frames() - 1][RightKnee.index()]);
+    assert!(rest.angle_between(DQuat::IDENTITY) < 1e-6);
+}
+
+#[test]
+fn a_resampled_loop_goes_on_over_its_seam() {
+    let swing = |time: f64, joint| match joint {
+        LeftKnee => DQuat::from_rotation_x(0.8 + 0.7 * (1.5 * time * TAU).sin()),
+        _ => DQuat::IDENTITY,
+    };
+    // Two seconds, which are three cycles of the knee; the frame that closes the loop is not in it.
+    let (coarse, _) = thinned(118, swing);
+    let again = coarse.resampled_loop([0.8, 2.4], 60.0);
+    assert_eq!((coarse.frames(), again.frames()), (40, 121));
+    let error = |frame: usize| {
+        let there = swing(frame as f64 / 60.0, LeftKnee);
+        let found = quaternion(again.local[frame][LeftKnee.index()]);
+        there.angle_between(found).to_degrees()
+    };
+    let worst = (0..=120).map(error).fold(0.0, f64::max);
+    let seam = [1, 2, 118, 119].map(error).into_iter().fold(0.0, f64::max);
+    assert!(worst < 0.6 && seam < 0.1, "{worst} {seam}");
+    let first = vector(again.root[0]);
+    assert!((first - vector(coarse.root[0])).length() < 1e-6);
+    let travelled = vector(again.root[120]) - first;
+    assert!(
+        (travelled - DVec3::new(0.8, 0.0, 2.4)).length() < 1e-5,
+        "{travelled}"
+    );
+}
+
 /// Checks real clips: joints in `.npy` files in the folder that LAMOGEN_CLIPS names.
 #[test]
 #[ignore = "needs clips: LAMOGEN_CLIPS=folder cargo test --release --workspace -- --ignored real_clips"]
