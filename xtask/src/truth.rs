@@ -175,7 +175,7 @@ pub fn validate(
     }
     // Further captions are added only now, since the evidence for the checks comes from the motions' own captions.
     if let Some(path) = more_captions {
-        dataset.add_captions(path)?;
+        dataset.add_captions(path, 0)?;
     }
     let captions = dataset
         .split(Split::Train)

@@ -1,11 +1,11 @@
 //! Hands that touch: the arms of a character bend so that its hands meet, and touch its body, where those of the motion do.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{ARMS, Joint};
+use lamogen_motion::{ARMS, Joint, MAX_STRETCH, bend_limb};
 
 use crate::body_part::{BodyPart, PartPlace, SourcePose, body_parts};
 use crate::hands::knuckles;
-use crate::ik::{MAX_STRETCH, bend, fade, soften};
+use crate::ik::{fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The distance between the palms, in metres, within which hands touch each other, and the one from which on they do not.
@@ -286,7 +286,7 @@ fn bend_arm(arm: &ArmNodes, pose: &CharacterPose, target: DVec3, pole: DVec3) ->
     // Where the wrist has to be depends on how the hand turns, and this on where the forearm comes to lie.
     for _ in 0..4 {
         let wrist = within_reach(positions, target - hand * palm);
-        bent = bend(positions, wrist, Some(pole));
+        bent = bend_limb(positions, wrist, Some(pole));
         let excess = palm.angle_between(bent[1] * forearm) - limit;
         let axis = palm.cross(bent[1] * forearm).try_normalize();
         hand = match axis {

@@ -2,9 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use lamogen_body::foot_contacts;
-use lamogen_motion::{FRAMES_PER_SECOND, Joint, Motion, smooth_step};
+use lamogen_motion::{FRAMES_PER_SECOND, Joint, MAX_STRETCH, Motion, bend_limb, smooth_step};
 
-use crate::ik::{MAX_STRETCH, bend, fade, soften};
+use crate::ik::{fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The joints of a leg: hip, knee, ankle and the ball of the foot.
@@ -90,7 +90,7 @@ pub(crate) fn plant_feet(
             if (target - ankle).length() < 1e-9 && sinks[frame] > -1e-9 {
                 continue;
             }
-            let [thigh, shin] = bend([hip + sink, knee + sink, ankle + sink], target, None);
+            let [thigh, shin] = bend_limb([hip + sink, knee + sink, ankle + sink], target, None);
             world[nodes.hip] = Some(thigh * pose.rotations[nodes.hip]);
             world[nodes.knee] = Some(shin * pose.rotations[nodes.knee]);
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use lamogen_files::{JointMapping, SkeletonJoints, SkeletonNode, find_joints};
-use lamogen_motion::{JOINTS, Joint};
+use lamogen_motion::{JOINTS, Joint, LEGS};
 use serde_json::Value;
 
 use crate::bind_pose::{RestSkeleton, rest_skeleton};
@@ -399,15 +399,11 @@ impl CharacterSkeleton {
 
     /// Returns the length of a leg from hip to ankle, as the average of both legs.
     pub(crate) fn leg_length(&self) -> f64 {
-        let legs = [
-            [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle],
-            [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
-        ];
         let length = |joints: [Joint; 3]| {
             let [hip, knee, ankle] = joints.map(|joint| self.rest_position(joint));
             Some(hip?.distance(knee?) + knee?.distance(ankle?))
         };
-        legs.into_iter().filter_map(length).sum::<f64>() / 2.0
+        LEGS.into_iter().filter_map(length).sum::<f64>() / 2.0
     }
 }
 

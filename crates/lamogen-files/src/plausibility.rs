@@ -3,7 +3,7 @@
 use std::fmt;
 
 use glam::DVec3;
-use lamogen_motion::{JOINTS, Joint, Motion};
+use lamogen_motion::{JOINTS, Joint, LEGS, Motion};
 
 /// An unusual property that a motion has throughout. The motion is read without any change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,11 +101,7 @@ impl Pose<'_> {
         /// The offset in metres above which a knee counts as bent.
         const MIN_BENT_OFFSET: f64 = 0.03;
         let facing = self.facing_direction();
-        let legs = [
-            [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle],
-            [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
-        ];
-        let ahead = legs.map(|leg| {
+        let ahead = LEGS.map(|leg| {
             let [hip, knee, ankle] = leg.map(|joint| self.position(joint));
             let line = (ankle - hip).normalize_or_zero();
             let off = (knee - hip) - (knee - hip).dot(line) * line;

@@ -15,6 +15,7 @@ mod encode;
 mod features;
 mod jitter;
 mod joints;
+mod limb;
 mod motion;
 mod normalization;
 pub mod npy;
@@ -36,6 +37,7 @@ pub use lamogen_io::{
     TEMPORARY_PREFIX, TemporaryPath, describe_placeholder_at, placeholder,
     remove_stale_temporaries, remove_temporaries, replace_atomically, write_atomically,
 };
+pub use limb::{MAX_STRETCH, bend_limb};
 pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
@@ -43,7 +45,7 @@ pub use placement::{GroundMove, Placement};
 pub use precise::smooth_step;
 pub use quality::{BoneDrift, FootSliding};
 pub use rotations::{RestPose, RigDistance, Rotations};
-pub use skeleton::{ARMS, CHAINS, JOINTS, Joint};
+pub use skeleton::{ARMS, CHAINS, JOINTS, Joint, LEGS};
 pub use travel::{Keyframes, LoopEnd, RootMotion, close_path, ground_path, loop_frame_rate};
 pub use turning::{JointTurn, JointTurning};
 

@@ -52,6 +52,12 @@ pub const ARMS: [[Joint; 3]; 2] = [
     [RightShoulder, RightElbow, RightWrist],
 ];
 
+/// The joints of the left and the right leg that turn it: hip, knee and ankle.
+pub const LEGS: [[Joint; 3]; 2] = [
+    [LeftHip, LeftKnee, LeftAnkle],
+    [RightHip, RightKnee, RightAnkle],
+];
+
 impl Joint {
     /// All joints, in index order.
     pub const ALL: [Joint; JOINTS] = [

@@ -1,6 +1,7 @@
 //! Converts joint positions to local joint rotations on a T-pose rest skeleton, and back.
 
 mod fit;
+mod resample;
 mod rest;
 mod solve;
 mod twist;
@@ -10,7 +11,7 @@ pub use rest::RestPose;
 #[cfg(test)]
 mod tests;
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
 use glam::{DQuat, DVec3};
 
@@ -202,24 +203,11 @@ impl Rotations {
 
     /// Computes the joint positions at every frame, in metres, by forward kinematics.
     pub fn joints(&self) -> Vec<[[f32; 3]; JOINTS]> {
-        let frames = self.root.iter().zip(&self.local);
-        frames
+        let poses = self.root.iter().zip(&self.local);
+        poses
             .map(|(&root, local)| {
-                let mut positions = [DVec3::ZERO; JOINTS];
-                let mut global = [DQuat::IDENTITY; JOINTS];
-                for joint in Joint::ALL {
-                    let j = joint.index();
-                    let turn = quaternion(local[j]);
-                    (positions[j], global[j]) = match joint.parent() {
-                        None => (vector(root), turn),
-                        Some(parent) => {
-                            let p = parent.index();
-                            let offset = global[p] * vector(self.rest.offset(joint));
-                            (positions[p] + offset, global[p] * turn)
-                        }
-                    };
-                }
-                positions.map(|point| point.as_vec3().to_array())
+                let pose = WorldPose::new(&self.rest, root, local);
+                pose.positions.map(|point| point.as_vec3().to_array())
             })
             .collect()
     }
@@ -272,69 +260,6 @@ impl Rotations {
         measured
     }
 
-    /// Resamples the movement to another frame rate. Rotations and the place of the pelvis follow smooth curves through
-    /// those of the frames. The result begins with the first frame and ends with the last one,
-    /// or up to half a new frame before or after it, and is no loop ([`Motion::keyframes`] keeps loops).
-    ///
-    /// # Panics
-    ///
-    /// If the rate is not a positive number.
-    pub fn resampled(&self, frames_per_second: f32) -> Rotations {
-        assert!(
-            frames_per_second.is_finite() && frames_per_second > 0.0,
-            "a frame rate is a positive number, not {frames_per_second}"
-        );
-        if frames_per_second == self.frames_per_second {
-            return self.clone();
-        }
-        self.resampled_within(0..=self.frames() - 1, frames_per_second)
-    }
-
-    /// Resamples some of the frames. The curves go on through the frames before and after them.
-    fn resampled_within(&self, range: RangeInclusive<usize>, frames_per_second: f32) -> Rotations {
-        let step = f64::from(self.frames_per_second) / f64::from(frames_per_second);
-        let (first, last) = range.into_inner();
-        let frames = ((last - first) as f64 / step).round() as usize + 1;
-        // Each new frame lies between two old ones: the index of the first, and the fraction of the way to the second.
-        let times = (0..frames).map(|frame| {
-            let time = (first as f64 + frame as f64 * step).min(last as f64);
-            let before = (time.floor() as usize).min(last.saturating_sub(1).max(first));
-            (before, time - before as f64)
-        });
-        let (root, local) = times
-            .map(|(before, fraction)| {
-                (
-                    self.root_between(before, fraction),
-                    self.local_between(before, fraction),
-                )
-            })
-            .unzip();
-        Rotations {
-            rest: self.rest.clone(),
-            root,
-            local,
-            frames_per_second,
-            loop_travel: None,
-        }
-    }
-
-    /// Resamples a loop with the given travel from its first frame to the one that closes it. The curves go on over the
-    /// seam.
-    pub(crate) fn resampled_loop(&self, travel: [f32; 2], frames_per_second: f32) -> Rotations {
-        if frames_per_second == self.frames_per_second {
-            return self.repeated(1, 1, travel);
-        }
-        // The second cycle has neighbours on both sides.
-        let around = self.repeated(2, 2, travel);
-        let range = self.frames()..=2 * self.frames();
-        let mut cycle = around.resampled_within(range, frames_per_second);
-        for root in &mut cycle.root {
-            root[0] -= travel[0];
-            root[2] -= travel[1];
-        }
-        cycle
-    }
-
     /// Returns the first frames.
     ///
     /// # Panics
@@ -377,80 +302,36 @@ impl Rotations {
             self.frames_per_second,
         )
     }
+}
 
-    /// Interpolates the root by a Catmull-Rom spline through four neighbours; it goes straight on beyond the ends.
-    fn root_between(&self, before: usize, fraction: f64) -> [f32; 3] {
-        let last = self.frames() - 1;
-        let at = |frame: usize| vector(self.root[frame.min(last)]);
-        let (b, c) = (at(before), at(before + 1));
-        let a = match before {
-            0 => b * 2.0 - c,
-            before => at(before - 1),
-        };
-        let d = match before + 2 > last {
-            true => c * 2.0 - b,
-            false => at(before + 2),
-        };
-        let (speed_b, speed_c) = ((c - a) / 2.0, (d - b) / 2.0);
-        let [t, t2, t3] = [1, 2, 3].map(|power| fraction.powi(power));
-        let position = b * (2.0 * t3 - 3.0 * t2 + 1.0)
-            + speed_b * (t3 - 2.0 * t2 + t)
-            + c * (3.0 * t2 - 2.0 * t3)
-            + speed_c * (t3 - t2);
-        position.as_vec3().to_array()
-    }
+/// Where the joints are, and how they are turned, at a frame.
+struct WorldPose {
+    positions: [DVec3; JOINTS],
+    rotations: [DQuat; JOINTS],
+}
 
-    /// Interpolates the local rotations along smooth curves.
-    fn local_between(&self, before: usize, fraction: f64) -> [[f32; 4]; JOINTS] {
-        if fraction == 0.0 {
-            return self.local[before];
+impl WorldPose {
+    /// Computes the pose by forward kinematics.
+    fn new(rest: &RestPose, root: [f32; 3], local: &[[f32; 4]; JOINTS]) -> WorldPose {
+        let mut positions = [DVec3::ZERO; JOINTS];
+        let mut rotations = [DQuat::IDENTITY; JOINTS];
+        for joint in Joint::ALL {
+            let j = joint.index();
+            let turn = quaternion(local[j]);
+            (positions[j], rotations[j]) = match joint.parent() {
+                None => (vector(root), turn),
+                Some(parent) => {
+                    let p = parent.index();
+                    let offset = rotations[p] * vector(rest.offset(joint));
+                    (positions[p] + offset, rotations[p] * turn)
+                }
+            };
         }
-        let last = self.frames() - 1;
-        std::array::from_fn(|joint| {
-            let at = |frame: usize| quaternion(self.local[frame.min(last)][joint]);
-            let (from, to) = (at(before), at(before + 1));
-            let step = turn_between(from, to);
-            let earlier = match before {
-                0 => step,
-                before => turn_between(at(before - 1), from),
-            };
-            let later = match before + 2 > last {
-                true => step,
-                false => turn_between(to, at(before + 2)),
-            };
-            let curve = [
-                from,
-                from * DQuat::from_scaled_axis(turning_speed(earlier, step) / 3.0),
-                to * DQuat::from_scaled_axis(-turning_speed(step, later) / 3.0),
-                to,
-            ];
-            on_curve(curve, fraction).to_array().map(|x| x as f32)
-        })
+        WorldPose {
+            positions,
+            rotations,
+        }
     }
-}
-
-/// Returns the rotation that leads from one to another on the shortest arc, as an axis times an angle, seen from the first.
-fn turn_between(from: DQuat, to: DQuat) -> DVec3 {
-    let turn = from.conjugate() * to;
-    match turn.w < 0.0 {
-        true => -turn,
-        false => turn,
-    }
-    .to_scaled_axis()
-}
-
-/// Returns how fast a joint turns at a frame, from the turns before and after it: their mean, but not more than twice the
-/// smaller one. A foot that comes to rest within a frame would otherwise swing beyond its place.
-fn turning_speed(before: DVec3, after: DVec3) -> DVec3 {
-    let most = 2.0 * before.length().min(after.length());
-    ((before + after) / 2.0).clamp_length_max(most)
-}
-
-/// Returns the rotation at a fraction of the way on a Bézier curve of rotations (Shoemake 1985).
-fn on_curve([a, b, c, d]: [DQuat; 4], fraction: f64) -> DQuat {
-    let [ab, bc, cd] = [(a, b), (b, c), (c, d)].map(|(from, to)| from.slerp(to, fraction));
-    ab.slerp(bc, fraction)
-        .slerp(bc.slerp(cd, fraction), fraction)
 }
 
 /// Converts a quaternion to 64 bits and length 1.

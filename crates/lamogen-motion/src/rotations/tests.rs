@@ -1,7 +1,9 @@
 use std::f64::consts::{PI, TAU};
 
 use super::*;
+use crate::limb::bend_limb;
 use crate::skeleton::Joint::*;
+use crate::skeleton::LEGS;
 
 /// Lengths of the bones of HumanML3D's body in metres, indexed by the joint in which they end.
 const LENGTHS: [f64; JOINTS] = [
@@ -447,6 +449,51 @@ fn a_resampled_loop_goes_on_over_its_seam() {
         (travelled - DVec3::new(0.8, 0.0, 2.4)).length() < 1e-5,
         "{travelled}"
     );
+}
+
+#[test]
+fn a_foot_that_stands_stands_between_the_frames_too() {
+    // A body that sways and bobs over its feet.
+    let (mut swaying, _) = moved(41, |_, joint| match joint {
+        LeftHip | RightHip => DQuat::from_rotation_x(-0.5),
+        LeftKnee | RightKnee => DQuat::from_rotation_x(1.0),
+        LeftAnkle | RightAnkle => DQuat::from_rotation_x(-0.5),
+        _ => DQuat::IDENTITY,
+    });
+    let start = WorldPose::new(&swaying.rest, [0.0, 0.85, 0.0], &swaying.local[0]);
+    for frame in 0..41 {
+        let time = frame as f64 / 20.0;
+        let [side, bob] = [1.1, 1.7].map(|speed: f64| (speed * time * TAU).sin());
+        let offset = DVec3::new(0.08 * side, 0.05 * bob, 0.0);
+        swaying.root[frame] = (vector([0.0, 0.85, 0.0]) + offset).as_vec3().to_array();
+        let pose = WorldPose::new(&swaying.rest, swaying.root[frame], &swaying.local[frame]);
+        for [hip, knee, ankle] in LEGS {
+            let joints = [hip, knee, ankle].map(|joint| pose.positions[joint.index()]);
+            let turns = bend_limb(joints, start.positions[ankle.index()], None);
+            let thigh = turns[0] * pose.rotations[hip.index()];
+            let shin = turns[1] * pose.rotations[knee.index()];
+            let foot = start.rotations[ankle.index()];
+            let pelvis = pose.rotations[Pelvis.index()];
+            for (joint, parent, turn) in [
+                (hip, pelvis, thigh),
+                (knee, thigh, shin),
+                (ankle, shin, foot),
+            ] {
+                let local = parent.conjugate() * turn;
+                swaying.local[frame][joint.index()] = local.to_array().map(|x| x as f32);
+            }
+        }
+    }
+    let fine = swaying.resampled(120.0);
+    let places = fine.joints();
+    for joint in [LeftAnkle, RightAnkle, LeftFoot, RightFoot] {
+        let there = start.positions[joint.index()];
+        let gaps = places
+            .iter()
+            .map(|pose| vector(pose[joint.index()]).distance(there));
+        let gap = gaps.fold(0.0, f64::max);
+        assert!(gap < 2e-5, "{joint:?}: {gap}");
+    }
 }
 
 /// Checks real clips: joints in `.npy` files in the folder that LAMOGEN_CLIPS names.
