@@ -1,6 +1,6 @@
 //! The options of a fit of motions to rigid bodies.
 
-use lamogen_motion::Joint;
+use lamogen_motion::{Joint, LEGS};
 
 /// The options of a fit: the weights of its terms, and the number of evaluations.
 ///
@@ -21,10 +21,12 @@ pub struct FitOptions {
     /// The weight of the third difference of the joints' own positions. Default: 0.1.
     pub jerk: f64,
     /// The weight of the second difference of the deviation of a joint's quaternion from the one
-    /// [solved](lamogen_motion::Rotations::of) from the motion. The neck, whose turns hardly move any joint, counts
-    /// [eighty times](FitOptions::neck) as much as other joints. Default: 5.
+    /// [solved](lamogen_motion::Rotations::of) from the motion. Joints differ by how much their turns move: those of the
+    /// spine count twelve times as much, the [neck](FitOptions::neck) much more, and those of the legs, which have to bend
+    /// to keep the feet in place, a third. Default: 15.
     pub turning: f64,
-    /// A factor on the weights `turning` and `rotation` at the neck. Default: 80.
+    /// A factor on the weights `turning` and `rotation` at the neck, whose turns hardly move any joint. Without it goals
+    /// about the head are reached by nodding. Default: 8000.
     pub neck: f64,
     /// The weight of the second difference of a joint's quaternion. Default: 0.05.
     pub rotation: f64,
@@ -48,7 +50,8 @@ pub struct FitOptions {
     /// the bone's length. Default: 0.05.
     pub plane: f64,
     /// The weight of the difference of a joint's quaternion from the one solved. It decides twists that the joint
-    /// positions do not show. Default: 0.002.
+    /// positions do not show, and keeps the turns of the body those of the motion where a goal could be reached by others.
+    /// Joints of the legs count a twentieth. Default: 0.4.
     pub prior: f64,
     /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 30.
     pub goal: f64,
@@ -65,8 +68,8 @@ impl Default for FitOptions {
             nearness: 4.0,
             smoothness: 15.0,
             jerk: 0.1,
-            turning: 5.0,
-            neck: 80.0,
+            turning: 15.0,
+            neck: 8000.0,
             rotation: 0.05,
             haste: 200.0,
             fastest: 26.0,
@@ -75,7 +78,7 @@ impl Default for FitOptions {
             floor: 1500.0,
             hinge: 2.0,
             plane: 0.05,
-            prior: 0.002,
+            prior: 0.4,
             goal: 30.0,
             stride: None,
         }
@@ -152,9 +155,24 @@ impl FitOptions {
     pub(crate) fn turning_factor(&self, joint: Joint) -> f64 {
         match joint {
             Joint::Neck => self.neck,
+            Joint::Spine1 | Joint::Spine2 | Joint::Spine3 => 12.0,
+            joint if is_of_leg(joint) => 1.0 / 3.0,
             _ => 1.0,
         }
     }
+
+    /// Returns the weight `prior` at a joint.
+    pub(crate) fn prior_of(&self, joint: Joint) -> f64 {
+        match is_of_leg(joint) {
+            true => self.prior / 20.0,
+            false => self.prior,
+        }
+    }
+}
+
+/// Returns whether a joint turns a part of a leg.
+fn is_of_leg(joint: Joint) -> bool {
+    LEGS.iter().any(|leg| leg.contains(&joint))
 }
 
 #[cfg(test)]

@@ -491,10 +491,11 @@ impl MotionFit {
             }
             for (k, joint) in PARENT_JOINTS.iter().enumerate() {
                 let j = joint.index();
+                let prior = options.prior_of(*joint);
                 let off = (trial.local[t][j] - self.solved[t][j]).to_array();
                 for (sum, off) in quaternion_mut(row, k).iter_mut().zip(off) {
-                    value += options.prior * off * off;
-                    *sum += 2.0 * options.prior * off;
+                    value += prior * off * off;
+                    *sum += 2.0 * prior * off;
                 }
             }
         }
@@ -570,7 +571,6 @@ impl MotionFit {
             turning,
             rotation,
             stand,
-            prior,
             ..
         } = self.options;
         let frames = self.minimizer.point().len() / FRAME_WIDTH;
@@ -600,6 +600,7 @@ impl MotionFit {
             // The numbers of a quaternion change half as fast as the angle, which is a factor of 4 on squares.
             let lever = 4.0 * levers[joint.index()];
             let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
+            let prior = self.options.prior_of(joint);
             let diagonal = |t: usize| {
                 let near = nearness * self.trust[t] * lever;
                 2.0 * (near + contact_share * standing[t] + prior) + 0.5 * stiff[t] + 1e-4
