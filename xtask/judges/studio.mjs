@@ -587,6 +587,28 @@ await visitStudio("positions", `#prompt=a+person+raises+the+right+arm&seconds=3&
   await noOverflow(page, "positions");
 });
 
+/** Returns a GLB all of whose vertices have a colour, four bytes. */
+function withVertexColours(file, colour) {
+  const length = file.readUInt32LE(12);
+  const document = JSON.parse(file.subarray(20, 20 + length));
+  const pieces = [file.subarray(20 + length + 8)];
+  let size = pieces[0].length;
+  for (const { primitives } of document.meshes) {
+    for (const { attributes } of primitives) {
+      const { count } = document.accessors[attributes.POSITION];
+      attributes.COLOR_0 = document.accessors.push({ bufferView: document.bufferViews.length, componentType: 5121, normalized: true, count, type: "VEC4" }) - 1;
+      document.bufferViews.push({ buffer: 0, byteOffset: size, byteLength: 4 * count });
+      pieces.push(Buffer.alloc(4 * count, Buffer.from(colour)));
+      size += 4 * count;
+    }
+  }
+  document.buffers[0].byteLength = size;
+  const json = Buffer.from(JSON.stringify(document));
+  const padded = Buffer.concat([json, Buffer.alloc((4 - (json.length % 4)) % 4, " ")]);
+  const head = (...numbers) => Buffer.from(new Uint32Array(numbers).buffer);
+  return Buffer.concat([head(0x46546c67, 2, 28 + padded.length + size), head(padded.length, 0x4e4f534a), padded, head(size, 0x004e4942), ...pieces]);
+}
+
 await visitStudio("a character", `#prompt=a+person+jumps&seconds=4&seed=1&weight=1.5`, { viewport: { width: 1440, height: 900 } }, async (page) => {
   const figure = await state(page);
   await page.locator("#file").setInputFiles(vrm);
@@ -607,6 +629,7 @@ await visitStudio("a character", `#prompt=a+person+jumps&seconds=4&seed=1&weight
       const pixels = new Uint8Array(4 * canvas.width * canvas.height);
       gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
       const views = stage.layout.all.map(({ cell }) => ({ cell, count: 0, sum: [0, 0] }));
+      const colour = [0, 0, 0];
       for (let i = 0; i < pixels.length / 4; i++) {
         if (pixels[4 * i + 3] === 0) continue;
         const [x, y] = [(i % canvas.width) / stage.layout.ratio, (canvas.height - Math.floor(i / canvas.width)) / stage.layout.ratio];
@@ -614,10 +637,11 @@ await visitStudio("a character", `#prompt=a+person+jumps&seconds=4&seed=1&weight
         view.count += 1;
         view.sum[0] += x;
         view.sum[1] += y;
+        for (let channel = 0; channel < 3; channel++) colour[channel] += pixels[4 * i + channel];
       }
       const { lens } = stage;
       const joints = window.studio.scene.motions.at(-1).joints[34];
-      return { views: views.map(({ count, sum }) => ({ count, middle: sum.map((x) => x / count) })), spine: (({ x, y }) => [x, y])(lens.project(joints[3])), error: gl.getError() };
+      return { views: views.map(({ count, sum }) => ({ count, middle: sum.map((x) => x / count) })), spine: (({ x, y }) => [x, y])(lens.project(joints[3])), colour, error: gl.getError() };
     });
   let paint = await painted();
   check(paint.error === 0 && paint.views.length === 2 && paint.views.every(({ count }) => count > 1500), "it is drawn in both views", paint);
@@ -651,6 +675,16 @@ await visitStudio("a character", `#prompt=a+person+jumps&seconds=4&seed=1&weight
   });
   check(apart < 0.005, "and its hips are as high in the page as in the file", apart);
   await page.locator("#report button", { hasText: "Remove" }).click();
+
+  // Colours of vertices are multiplied with that of the material.
+  await page.locator("#file").setInputFiles({ name: "red.vrm", mimeType: "model/gltf-binary", buffer: withVertexColours(readFileSync(vrm), [255, 0, 0, 255]) });
+  await page.waitForFunction(() => window.studio.character?.name === "red.vrm" && window.studio.character.isDrawn);
+  await settled(page);
+  const [red, green, blue] = (await painted()).colour;
+  check(red > 10 * Math.max(green, blue), "vertices have their colours", [red, green, blue]);
+  await page.locator("#file").setInputFiles(vrm);
+  await page.waitForFunction((name) => window.studio.character?.name === name && window.studio.character.isDrawn, basename(vrm));
+  await settled(page);
 
   // A server that was started again does not know it.
   const { port } = new URL(studio.address);

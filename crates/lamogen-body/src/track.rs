@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
 
-use crate::banded::BandedFactorization;
+use crate::banded::{BandedFactorization, SECOND_DIFFERENCE, THIRD_DIFFERENCE};
 use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
 use crate::descent::Minimizer;
 use crate::fit::FitInput;
@@ -587,31 +587,40 @@ impl MotionFit {
         for &frame in stiff_frames {
             stiff[frame] = STIFF_CURVATURE;
         }
-        let root =
-            |t: usize| 2.0 * (nearness * self.trust[t] * joints + standing[t]) + stiff[t] + 1e-3;
-        let mut all = vec![BandedFactorization::new(
-            frames,
-            root,
-            0.0,
-            2.0 * third * joints,
-        )];
+        // The differences over the seam of a loop are no part of the banded matrices. Without these numbers, which are not below
+        // them, steps there are far too long, and those of the whole motion become short.
+        let over_seam = |t: usize, second: f64, third: f64| match self.seam {
+            None => 0.0,
+            Some(_) => {
+                let place = t.min(frames - 1 - t);
+                second * seam_bound(&SECOND_DIFFERENCE, place)
+                    + third * seam_bound(&THIRD_DIFFERENCE, place)
+            }
+        };
+        let root_third = 2.0 * third * joints;
+        let root = |t: usize| {
+            2.0 * (nearness * self.trust[t] * joints + standing[t])
+                + stiff[t]
+                + over_seam(t, 0.0, root_third)
+                + 1e-3
+        };
+        let mut all = vec![BandedFactorization::new(frames, root, 0.0, root_third)];
         let levers = squared_levers(&self.offsets);
         for joint in PARENT_JOINTS {
             // The numbers of a quaternion change half as fast as the angle, which is a factor of 4 on squares.
             let lever = 4.0 * levers[joint.index()];
             let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
             let prior = self.options.prior_of(joint);
+            let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
+            let third = 2.0 * third * lever;
             let diagonal = |t: usize| {
                 let near = nearness * self.trust[t] * lever;
-                2.0 * (near + contact_share * standing[t] + prior) + 0.5 * stiff[t] + 1e-4
+                2.0 * (near + contact_share * standing[t] + prior)
+                    + 0.5 * stiff[t]
+                    + over_seam(t, second, third)
+                    + 1e-4
             };
-            let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
-            all.push(BandedFactorization::new(
-                frames,
-                diagonal,
-                second,
-                2.0 * third * lever,
-            ));
+            all.push(BandedFactorization::new(frames, diagonal, second, third));
         }
         all
     }
@@ -685,6 +694,14 @@ fn quaternion_mut(row: &mut [f64], index: usize) -> &mut [f64] {
 /// Returns the third difference of four consecutive values.
 fn third_difference([a, b, c, d]: [DVec3; 4]) -> DVec3 {
     d - 3.0 * c + 3.0 * b - a
+}
+
+/// Returns what the squares of differences over the seam of a loop add to the diagonal at a frame so many frames from the seam, so
+/// that the diagonal alone is not below them.
+fn seam_bound(factors: &[f64], place: usize) -> f64 {
+    let sum = |factors: &[f64]| factors.iter().map(|factor| factor.abs()).sum::<f64>();
+    // A frame is the last one of the differences of which all others lie on the other side, the last but one of those …
+    factors.get(place + 1..).map_or(0.0, sum) * sum(factors)
 }
 
 /// Returns whether a joint moves a foot: whether it is the pelvis, a hip, a knee or an ankle.
