@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3};
 use lamogen_motion::{ARMS, Joint, MAX_STRETCH, bend_limb};
 
 use crate::body_part::{BodyPart, PartPlace, SourcePose, body_parts};
+use crate::easing::{fade, soften};
 use crate::hands::knuckles;
-use crate::ik::{fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The distance between the palms, in metres, within which hands touch each other, and the one from which on they do not.

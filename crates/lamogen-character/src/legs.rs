@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use lamogen_body::foot_contacts;
 use lamogen_motion::{FRAMES_PER_SECOND, Joint, MAX_STRETCH, Motion, bend_limb, smooth_step};
 
-use crate::ik::{fade, soften};
+use crate::easing::{fade, soften};
 use crate::retarget::{CharacterPose, Retargeter};
 
 /// The joints of a leg: hip, knee, ankle and the ball of the foot.
