@@ -171,7 +171,7 @@ impl FitOptions {
 }
 
 /// Returns whether a joint turns a part of a leg.
-fn is_of_leg(joint: Joint) -> bool {
+pub(crate) fn is_of_leg(joint: Joint) -> bool {
     LEGS.iter().any(|leg| leg.contains(&joint))
 }
 

@@ -7,7 +7,7 @@ use crate::banded::{BandedFactorization, SECOND_DIFFERENCE, THIRD_DIFFERENCE};
 use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
 use crate::descent::Minimizer;
 use crate::fit::FitInput;
-use crate::options::FitOptions;
+use crate::options::{FitOptions, is_of_leg};
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
 use crate::seam::{close_seam, jump_share};
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
@@ -609,7 +609,7 @@ impl MotionFit {
         for joint in PARENT_JOINTS {
             // The numbers of a quaternion change half as fast as the angle, which is a factor of 4 on squares.
             let lever = 4.0 * levers[joint.index()];
-            let contact_share = if is_leg_joint(joint) { 0.25 } else { 0.0 };
+            let contact_share = if moves_foot(joint) { 0.25 } else { 0.0 };
             let prior = self.options.prior_of(joint);
             let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
             let third = 2.0 * third * lever;
@@ -705,12 +705,8 @@ fn seam_bound(factors: &[f64], place: usize) -> f64 {
 }
 
 /// Returns whether a joint moves a foot: whether it is the pelvis, a hip, a knee or an ankle.
-fn is_leg_joint(joint: Joint) -> bool {
-    use Joint::*;
-    matches!(
-        joint,
-        Pelvis | LeftHip | RightHip | LeftKnee | RightKnee | LeftAnkle | RightAnkle
-    )
+fn moves_foot(joint: Joint) -> bool {
+    joint == Joint::Pelvis || is_of_leg(joint)
 }
 
 fn hinges(offsets: &BoneOffsets) -> [HingeJoint; 4] {

@@ -243,8 +243,8 @@ pub enum LoopEnd {
 impl Motion {
     /// Returns the motion with a frame rate and its travel as files hold them.
     ///
-    /// New frames lie on smooth curves through the motion's own ([`Rotations::resampled`]). The frame rate of a loop is changed so little that its cycle is
-    /// a whole number of frames.
+    /// New frames lie on smooth curves through the motion's own ([`Rotations::resampled`]). The frame rate of a loop is
+    /// changed so little that its cycle is a whole number of frames.
     ///
     /// # Panics
     ///

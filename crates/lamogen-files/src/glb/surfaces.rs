@@ -333,30 +333,10 @@ impl SurfaceReader<'_> {
             skin,
             positions: positions.into_iter().map(single).collect(),
             normals: normals.into_iter().map(single).collect(),
-            texture_coordinates: { kept.iter() }
-                .map(|place| {
-                    texture
-                        .as_ref()
-                        .map_or([0.0; 2], |rows| rows[*place].map(|x| x as f32))
-                })
-                .collect(),
-            colours: { kept.iter() }
-                .map(|place| {
-                    colours
-                        .as_ref()
-                        .map_or([1.0; 4], |rows| rows[*place].map(|x| x as f32))
-                })
-                .collect(),
-            joints: { kept.iter() }
-                .map(|place| {
-                    joints
-                        .as_ref()
-                        .map_or([0; 4], |rows| rows[*place].map(|x| x as u16))
-                })
-                .collect(),
-            weights: { kept.iter() }
-                .map(|place| weights.as_ref().map_or(WHOLE, |rows| whole(rows[*place])))
-                .collect(),
+            texture_coordinates: kept_rows(&kept, texture, [0.0; 2], |row| row.map(|x| x as f32)),
+            colours: kept_rows(&kept, colours, [1.0; 4], |row| row.map(|x| x as f32)),
+            joints: kept_rows(&kept, joints, [0; 4], |row| row.map(|x| x as u16)),
+            weights: kept_rows(&kept, weights, WHOLE, whole),
             indices: corners,
             material: index(&primitive["material"]),
         }))
@@ -427,6 +407,19 @@ impl SurfaceReader<'_> {
         let media_type = data.split([';', ',']).next().unwrap_or_default().to_owned();
         let bytes = super::container::decode_data_uri(data)?;
         Ok(Some(SurfaceImage { media_type, bytes }))
+    }
+}
+
+/// Returns the converted rows of the vertices that are kept; `missing` for each if there are no rows.
+fn kept_rows<R: Copy, T: Copy>(
+    kept: &[usize],
+    rows: Option<Vec<R>>,
+    missing: T,
+    convert: impl Fn(R) -> T,
+) -> Vec<T> {
+    match rows {
+        None => vec![missing; kept.len()],
+        Some(rows) => kept.iter().map(|place| convert(rows[*place])).collect(),
     }
 }
 

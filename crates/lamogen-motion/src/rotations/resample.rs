@@ -105,40 +105,39 @@ impl Curves<'_> {
         (root, local)
     }
 
+    /// Returns the changes from the frame before a frame to it, from there to the next, and from that to the one after, if `change`
+    /// says what leads from one frame to another. Beyond the ends, changes go on.
+    fn changes(&self, before: usize, change: impl Fn(usize, usize) -> DVec3) -> [DVec3; 3] {
+        let step = change(before, before + 1);
+        let earlier = { before.checked_sub(1) }.map_or(step, |frame| change(frame, before));
+        let later = match before + 2 < self.poses.len() {
+            true => change(before + 1, before + 2),
+            false => step,
+        };
+        [earlier, step, later]
+    }
+
     /// Returns the place of the pelvis on a Catmull-Rom spline through four neighbours; it goes straight on beyond the ends.
     fn root(&self, before: usize, fraction: f64) -> DVec3 {
-        let roots = &self.motion.root;
-        let [b, c] = [before, before + 1].map(|frame| vector(roots[frame]));
-        let step = c - b;
-        let earlier = { before.checked_sub(1) }.map_or(step, |frame| b - vector(roots[frame]));
-        let later = { roots.get(before + 2) }.map_or(step, |root| vector(*root) - c);
+        let at = |frame: usize| vector(self.motion.root[frame]);
+        let [earlier, step, later] = self.changes(before, |from, to| at(to) - at(from));
         let speeds = [(earlier + step) / 2.0, (step + later) / 2.0];
-        on_spline([b, c], speeds, fraction)
+        on_spline([at(before), at(before + 1)], speeds, fraction)
     }
 
     /// Returns the place of a joint on a spline that does not swing beyond a place of rest.
     fn place(&self, joint: Joint, before: usize, fraction: f64) -> DVec3 {
         let at = |frame: usize| self.poses[frame].positions[joint.index()];
-        let (b, c) = (at(before), at(before + 1));
-        let step = c - b;
-        let earlier = { before.checked_sub(1) }.map_or(step, |frame| b - at(frame));
-        let later = match before + 2 < self.poses.len() {
-            true => at(before + 2) - c,
-            false => step,
-        };
+        let [earlier, step, later] = self.changes(before, |from, to| at(to) - at(from));
         let speeds = [resting_speed(earlier, step), resting_speed(step, later)];
-        on_spline([b, c], speeds, fraction)
+        on_spline([at(before), at(before + 1)], speeds, fraction)
     }
 
     /// Returns a rotation on a smooth curve through the rotations at four frames (a Bézier curve, Shoemake 1985).
     fn rotation(&self, at: impl Fn(usize) -> DQuat, before: usize, fraction: f64) -> DQuat {
+        let [earlier, step, later] =
+            self.changes(before, |from, to| turn_between(at(from), at(to)));
         let (from, to) = (at(before), at(before + 1));
-        let step = turn_between(from, to);
-        let earlier = { before.checked_sub(1) }.map_or(step, |frame| turn_between(at(frame), from));
-        let later = match before + 2 < self.poses.len() {
-            true => turn_between(to, at(before + 2)),
-            false => step,
-        };
         let near_from = from * DQuat::from_scaled_axis(resting_speed(earlier, step) / 3.0);
         let near_to = to * DQuat::from_scaled_axis(-resting_speed(step, later) / 3.0);
         let between = |a: DQuat, b: DQuat| a.slerp(b, fraction);
