@@ -72,6 +72,18 @@ fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
     // 18 s are two stretches of 180 frames; the others share one.
     goes_on_at(motion.joints(), &[180, 360]);
     goes_on_at(generation.baseline.joints(), &[180, 360]);
+    // Where the factor changes from 1.5 to 0.6 at once, the body slows down without leaping ahead or stopping first.
+    let speeds: Vec<f32> = { motion.joints().windows(2) }
+        .map(|pair| (pair[1][0][0] - pair[0][0][0]).hypot(pair[1][0][2] - pair[0][0][2]))
+        .collect();
+    let before = speeds[169..179].iter().sum::<f32>() / 10.0;
+    for (frame, speed) in speeds.iter().enumerate().take(190).skip(179) {
+        let ratio = speed / before;
+        assert!(
+            (0.5..1.5).contains(&ratio),
+            "{ratio} of the speed before at frame {frame}"
+        );
+    }
     for (frames, expected) in [(5..175, 1.5), (185..355, 0.6), (385..475, 1.0)] {
         let change = mean_change(&generation, frames.clone());
         assert!(

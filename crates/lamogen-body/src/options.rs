@@ -39,7 +39,7 @@ pub struct FitOptions {
     /// The weight of the distance of a standing foot from the position at which it stands, in metres. Default: 600.
     pub stand: f64,
     /// The weight of the depth of the ball of a swinging foot below the height at which it clears the ground, in metres.
-    /// Default: 70.
+    /// Default: 250.
     pub clearance: f64,
     /// The weight of the depth of a joint below the ground, in metres. Default: 1500.
     pub floor: f64,
@@ -51,9 +51,10 @@ pub struct FitOptions {
     pub plane: f64,
     /// The weight of the difference of a joint's quaternion from the one solved. It decides twists that the joint
     /// positions do not show, and keeps the turns of the body those of the motion where a goal could be reached by others.
-    /// Joints of the legs count a twentieth. Default: 0.4.
+    /// Joints of the trunk (pelvis and spine) count a thousand times as much, because a lean moves many joints at once, and
+    /// those of the legs a twentieth. Default: 1.
     pub prior: f64,
-    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 30.
+    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 35.
     pub goal: f64,
     /// The distance in metres that a foot may slide while it stands; further on it takes steps of this length. `None`, the
     /// default, holds every standing foot in one place.
@@ -74,12 +75,12 @@ impl Default for FitOptions {
             haste: 200.0,
             fastest: 26.0,
             stand: 600.0,
-            clearance: 70.0,
+            clearance: 250.0,
             floor: 1500.0,
             hinge: 2.0,
             plane: 0.05,
-            prior: 0.4,
-            goal: 30.0,
+            prior: 1.0,
+            goal: 35.0,
             stride: None,
         }
     }
@@ -163,9 +164,10 @@ impl FitOptions {
 
     /// Returns the weight `prior` at a joint.
     pub(crate) fn prior_of(&self, joint: Joint) -> f64 {
-        match is_of_leg(joint) {
-            true => self.prior / 20.0,
-            false => self.prior,
+        match joint {
+            Joint::Pelvis | Joint::Spine1 | Joint::Spine2 | Joint::Spine3 => 1000.0 * self.prior,
+            joint if is_of_leg(joint) => self.prior / 20.0,
+            _ => self.prior,
         }
     }
 }

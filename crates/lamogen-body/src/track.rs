@@ -24,8 +24,8 @@ const SEAM_FRAMES: usize = 3;
 /// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
 /// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
 const STIFF_CURVATURE: f64 = 80.0;
-/// The number of frames after held ones over which the body comes to its own height: one second.
-const HEIGHT_FRAMES: usize = 20;
+/// The number of frames after held ones over which the body comes to its own height and its own rotations: one second.
+const HELD_FRAMES: usize = 20;
 
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
@@ -38,7 +38,7 @@ struct LoopSeam {
 
 /// Puts the frames that a fit begins with in the place of the first ones. The others are moved along the ground, since a path
 /// that was scaled to the body's size does not lead on from them. So was their height, by legs that a network stretches little by
-/// little after frames that are known to it; they come to it within a second.
+/// little after frames that are known to it; they come to it within a second. So do rotations come to their own.
 fn hold_start(
     start: &Rotations,
     reference: &mut [[DVec3; JOINTS]],
@@ -52,7 +52,7 @@ fn hold_start(
     if let Some(last) = poses.last() {
         let shift = last[0] - reference[held - 1][0];
         for (t, pose) in reference[held..].iter_mut().enumerate() {
-            let height = jump_share((t + 1).min(HEIGHT_FRAMES), HEIGHT_FRAMES);
+            let height = jump_share((t + 1).min(HELD_FRAMES), HELD_FRAMES);
             let shift = shift * DVec3::new(1.0, height, 1.0);
             for place in pose {
                 *place += shift;
@@ -60,11 +60,25 @@ fn hold_start(
         }
     }
     reference[..held].copy_from_slice(&poses);
-    for (frame, turns) in start.local().iter().zip(solved) {
+    let before = held.checked_sub(1).map(|last| solved[last]);
+    for (frame, turns) in start.local().iter().zip(&mut *solved) {
         for (turn, own) in frame.iter().zip(turns) {
             let turn = DQuat::from_array(turn.map(f64::from)).normalize();
             // Both signs are the same rotation; the numbers of the next frame are near to those of the frame's own.
             *own = turn * turn.dot(*own).signum();
+        }
+    }
+    let Some(before) = before else {
+        return;
+    };
+    let (held, after) = solved.split_at_mut(held);
+    let last = held[held.len() - 1];
+    let jumps: [DVec3; JOINTS] =
+        std::array::from_fn(|joint| (before[joint].inverse() * last[joint]).to_scaled_axis());
+    for (t, turns) in after.iter_mut().enumerate() {
+        let share = jump_share((t + 1).min(HELD_FRAMES), HELD_FRAMES);
+        for (turn, jump) in turns.iter_mut().zip(jumps) {
+            *turn = (*turn * DQuat::from_scaled_axis(share * jump)).normalize();
         }
     }
 }

@@ -127,11 +127,12 @@ impl<'a> Rig<'a> {
             &guidance,
             [RIG_EMPHASIS, PLACE_EMPHASIS],
         )?;
+        let held = self.start.as_ref().map_or(0, Rotations::frames);
         let mut objective = LossObjective {
             rig: self,
             lengths: &lengths,
             targets: &targets,
-            laban: targets.laban_losses(&guidance, baselines, &self.device),
+            laban: targets.laban_losses(&guidance, motions, baselines, held, &self.device),
             is_first: true,
             non_finite: None,
         };

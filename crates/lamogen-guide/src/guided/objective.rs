@@ -6,13 +6,29 @@ use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
     COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanSeries, LabanTarget, MotionLoss,
 };
-use lamogen_motion::{Motion, Normalization, joints};
+use lamogen_motion::{Motion, Normalization, joints, smooth_step};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
 use crate::host::{first_non_finite, joint_tensor, to_host};
 use crate::laban_term::LabanTerm;
 use crate::loss_term::{LossTerm, PreparedTerm, TermComparison};
+
+/// The number of frames after held ones over which a target comes to what is asked for: twice as many as smoothing and differences
+/// look back.
+const LEAD_FRAMES: usize = 16;
+
+/// Lets targets pass from a motion's own features, at the last of its held frames, to what is asked for. A target that changes at
+/// once where the frames before cannot move could only be reached there by a leap and steps back.
+fn lead_on(held: usize, own: &[[f32; COMPONENTS]], target: &mut [[f32; COMPONENTS]]) {
+    for (frame, (own, target)) in own.iter().zip(target).enumerate().take(held + LEAD_FRAMES) {
+        let after = (frame + 1).saturating_sub(held);
+        let share = smooth_step(after as f64 / (LEAD_FRAMES + 1) as f64) as f32;
+        for (own, target) in own.iter().zip(target) {
+            *target = own + share * (*target - own);
+        }
+    }
+}
 
 /// The loss of predicted motions, which are given as normalised pose features.
 pub(super) struct Objective<'a> {
@@ -184,10 +200,15 @@ impl Targets {
 
     /// Returns the Laban losses of each motion, one for each set of end-effectors, for motions in main memory. Their values are
     /// the first of all [values](Self::values). Baselines that are loops are measured in the middle of several cycles.
+    ///
+    /// `motions` are the network's guided motions, of which the first `held` frames stay as they are: the targets after these
+    /// [lead on](lead_on) from the motions' own features.
     pub(crate) fn laban_losses(
         &self,
         guidance: &Guidance,
+        motions: &[Motion],
         baselines: &[Motion],
+        held: usize,
         device: &Device,
     ) -> Vec<Vec<MotionLoss>> {
         let [of_baseline, of_guided] = guidance.headings;
@@ -219,6 +240,13 @@ impl Targets {
                         [target.features(), target.weight()].map(|values| rows(&to_host(values), 0))
                     }
                 };
+                let mut target = target;
+                if held > 0 {
+                    let own = LabanFeatures::new(&options, length, &[length], device)
+                        .with_heading(of_guided)
+                        .measure(joint_tensor(&[motions[motion].joints()], device));
+                    lead_on(held, &rows(&to_host(own), 0), &mut target);
+                }
                 let loss = MotionLoss::new(&options, &target, &weight);
                 losses.push(loss.with_heading(of_guided));
             }
@@ -422,4 +450,28 @@ fn leaf_gradient(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
         false => None,
     };
     gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_leads_on_from_the_held_frames() {
+        let own = [[1.0; COMPONENTS]; 60];
+        let mut target = [[3.0; COMPONENTS]; 60];
+        lead_on(20, &own, &mut target);
+        let weights = target.map(|values| values[0]);
+        assert!(weights[..20].iter().all(|&value| value == 1.0));
+        // The way from one to the other is even on both sides.
+        assert!(
+            (weights[27] + weights[28] - 4.0).abs() < 1e-5,
+            "{weights:?}"
+        );
+        for pair in weights[19..37].windows(2) {
+            let step = pair[1] - pair[0];
+            assert!((0.0..0.25).contains(&step), "{weights:?}");
+        }
+        assert!(weights[36..].iter().all(|&value| value == 3.0));
+    }
 }
