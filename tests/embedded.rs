@@ -336,3 +336,39 @@ fn files_read_back_have_the_features_that_were_reported() {
         }
     }
 }
+
+/// Returns the angles in degrees between the trunks of two motions, from pelvis to neck, at every frame.
+fn leans(a: &Motion, b: &Motion) -> Vec<f32> {
+    let trunk = |pose: &[[f32; 3]; 22]| {
+        let [pelvis, neck] = [Joint::Pelvis, Joint::Neck].map(|joint| pose[joint.index()]);
+        let along: [f32; 3] = std::array::from_fn(|axis| neck[axis] - pelvis[axis]);
+        let length = along.iter().map(|x| x * x).sum::<f32>().sqrt();
+        along.map(|x| x / length)
+    };
+    let angle = |(a, b): (&[[f32; 3]; 22], &[[f32; 3]; 22])| {
+        let [a, b] = [a, b].map(trunk);
+        let along: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+        along.clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    a.joints().iter().zip(b.joints()).map(angle).collect()
+}
+
+#[test]
+fn goals_are_not_reached_by_leaning() {
+    let model = model();
+    let cases = [
+        ("a tired waiter carries plates and stops", 0, Tag::Sudden),
+        ("a person walks forward", 1, Tag::Strong),
+        ("a person walks backward slowly", 12, Tag::Sustained),
+        ("a person turns around to the left", 9, Tag::Free),
+    ];
+    for (prompt, seed, tag) in cases {
+        let request = Request::new(prompt).seconds(4.0).seed(seed).tag(tag);
+        let generation = model.generate(&request).unwrap();
+        let leans = leans(&generation.guided, &generation.baseline);
+        println!("{prompt} {tag:?}: {leans:.0?}");
+        let mean = leans.iter().sum::<f32>() / leans.len() as f32;
+        let most = leans.iter().copied().fold(0.0, f32::max);
+        assert!(mean < 3.0 && most < 8.0, "{prompt}: {mean}, {most}");
+    }
+}
