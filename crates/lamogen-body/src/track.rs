@@ -52,7 +52,7 @@ fn hold_start(
     if let Some(last) = poses.last() {
         let shift = last[0] - reference[held - 1][0];
         for (t, pose) in reference[held..].iter_mut().enumerate() {
-            let height = jump_share((t + 1).min(HELD_FRAMES), HELD_FRAMES);
+            let height = jump_share(t + 1, HELD_FRAMES);
             let shift = shift * DVec3::new(1.0, height, 1.0);
             for place in pose {
                 *place += shift;
@@ -76,7 +76,7 @@ fn hold_start(
     let jumps: [DVec3; JOINTS] =
         std::array::from_fn(|joint| (before[joint].inverse() * last[joint]).to_scaled_axis());
     for (t, turns) in after.iter_mut().enumerate() {
-        let share = jump_share((t + 1).min(HELD_FRAMES), HELD_FRAMES);
+        let share = jump_share(t + 1, HELD_FRAMES);
         for (turn, jump) in turns.iter_mut().zip(jumps) {
             *turn = (*turn * DQuat::from_scaled_axis(share * jump)).normalize();
         }

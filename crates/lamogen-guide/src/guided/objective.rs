@@ -215,6 +215,11 @@ impl Targets {
         let mut losses = vec![Vec::with_capacity(self.laban.len()); baselines.len()];
         for set in &self.laban {
             let options = guidance.laban.with_end_effectors(set.end_effectors.clone());
+            let measure = |motion: &Motion, heading| {
+                LabanFeatures::new(&options, motion.frames(), &[motion.frames()], device)
+                    .with_heading(heading)
+                    .measure(joint_tensor(&[motion.joints()], device))
+            };
             let [_, frames, _] = set.term.target().dims();
             let [targets, weights] = [set.term.target(), set.term.weight()].map(to_host);
             for (motion, (losses, baseline)) in losses.iter_mut().zip(baselines).enumerate() {
@@ -222,14 +227,10 @@ impl Targets {
                 let rows = |values: &[f32], start: usize| {
                     values.as_chunks::<COMPONENTS>().0[start..start + length].to_vec()
                 };
-                let [target, weight] = match baseline.repeated(3) {
+                let [mut target, weight] = match baseline.repeated(3) {
                     None => [&targets, &weights].map(|values| rows(values, motion * frames)),
                     Some(cycles) => {
-                        let features =
-                            LabanFeatures::new(&options, 3 * length, &[3 * length], device)
-                                .with_heading(of_baseline)
-                                .measure(joint_tensor(&[cycles.joints()], device))
-                                .narrow(1, length, length);
+                        let features = measure(&cycles, of_baseline).narrow(1, length, length);
                         let target = LabanTarget::new(
                             features,
                             &[length],
@@ -240,12 +241,9 @@ impl Targets {
                         [target.features(), target.weight()].map(|values| rows(&to_host(values), 0))
                     }
                 };
-                let mut target = target;
                 if held > 0 {
-                    let own = LabanFeatures::new(&options, length, &[length], device)
-                        .with_heading(of_guided)
-                        .measure(joint_tensor(&[motions[motion].joints()], device));
-                    lead_on(held, &rows(&to_host(own), 0), &mut target);
+                    let own = to_host(measure(&motions[motion], of_guided));
+                    lead_on(held, &rows(&own, 0), &mut target);
                 }
                 let loss = MotionLoss::new(&options, &target, &weight);
                 losses.push(loss.with_heading(of_guided));
