@@ -9,7 +9,7 @@ use lamogen::model::Tokenizer;
 use lamogen::motion::npy;
 use lamogen::{
     Component, Device, Error, Factor, Guidance, LaMoGen, Motion, Pass, Request, Scale, ScaleCurve,
-    Tag,
+    Tag, TextScale,
 };
 use serde_json::json;
 use tempfile::TempDir;
@@ -297,11 +297,15 @@ fn how_a_model_is_sampled_has_to_make_sense() {
         load(folder.path())
     };
     let model =
-        with(json!({ "preset": "fast", "temporal_smoothing": 0, "text_scale": 2.5 })).unwrap();
+        with(json!({ "preset": "fast", "temporal_smoothing": 0, "text_scale": 2.5, "text_scale_until": 5 })).unwrap();
     assert_eq!(model.preset(), lamogen::Preset::Fast);
+    let text_scale = TextScale {
+        scale: 2.5,
+        until: 5,
+    };
     assert_eq!(
         (model.temporal_smoothing(), model.text_scale()),
-        (None, 2.5)
+        (None, text_scale)
     );
     // Without any it is what it was for MotionDiffuse's own.
     for nothing in [json!(null), json!({})] {
@@ -309,7 +313,7 @@ fn how_a_model_is_sampled_has_to_make_sense() {
         assert_eq!(model.preset(), lamogen::Preset::Paper);
         assert_eq!(
             (model.temporal_smoothing(), model.text_scale()),
-            (None, 1.0)
+            (None, TextScale::default())
         );
     }
     for (sampling, part) in [
@@ -319,6 +323,10 @@ fn how_a_model_is_sampled_has_to_make_sense() {
         ),
         (json!({ "temporal_smoothing": -1 }), "sampling: "),
         (json!({ "text_scale": -2 }), "sampling: "),
+        (
+            json!({ "text_scale": 2, "text_scale_until": 1000 }),
+            "expected a text scale until a timestep below 1000",
+        ),
         (
             json!({ "stand_in": "  " }),
             "expected a sentence as stand_in, found an empty text",

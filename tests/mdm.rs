@@ -187,7 +187,10 @@ fn a_folder_of_its_authors_generates_motions() {
     let folder = encoder_folder();
     let model = load(folder.path());
     assert!(matches!(model.config(), AnyConfig::Mdm(config) if config.layers == 2));
-    assert_eq!((model.text_scale(), model.preset()), (2.5, Preset::Fast));
+    assert_eq!(
+        (model.text_scale().scale, model.preset()),
+        (2.5, Preset::Fast)
+    );
     assert_eq!(model.sampling_method(), SamplingMethod::Ddpm);
     assert_eq!(model.default_steps(Preset::Fast), 50);
     assert_eq!(model.network().max_frames(), 196);
@@ -345,7 +348,7 @@ fn dip_continues_a_motion_to_any_length_with_other_sentences() {
     };
     assert_eq!(model.network().window(), Some(window));
     assert_eq!(
-        (model.text_scale(), model.default_steps(Preset::Fast)),
+        (model.text_scale().scale, model.default_steps(Preset::Fast)),
         (7.5, 4)
     );
     // Longer than any clip of the training, and not a whole number of windows.

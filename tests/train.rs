@@ -103,7 +103,10 @@ fn an_mdm_is_trained_and_generates() {
     assert!(matches!(model.config(), AnyConfig::Mdm(config) if config.ff_size == 24));
     assert_eq!(model.licence().unwrap().name, "CC0-1.0");
     assert_eq!(
-        (model.text_scale(), model.default_steps(model.preset())),
+        (
+            model.text_scale().scale,
+            model.default_steps(model.preset())
+        ),
         (2.5, 20)
     );
     assert!(model.known_words().is_some());

@@ -84,6 +84,7 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
 
     let input = DenoiserInput {
         x_t: batch.noise.clone(),
+        timesteps: vec![500],
         time: model.embed_timesteps(&[500]),
         embedding: batch.prompt.embedding.clone(),
         modulation: None,

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{LaMoGen, Request, TemporalSmoothing};
+use lamogen::{LaMoGen, Request, TemporalSmoothing, TextScale};
 
 /// The options that select a model and its sampling.
 #[derive(Clone, Debug, clap::Args)]
@@ -24,6 +24,9 @@ pub struct Subject {
     /// How strongly motions follow the sentence (classifier-free guidance); the model's own default without.
     #[arg(long)]
     pub text_scale: Option<f64>,
+    /// The smallest timestep whose prediction is scaled; the model's own default without.
+    #[arg(long)]
+    pub text_scale_until: Option<usize>,
 }
 
 impl Subject {
@@ -51,10 +54,11 @@ impl Subject {
             Some(folder) => LaMoGen::load(folder, device)?,
             None => LaMoGen::embedded(device)?,
         };
-        let model = match self.text_scale {
-            Some(scale) => model.with_text_scale(scale)?,
-            None => model,
-        };
+        let TextScale { scale, until } = model.text_scale();
+        let model = model.with_text_scale(TextScale {
+            scale: self.text_scale.unwrap_or(scale),
+            until: self.text_scale_until.unwrap_or(until),
+        })?;
         let Some(frames) = self.temporal_smoothing else {
             return Ok(model);
         };

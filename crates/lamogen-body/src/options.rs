@@ -80,7 +80,7 @@ impl Default for FitOptions {
             hinge: 2.0,
             plane: 0.05,
             prior: 1.0,
-            goal: 35.0,
+            goal: 40.0,
             stride: None,
         }
     }

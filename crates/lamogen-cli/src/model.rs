@@ -44,6 +44,7 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
         model: folder.map(Path::to_owned),
         temporal_smoothing: None,
         text_scale: None,
+        text_scale_until: None,
         sampler: None,
         device: None,
     };
@@ -65,7 +66,8 @@ fn info(folder: Option<&Path>, console: &Console) -> Result<(), Failure> {
             "frames": [network.min_frames(), network.max_frames()],
             "steps": steps,
             "temporal_smoothing": source.temporal_smoothing_frames(),
-            "text_scale": source.model.text_scale(),
+            "text_scale": source.model.text_scale().scale,
+            "text_scale_until": source.model.text_scale().until,
             "sampler": source.model.sampling_method().name(),
             "licence": licence,
         });

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use lamogen::model::Denoiser;
-use lamogen::{Device, DeviceName, LaMoGen};
+use lamogen::{Device, DeviceName, LaMoGen, TextScale};
 use lamogen_data::Checksum;
 
 use crate::arguments::{ModelArguments, TemporalSmoothingChoice};
@@ -50,10 +50,13 @@ impl ModelSource {
             let model = source.model.with_temporal_smoothing(temporal_smoothing);
             source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
         }
-        if let Some(scale) = arguments.text_scale {
-            let model = source.model.with_text_scale(scale);
-            source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
-        }
+        let TextScale { scale, until } = source.model.text_scale();
+        let text_scale = TextScale {
+            scale: arguments.text_scale.unwrap_or(scale),
+            until: arguments.text_scale_until.unwrap_or(until),
+        };
+        source.model = { source.model.with_text_scale(text_scale) }
+            .map_err(|error| Failure::new(FailureCode::Usage, error))?;
         if let Some(method) = arguments.sampler {
             source.model = source.model.with_sampling_method(method);
         }

@@ -6,7 +6,7 @@ use lamogen_model::{
     Prediction, Prompt, SamplingMethod, TokenBatch, Tokens, limited_text_scales,
 };
 
-use crate::error::GuideError;
+use crate::{error::GuideError, text_scale::TextScale};
 
 /// A network with classifier-free guidance: its output is `unconditional + scale · (conditional - unconditional)`.
 ///
@@ -18,7 +18,7 @@ use crate::error::GuideError;
 /// The network may limit the scale of some features, such as the turning of the root ([`Denoiser::text_scales`]), and
 /// decides what takes the place of the sentence ([`Denoiser::unconditional`]).
 ///
-/// The network is evaluated twice a step. Where only the condition changes ([`Denoiser::denoise_again`]), the unconditional output
+/// The network is evaluated twice a step, at the timesteps of the [scale](TextScale); at the others once. Where only the condition changes ([`Denoiser::denoise_again`]), the unconditional output
 /// is not computed anew. Gradients with respect to the embedding or modulation go through the
 /// conditional evaluation, those with respect to the noisy motion through both.
 pub struct ClassifierFree<'a, D> {
@@ -29,8 +29,10 @@ pub struct ClassifierFree<'a, D> {
 
 /// The scale of each feature, and the text of the unconditional evaluation.
 struct TextGuidance {
-    /// The scale of each feature, `[1, 1, features]`.
-    scales: Tensor<3>,
+    /// The scale of each feature.
+    scales: Vec<f32>,
+    /// The smallest timestep whose prediction is scaled.
+    until: usize,
     /// A text without words.
     wordless: Tokens,
 }
@@ -43,20 +45,23 @@ pub struct ClassifierFreeContext<C> {
 }
 
 impl<'a, D: Denoiser> ClassifierFree<'a, D> {
-    /// Wraps a network at a scale. `wordless` is a text without words
+    /// Wraps a network at a scale, or at a scale for some of the timesteps. `wordless` is a text without words
     /// (`lamogen_model::Tokenizer::unconditional`).
     ///
     /// # Errors
     ///
-    /// If the scale is not finite or below 0.
-    pub fn new(network: &'a D, scale: f64, wordless: &Tokens) -> Result<Self, GuideError> {
-        if !(scale.is_finite() && scale >= 0.0) {
-            return Err(GuideError::Guidance(format!(
-                "expected a finite text scale of at least 0, found {scale}"
-            )));
-        }
+    /// If the scale is invalid (see [`TextScale::check`]).
+    pub fn new(
+        network: &'a D,
+        text_scale: impl Into<TextScale>,
+        wordless: &Tokens,
+    ) -> Result<Self, GuideError> {
+        let text_scale = text_scale.into();
+        text_scale.check(network.noise_schedule())?;
+        let TextScale { scale, until } = text_scale;
         let text_guidance = (scale != 1.0).then(|| TextGuidance {
-            scales: scales_tensor(network.text_scales(scale), &network.device()),
+            scales: network.text_scales(scale),
+            until,
             wordless: wordless.clone(),
         });
         Ok(ClassifierFree {
@@ -65,37 +70,38 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
         })
     }
 
-    /// Returns the input and the context of the unconditional evaluation, and the scales; `None` at a scale of 1.
-    fn unconditional_input<'c>(
+    /// Returns the encoded text without words, and the scales as a tensor that fits the output. Returns `None` if no prediction
+    /// at these timesteps is scaled.
+    fn text_guidance<'c>(
         &self,
-        input: &DenoiserInput,
+        timesteps: &[usize],
         context: &'c ClassifierFreeContext<D::Context>,
-    ) -> Option<(DenoiserInput, &'c D::Context, Tensor<3>)> {
-        let text_guidance = self.text_guidance.as_ref()?;
-        let prompt = context.unconditional.as_ref()?;
-        let input = input.without_text(prompt);
-        Some((input, &prompt.context, text_guidance.scales.clone()))
-    }
-
-    /// Returns the output of the unconditional evaluation, and the scales; `None` at a scale of 1.
-    fn denoise_unconditionally(
-        &self,
-        input: &DenoiserInput,
-        context: &ClassifierFreeContext<D::Context>,
-    ) -> Option<(Tensor<3>, Tensor<3>)> {
-        let (input, context, scales) = self.unconditional_input(input, context)?;
-        Some((self.network.denoise(input, context), scales))
+    ) -> Option<(&'c Prompt<D::Context>, Tensor<3>)> {
+        let TextGuidance { scales, until, .. } = self.text_guidance.as_ref()?;
+        let unconditional = context.unconditional.as_ref()?;
+        if timesteps.iter().all(|timestep| timestep < until) {
+            return None;
+        }
+        let scales = timesteps
+            .iter()
+            .flat_map(|timestep| match timestep < until {
+                true => vec![1.0; scales.len()],
+                false => scales.clone(),
+            });
+        let scales = scales_tensor(scales.collect(), timesteps.len(), &self.network.device());
+        Some((unconditional, scales))
     }
 }
 
 /// Returns the scale of each pose feature, `[1, 1, features]`: the given scale, but at most 1 for the turning of the
 /// root, as by default in [`Denoiser::text_scales`].
 pub fn feature_scales(scale: f64, features: usize, device: &Device) -> Tensor<3> {
-    scales_tensor(limited_text_scales(scale, features), device)
+    scales_tensor(limited_text_scales(scale, features), 1, device)
 }
 
-fn scales_tensor(scales: Vec<f32>, device: &Device) -> Tensor<3> {
-    let shape = [1, 1, scales.len()];
+/// Returns scales of features as a tensor `[rows, 1, features]`.
+fn scales_tensor(scales: Vec<f32>, rows: usize, device: &Device) -> Tensor<3> {
+    let shape = [rows, 1, scales.len() / rows];
     Tensor::from_data(TensorData::new(scales, shape), device)
 }
 
@@ -179,15 +185,13 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
     }
 
     fn denoise(&self, input: DenoiserInput, context: &Self::Context) -> Tensor<3> {
-        let (Some(text_guidance), Some(unconditional)) =
-            (&self.text_guidance, &context.unconditional)
-        else {
+        let Some((unconditional, scales)) = self.text_guidance(&input.timesteps, context) else {
             return self.network.denoise(input, &context.conditional);
         };
         let [conditional, unconditional] =
             self.network
                 .denoise_with_unconditional(input, &context.conditional, unconditional);
-        combine(conditional, unconditional, text_guidance.scales.clone())
+        combine(conditional, unconditional, scales)
     }
 
     fn linearize<'a>(
@@ -195,22 +199,19 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a> {
-        let unconditional = self.denoise_unconditionally(&input, context);
+        let Some((unconditional, scales)) = self.text_guidance(&input.timesteps, context) else {
+            return self.network.linearize(input, &context.conditional);
+        };
+        let without_text = input.without_text(unconditional);
+        let unconditional = self.network.denoise(without_text, &unconditional.context);
         let conditional = self.network.linearize(input, &context.conditional);
-        match unconditional {
-            Some((unconditional, scales)) => {
-                let output = combine(
-                    conditional.output.clone(),
-                    unconditional.clone(),
-                    scales.clone(),
-                );
-                LinearizedEvaluation::new(output, move |gradient| {
-                    conditional.pull(gradient * scales)
-                })
-                .with_unconditional(Some(unconditional))
-            }
-            None => conditional,
-        }
+        let output = combine(
+            conditional.output.clone(),
+            unconditional.clone(),
+            scales.clone(),
+        );
+        LinearizedEvaluation::new(output, move |gradient| conditional.pull(gradient * scales))
+            .with_unconditional(Some(unconditional))
     }
 
     fn denoise_again(
@@ -219,12 +220,12 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         context: &Self::Context,
         unconditional: Option<Tensor<3>>,
     ) -> Tensor<3> {
-        let (Some(text_guidance), Some(unconditional)) = (&self.text_guidance, unconditional)
-        else {
+        let scaled = self.text_guidance(&input.timesteps, context);
+        let (Some((_, scales)), Some(unconditional)) = (scaled, unconditional) else {
             return self.denoise(input, context);
         };
         let conditional = self.network.denoise(input, &context.conditional);
-        combine(conditional, unconditional, text_guidance.scales.clone())
+        combine(conditional, unconditional, scales)
     }
 
     fn modulation_width(&self) -> usize {
@@ -240,13 +241,11 @@ impl<D: Denoiser> Denoiser for ClassifierFree<'_, D> {
         input: DenoiserInput,
         context: &'a Self::Context,
     ) -> LinearizedEvaluation<'a, 3> {
-        let Some((unconditional_input, unconditional_context, scales)) =
-            self.unconditional_input(&input, context)
-        else {
+        let Some((unconditional, scales)) = self.text_guidance(&input.timesteps, context) else {
             return self.network.linearize_motion(input, &context.conditional);
         };
-        let unconditional =
-            { self.network }.linearize_motion(unconditional_input, unconditional_context);
+        let without_text = input.without_text(unconditional);
+        let unconditional = { self.network }.linearize_motion(without_text, &unconditional.context);
         let conditional = self.network.linearize_motion(input, &context.conditional);
         let output = combine(
             conditional.output.clone(),

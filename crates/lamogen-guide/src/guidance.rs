@@ -285,15 +285,15 @@ impl Guidance {
     }
 
     /// Returns options that move the scales and shifts of each stylization layer instead of the embedding that they are
-    /// computed from, with a small learning rate and more weight on Time and Flow where these shall change. A finish
+    /// computed from, with a small learning rate and a larger emphasis on Weight, Time and Flow where these shall change. A finish
     /// then removes the remaining distance. They are meant for 12 DDIM steps or more.
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,
-            learning_rate: 0.0015,
-            final_learning_rate: Some(0.006),
+            learning_rate: 0.002,
+            final_learning_rate: Some(0.008),
             epsilon: 0.04,
-            emphasis: [1.0, 3.0, 3.0, 1.0],
+            emphasis: [1.7, 3.0, 3.0, 1.0],
             finish: Some(Finish::default()),
             ..Guidance::fast()
         }

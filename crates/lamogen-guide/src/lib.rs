@@ -39,6 +39,7 @@ mod rig;
 mod sampler;
 mod schedule;
 mod temporal_smoothing;
+mod text_scale;
 mod tiled;
 mod windows;
 
@@ -63,6 +64,7 @@ pub use rig::{Rig, RigMotions};
 pub use sampler::{Batch, Sampler};
 pub use schedule::{DdimStep, Schedule, TRAINING_STEPS};
 pub use temporal_smoothing::TemporalSmoothing;
+pub use text_scale::TextScale;
 pub use tiled::{Tile, Tiled, Tiling};
 pub use windows::Continuation;
 

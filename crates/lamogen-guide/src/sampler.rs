@@ -338,6 +338,7 @@ impl<'a, D: Denoiser> Sampler<'a, D> {
                 Some(known) => known.at_step(x, index),
                 None => x,
             },
+            timesteps: vec![self.steps[index].timestep],
             time: self.time.clone().narrow(0, index, 1),
             embedding: state.embedding.clone(),
             modulation: state.modulation.clone(),

@@ -5,7 +5,7 @@ mod toy;
 
 use batches::batch;
 use burn::tensor::{Device, Int, Tensor};
-use lamogen_guide::{ClassifierFree, Guidance, GuidanceVariable, GuideError, Sampler};
+use lamogen_guide::{ClassifierFree, Guidance, GuidanceVariable, GuideError, Sampler, TextScale};
 use lamogen_laban::{Goals, Scale};
 use lamogen_model::{Denoiser, DenoiserInput, FrameMask, Tokens};
 use lamogen_motion::{FeatureGroup, POSE_FEATURES};
@@ -25,6 +25,7 @@ fn input(network: &impl Denoiser, embedding: Tensor<2>) -> DenoiserInput {
     let device = Device::flex();
     DenoiserInput {
         x_t: Tensor::zeros([1, 4, POSE_FEATURES], &device),
+        timesteps: vec![10],
         time: network.embed_timesteps(&[10]),
         embedding,
         modulation: None,
@@ -91,9 +92,68 @@ fn the_scale_extrapolates_from_the_unconditional_output() {
 }
 
 #[test]
+fn predictions_below_the_smallest_timestep_are_not_scaled() {
+    let toy = ToyDenoiser(SquaredEmbeddingNetwork);
+    let token = Tensor::<2, Int>::from_data([[3]], &Device::flex());
+    let evaluate = |text_scale, timesteps: Vec<usize>| {
+        let network = ClassifierFree::new(&toy, text_scale, &wordless()).unwrap();
+        let prompt = network.encode(&token.clone().into());
+        let rows = timesteps.len();
+        let input = DenoiserInput {
+            x_t: Tensor::zeros([rows, 4, POSE_FEATURES], &Device::flex()),
+            time: network.embed_timesteps(&timesteps),
+            timesteps,
+            embedding: prompt.embedding.clone().repeat_dim(0, rows),
+            modulation: None,
+            mask: FrameMask::new(&vec![4; rows], 4, &Device::flex()),
+        };
+        let linearized = network.linearize(input.clone(), &prompt.context);
+        let output = network.denoise(input.clone(), &prompt.context);
+        let kept = linearized.unconditional.clone();
+        let again = network.denoise_again(input, &prompt.context, kept.clone());
+        let outputs = [output.clone(), linearized.output.clone(), again];
+        let gradient = linearized.pull(output.ones_like());
+        let gradient = gradient.sum().into_scalar::<f32>();
+        let heights = outputs.map(|output| {
+            let height = FeatureGroup::RootHeight.range().start;
+            let heights = output.narrow(1, 0, 1).narrow(2, height, 1);
+            heights.try_into_vec_as::<f32>().unwrap()
+        });
+        assert_eq!(heights[0], heights[1]);
+        assert_eq!(heights[0], heights[2]);
+        (heights[0].clone(), kept.is_some(), gradient)
+    };
+    let at_all = |timestep| evaluate(TextScale::from(2.5), vec![timestep]);
+    let until_600 = |timesteps| {
+        evaluate(
+            TextScale {
+                scale: 2.5,
+                until: 600,
+            },
+            timesteps,
+        )
+    };
+    for timestep in [600, 999] {
+        assert_eq!(until_600(vec![timestep]), at_all(timestep));
+    }
+    let plain = evaluate(TextScale::default(), vec![599]);
+    assert_eq!(until_600(vec![599]), plain);
+    assert_eq!((plain.0, plain.1), (vec![9.0], false));
+    // The rows of a batch may be at different timesteps.
+    let (heights, ..) = until_600(vec![599, 600]);
+    assert_eq!(heights, [9.0, 21.0]);
+}
+
+#[test]
 fn an_invalid_scale_is_refused() {
-    for scale in [-1.0, f64::NAN, f64::INFINITY] {
-        let result = ClassifierFree::new(&ToyDenoiser(SquaredEmbeddingNetwork), scale, &wordless());
+    let toy = ToyDenoiser(SquaredEmbeddingNetwork);
+    let scales = [-1.0, f64::NAN, f64::INFINITY].map(TextScale::from);
+    let never = TextScale {
+        scale: 2.0,
+        until: 1000,
+    };
+    for text_scale in scales.into_iter().chain([never]) {
+        let result = ClassifierFree::new(&toy, text_scale, &wordless());
         let message = result.err().expect("an error").to_string();
         assert!(
             message.contains("text scale") && message.contains("found"),

@@ -23,6 +23,7 @@ fn denoiser(criterion: &mut Criterion) {
         let x_t = TensorData::new(x_t, [1, frames, config.input_feats]);
         let input = DenoiserInput {
             x_t: Tensor::from_data(x_t, &device),
+            timesteps: vec![500],
             time: model.embed_timesteps(&[500]),
             embedding: prompt.embedding,
             modulation: None,

@@ -51,6 +51,7 @@ fn evaluations(criterion: &mut Criterion) {
         let x_t = Tensor::<1, Int>::arange(0..(FRAMES * 263) as i64, &device);
         let input = DenoiserInput {
             x_t: x_t.float().sin().reshape([1, FRAMES, 263]),
+            timesteps: vec![7],
             time: network.embed_timesteps(&[7]),
             embedding: prompt.embedding.clone(),
             modulation: None,

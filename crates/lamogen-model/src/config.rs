@@ -188,6 +188,9 @@ pub struct SamplingDefaults {
     /// The scale of classifier-free guidance. With a scale of 1, the network is evaluated only once per step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text_scale: Option<f64>,
+    /// The smallest timestep at which predictions are scaled by [`text_scale`](Self::text_scale). Below it, the network is evaluated only once per step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub text_scale_until: Option<usize>,
     /// The sentence that replaces a prompt in which the network knows no word.
     ///
     /// Without the replacement, the motion for such a prompt would be arbitrary. With `None`, the prompt is used anyway. The

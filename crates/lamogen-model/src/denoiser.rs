@@ -329,6 +329,8 @@ pub struct Prompt<C> {
 pub struct DenoiserInput {
     /// The noisy motion, normalised, `[batch, frames, features]`.
     pub x_t: Tensor<3>,
+    /// The timestep of each row of [`time`](Self::time).
+    pub timesteps: Vec<usize>,
     /// The embedded timestep: `[1, d_condition]` if all motions share it, or `[batch, d_condition]`.
     pub time: Tensor<2>,
     /// The sentence embedding, `[batch, d_condition]`.

@@ -44,6 +44,7 @@ fn output(model: &MotionDiffuse) -> Vec<f32> {
         .reshape([1, 6, 12]);
     let input = DenoiserInput {
         x_t,
+        timesteps: vec![321],
         time: model.embed_timesteps(&[321]),
         embedding: prompt.embedding,
         modulation: None,

@@ -61,6 +61,7 @@ fn input(model: &MotionDiffuse) -> (DenoiserInput, Prompt<<MotionDiffuse as Deno
     let prompt = model.encode(&tokens().into());
     let input = DenoiserInput {
         x_t: numbers([4, FRAMES, 37], 0.731),
+        timesteps: vec![321],
         time: model.embed_timesteps(&[321]),
         embedding: prompt.embedding.clone(),
         modulation: None,
@@ -272,6 +273,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: model.embed_timesteps(&batch.timesteps),
+            timesteps: batch.timesteps,
             embedding: prompt.embedding,
             modulation: None,
             mask: batch.mask,

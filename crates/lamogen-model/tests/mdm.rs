@@ -38,6 +38,7 @@ impl GoldenCase {
         let longest = frames.iter().copied().max().unwrap();
         DenoiserInput {
             x_t: self.tensor("x"),
+            timesteps: self.counts("timestep"),
             time: self.network.embed_timesteps(&self.counts("timestep")),
             embedding,
             modulation: None,

@@ -95,6 +95,7 @@ fn gradients_of_all_weights_are_those_of_autodiff() {
         let input = DenoiserInput {
             x_t,
             time: network.embed_timesteps(&timesteps),
+            timesteps,
             embedding,
             modulation: None,
             mask,

@@ -126,6 +126,7 @@ pub(crate) fn sampling_defaults(width: usize, preset: Preset) -> SamplingDefault
         preset: Some(preset.name().to_owned()),
         temporal_smoothing: (width < POSE_FEATURES).then_some(TemporalSmoothing::default().frames),
         text_scale: None,
+        text_scale_until: None,
         stand_in: None,
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::Tensor;
-use lamogen_guide::{Body, FitOptions, TemporalSmoothing};
+use lamogen_guide::{Body, FitOptions, TemporalSmoothing, TextScale};
 use lamogen_model::{SamplingMethod, Tokens};
 use lamogen_motion::{Motion, POSE_FEATURES, Rotations};
 
@@ -23,7 +23,7 @@ pub(crate) struct BaselineKey {
     pub(crate) is_looped: bool,
     pub(crate) body: Body,
     pub(crate) fit: FitOptions,
-    pub(crate) text_scale: f64,
+    pub(crate) text_scale: TextScale,
     pub(crate) temporal_smoothing: Option<TemporalSmoothing>,
     pub(crate) sampling_method: SamplingMethod,
 }

@@ -3,7 +3,7 @@
 use std::ops::{ControlFlow, Range, RangeInclusive};
 
 use burn::tensor::Device;
-use lamogen_guide::{ClassifierFree, GuideError, PlaceOutcome, Preset, Step, TemporalSmoothing};
+use lamogen_guide::{GuideError, PlaceOutcome, Preset, Step, TemporalSmoothing, TextScale};
 use lamogen_laban::{EndEffectors, Goals, LabanSeries};
 use lamogen_model::{AnyNetwork, Denoiser, SamplingMethod, Tokenizer, WordList};
 use lamogen_motion::{Motion, Normalization, POSE_FEATURES};
@@ -25,7 +25,7 @@ pub struct LaMoGen<D = AnyNetwork> {
     preset: Preset,
     batch_size: usize,
     pub(crate) temporal_smoothing: Option<TemporalSmoothing>,
-    pub(crate) text_scale: f64,
+    pub(crate) text_scale: TextScale,
     pub(crate) sampling_method: SamplingMethod,
     pub(crate) known_words: Option<WordList>,
     stand_in: Option<String>,
@@ -182,7 +182,7 @@ impl<D: Denoiser> LaMoGen<D> {
             licence: None,
             preset: Preset::default(),
             temporal_smoothing: None,
-            text_scale: 1.0,
+            text_scale: TextScale::default(),
             known_words: None,
             stand_in: None,
             baseline_cache: BaselineCache::default(),
@@ -311,21 +311,23 @@ impl<D: Denoiser> LaMoGen<D> {
         self.stand_in.as_deref().filter(|_| !contains_any)
     }
 
-    /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`]).
+    /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`](lamogen_guide::ClassifierFree)): a scale, or a scale
+    /// for the noisier of the timesteps.
     ///
     /// At 1, the default, the network is evaluated once a step and its prediction is used as it is; above 1 it is
     /// evaluated twice. Other scales than 1 are for networks that were trained with text dropout.
     ///
     /// # Errors
     ///
-    /// If the scale is not finite or below 0.
-    pub fn with_text_scale(self, text_scale: f64) -> Result<Self, GuideError> {
-        ClassifierFree::new(&self.network, text_scale, &self.tokenizer.unconditional())?;
+    /// If the scale is invalid (see [`TextScale::check`]).
+    pub fn with_text_scale(self, text_scale: impl Into<TextScale>) -> Result<Self, GuideError> {
+        let text_scale = text_scale.into();
+        text_scale.check(self.network.noise_schedule())?;
         Ok(LaMoGen { text_scale, ..self })
     }
 
     /// Returns the scale of classifier-free guidance: how strongly motions follow the sentence.
-    pub fn text_scale(&self) -> f64 {
+    pub fn text_scale(&self) -> TextScale {
         self.text_scale
     }
 

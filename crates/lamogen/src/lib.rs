@@ -87,7 +87,7 @@ pub use burn::tensor::{Device, Tensor};
 pub use lamogen_guide::{
     Body, ClassifierFree, Facing, Finish, FitOptions, GroundPath, Guidance, GuidanceVariable,
     KeyPose, LossTarget, LossTerm, LossTerms, Pass, PlaceError, PlaceOutcome, Places, Preset,
-    Reach, ReachPart, Step, TemporalSmoothing, UpdateTiming, Waypoint,
+    Reach, ReachPart, Step, TemporalSmoothing, TextScale, UpdateTiming, Waypoint,
 };
 pub use lamogen_laban::{
     BodyPart, COMPONENTS, Component, EndEffectors, Factor, FactorError, FactorKeyframe,

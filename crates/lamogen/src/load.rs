@@ -7,7 +7,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use lamogen_guide::{Preset, PresetError, TemporalSmoothing};
+use lamogen_guide::{Preset, PresetError, TemporalSmoothing, TextScale};
 use lamogen_model::{
     AnyConfig, AnyNetwork, Checkpoint, ModelConfig, SamplingDefaults, Tokenizer, WordList,
 };
@@ -140,10 +140,14 @@ impl LaMoGen {
             frames,
             ..TemporalSmoothing::default()
         });
+        let text_scale = TextScale {
+            scale: sampling.text_scale.unwrap_or(1.0),
+            until: sampling.text_scale_until.unwrap_or(0),
+        };
         self.with_preset(preset)
             .with_stand_in(sampling.stand_in)
             .with_temporal_smoothing(temporal_smoothing)
-            .and_then(|model| model.with_text_scale(sampling.text_scale.unwrap_or(1.0)))
+            .and_then(|model| model.with_text_scale(text_scale))
             .map_err(|error| problem(&error))
     }
 

@@ -167,6 +167,7 @@ impl Network {
         let input = DenoiserInput {
             x_t: x_t.clone(),
             time: self.model.embed_timesteps(&timesteps),
+            timesteps,
             embedding: prompt.embedding.clone(),
             modulation: None,
             mask: FrameMask::new(&lengths, x_t.dims()[1], &case.device),

@@ -24,9 +24,13 @@ pub struct ModelArguments {
     #[arg(long, alias = "coherence", value_name = "FRAMES")]
     pub temporal_smoothing: Option<TemporalSmoothingChoice>,
     /// How strongly motions follow the sentence, by classifier-free guidance: 1 asks the network once a step, others, such as 2.5, twice. Usually
-    /// what the model's config.json says: 2 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
+    /// what the model's config.json says: 3 for the embedded model, 1 where it says nothing. For models that were trained with text dropout.
     #[arg(long, value_name = "SCALE")]
     pub text_scale: Option<f64>,
+    /// Scale only predictions at this timestep and noisier ones; below it, the network is asked once a step. What a motion does is decided
+    /// while there is much noise. Usually what the model's config.json says: 500 of 1000 for the embedded model, 0 where it says nothing.
+    #[arg(long, value_name = "TIMESTEP")]
+    pub text_scale_until: Option<usize>,
     /// How a step of sampling goes on: ddim, where the start noise decides the motion, or ddpm, which draws noise at each step. Usually what the
     /// model's authors do: ddpm for MDM, ddim for all others.
     #[arg(long, value_name = "METHOD")]

@@ -384,14 +384,18 @@ impl Denoiser for Mdm {
         let [batch, frames, _] = input.x_t.dims();
         let device = input.x_t.device();
         let twice = |x: Tensor<3>| Tensor::cat(vec![x.clone(), x], 0);
-        let time = match input.time.dims()[0] {
-            1 => input.time,
-            _ => Tensor::cat(vec![input.time.clone(), input.time], 0),
+        let (timesteps, time) = match input.time.dims()[0] {
+            1 => (input.timesteps, input.time),
+            _ => (
+                input.timesteps.repeat(2),
+                Tensor::cat(vec![input.time.clone(), input.time], 0),
+            ),
         };
         let penalty = { context.penalty.clone() }
             .map(|penalty| Tensor::cat(vec![penalty.clone(), penalty], 0));
         let both = DenoiserInput {
             x_t: twice(input.x_t),
+            timesteps,
             time,
             embedding: Tensor::cat(vec![input.embedding, unconditional.embedding.clone()], 0),
             modulation: input.modulation.map(|modulation| {

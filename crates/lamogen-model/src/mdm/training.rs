@@ -64,6 +64,7 @@ impl Mdm {
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: self.embed_timesteps(&batch.timesteps),
+            timesteps: batch.timesteps,
             modulation: None,
             mask: batch.mask,
             embedding: self.embed(features.clone()),
@@ -88,6 +89,7 @@ impl Mdm {
     ) -> Option<CpuEvaluation<'_>> {
         let input = DenoiserInput {
             x_t: input.x_t.clone(),
+            timesteps: input.timesteps.clone(),
             time: input.time.clone().inner(),
             embedding: input.embedding.clone().inner(),
             modulation: None,

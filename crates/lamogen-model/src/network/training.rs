@@ -73,6 +73,7 @@ impl MotionDiffuse {
         let input = DenoiserInput {
             x_t: batch.x_t,
             time: self.embed_timesteps(&batch.timesteps),
+            timesteps: batch.timesteps,
             embedding: match laban {
                 Some(laban) => prompt.embedding + laban,
                 None => prompt.embedding,
@@ -95,6 +96,7 @@ impl MotionDiffuse {
     ) -> Option<CpuEvaluation> {
         let input = DenoiserInput {
             x_t: input.x_t.clone().inner(),
+            timesteps: input.timesteps.clone(),
             time: input.time.clone().inner(),
             embedding: input.embedding.clone().inner(),
             modulation: None,
