@@ -290,8 +290,8 @@ impl Guidance {
     pub fn precise() -> Self {
         Guidance {
             variable: GuidanceVariable::Modulation,
-            learning_rate: 0.002,
-            final_learning_rate: Some(0.008),
+            learning_rate: 0.0025,
+            final_learning_rate: Some(0.01),
             epsilon: 0.04,
             emphasis: [1.7, 3.0, 3.0, 1.0],
             finish: Some(Finish::default()),
