@@ -82,6 +82,8 @@ pub struct DecoderInput<'a> {
     pub x_t: &'a [f32],
     /// The embedded timestep plus the sentence embedding, `[batch, condition]`.
     pub condition: &'a [f32],
+    /// What [`Decoder::modulate`] makes of the condition, if it is known, `[batch, outputs of the modulations]`.
+    pub modulated: Option<&'a [f32]>,
     /// An optional offset that is added to the scales and shifts of all stylization layers,
     /// `[batch, outputs of the modulations]`.
     pub modulation: Option<&'a [f32]>,
@@ -108,6 +110,12 @@ impl<S: FloatStorage> Decoder<S> {
             self.forward(input, chunks_for_threads(input), RecordMode::Nothing)
                 .0
         })
+    }
+
+    /// Computes the scales and shifts of all stylization layers for conditions, `[batch, outputs of the modulations]`. A row of
+    /// the result depends on the row of its condition alone, to the last bit.
+    pub fn modulate(&self, condition: &[f32]) -> Vec<f32> {
+        run_in_pool(|| self.modulations.modulate(condition))
     }
 
     /// Computes the network's output and the tape that [`backward`](Self::backward) needs.
@@ -178,7 +186,7 @@ impl<S: FloatStorage> Decoder<S> {
             motions * outputs.inputs(),
             input.condition.len(),
         );
-        if let Some(modulation) = input.modulation {
+        for modulation in [input.modulated, input.modulation].into_iter().flatten() {
             check_size(
                 "scales and shifts",
                 motions * outputs.outputs(),

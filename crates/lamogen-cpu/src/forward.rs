@@ -63,7 +63,10 @@ impl<S: FloatStorage> Decoder<S> {
 
     /// Computes the style parameters of all stylization layers for each motion.
     fn style_table(&self, input: DecoderInput<'_>) -> StyleTable {
-        let mut modulations = self.modulations.modulate(input.condition);
+        let mut modulations = match input.modulated {
+            Some(modulated) => modulated.to_vec(),
+            None => self.modulations.modulate(input.condition),
+        };
         if let Some(added) = input.modulation {
             math::add(&mut modulations, added);
         }

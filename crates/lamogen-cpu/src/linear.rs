@@ -40,11 +40,18 @@ impl<S: FloatStorage> Matrix<S> {
         }
     }
 
-    pub(crate) fn inputs(&self) -> usize {
+    /// Returns the numbers in their order in memory.
+    pub fn storage(&self) -> &S {
+        &self.numbers
+    }
+
+    /// Returns the number of inputs.
+    pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    pub(crate) fn outputs(&self) -> usize {
+    /// Returns the number of outputs.
+    pub fn outputs(&self) -> usize {
         self.outputs
     }
 
@@ -107,6 +114,16 @@ pub struct Linear<S> {
 }
 
 impl<S: FloatStorage> Linear<S> {
+    /// Returns the weights.
+    pub fn weight(&self) -> &Matrix<S> {
+        &self.weight
+    }
+
+    /// Returns the bias.
+    pub fn bias(&self) -> &S {
+        &self.bias
+    }
+
     /// Creates a layer from weights `[inputs, outputs]` and a bias `[outputs]`.
     ///
     /// # Panics

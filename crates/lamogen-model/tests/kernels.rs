@@ -2,7 +2,7 @@
 
 mod gradients;
 
-use burn::module::Module;
+use burn::module::{Module, ModuleMapper, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen_model::{
@@ -133,6 +133,39 @@ fn trained() -> MotionDiffuse {
     safetensors::serialize_to_file(views, None, &trained).unwrap();
     let checkpoint = Checkpoint::open(trained).unwrap();
     checkpoint.load(&config(), &Device::flex()).unwrap()
+}
+
+/// Multiplies all weights by a number.
+struct Scaling(f32);
+
+impl ModuleMapper for Scaling {
+    fn map_float<const D: usize>(&mut self, weight: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        weight.map(|weight| weight * self.0)
+    }
+}
+
+#[test]
+fn kept_modulations_are_those_of_the_weights_and_the_condition() {
+    let model = trained();
+    let (input, prompt) = input(&model);
+    let at = |model: &MotionDiffuse, timestep| {
+        let input = DenoiserInput {
+            timesteps: vec![timestep],
+            time: model.embed_timesteps(&[timestep]),
+            ..input.clone()
+        };
+        to_vec(model.denoise(input.clone(), &prompt.context) * input.mask.keep().unwrap())
+    };
+    // A copy begins without any.
+    let expected = [321, 5].map(|timestep| at(&model.clone(), timestep));
+    assert_ne!(expected[0], expected[1]);
+    for _ in 0..2 {
+        assert_eq!([321, 5].map(|timestep| at(&model, timestep)), expected);
+    }
+    let scaled = model.map(&mut Scaling(1.5));
+    let [found, alone] = [at(&scaled, 5), at(&scaled.clone(), 5)];
+    assert_eq!(found, alone);
+    assert_ne!(found, expected[1]);
 }
 
 #[test]

@@ -13,6 +13,7 @@ use burn::tensor::{DType, Tensor, TensorData};
 use lamogen_cpu::{Decoder, DecoderGradients, DecoderInput, Matrix, Tape, WeightLayout};
 
 use super::cross_attention::CrossAttentionContext;
+use super::kept_modulations::KeptModulations;
 use crate::denoiser::DenoiserInput;
 
 /// The numbers of a tensor in memory that is shared with the tensor.
@@ -123,6 +124,8 @@ pub(super) struct CpuEvaluation {
     decoder: Decoder<SharedFloats>,
     x_t: SharedFloats,
     condition: SharedFloats,
+    /// What the layer of the modulations makes of the condition, if it is known.
+    modulated: Option<Vec<f32>>,
     modulation: Option<SharedFloats>,
     text: Vec<SharedFloats>,
     lengths: Vec<usize>,
@@ -155,10 +158,20 @@ impl CpuEvaluation {
             shape,
             x_t,
             condition: SharedFloats::from_tensor(condition)?,
+            modulated: None,
             text: text.map(SharedFloats::from_tensor).collect::<Option<_>>()?,
             decoder: decoder()?,
             lengths: input.mask.lengths().to_vec(),
         })
+    }
+
+    /// Takes the scales and shifts of the condition from those that are kept, and keeps those that are new.
+    pub(super) fn with_kept_modulations(self, kept: &KeptModulations) -> Self {
+        let modulated = kept.of(&self.decoder, self.condition.as_ref());
+        CpuEvaluation {
+            modulated: Some(modulated),
+            ..self
+        }
     }
 
     /// Computes the network's output.
@@ -221,6 +234,7 @@ impl CpuEvaluation {
         function(DecoderInput {
             x_t: self.x_t.as_ref(),
             condition: self.condition.as_ref(),
+            modulated: self.modulated.as_deref(),
             modulation: self.modulation.as_ref().map(AsRef::as_ref),
             text: &text,
             lengths: &self.lengths,

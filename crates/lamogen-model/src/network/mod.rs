@@ -7,6 +7,8 @@ pub(crate) mod cpu;
 mod cross_attention;
 mod feed_forward;
 mod initial;
+#[cfg(feature = "flex")]
+mod kept_modulations;
 mod laban_embedding;
 mod modulation;
 mod motion_diffuse;

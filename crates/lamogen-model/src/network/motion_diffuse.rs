@@ -10,6 +10,8 @@ use super::block::{DecoderBlock, STYLIZATIONS};
 #[cfg(feature = "flex")]
 use super::cpu::{self, CpuEvaluation, SharedFloats};
 use super::cross_attention::CrossAttentionContext;
+#[cfg(feature = "flex")]
+use super::kept_modulations::KeptModulations;
 use super::laban_embedding::LabanEmbedding;
 use super::modulation::ModulationProjection;
 use super::text_encoder::TextEncoder;
@@ -33,6 +35,9 @@ pub struct MotionDiffuse {
     laban: Option<LabanEmbedding>,
     #[module(skip)]
     config: ModelConfig,
+    #[cfg(feature = "flex")]
+    #[module(skip)]
+    kept_modulations: KeptModulations,
 }
 
 impl MotionDiffuse {
@@ -63,6 +68,8 @@ impl MotionDiffuse {
             output: LinearConfig::new(latent, config.input_feats).init(device),
             laban: LabanEmbedding::new(config, device),
             config: config.clone(),
+            #[cfg(feature = "flex")]
+            kept_modulations: KeptModulations::default(),
         }
     }
 
@@ -249,7 +256,8 @@ impl MotionDiffuse {
         input: &DenoiserInput,
         context: &CrossAttentionContext,
     ) -> Option<CpuEvaluation> {
-        CpuEvaluation::new(|| self.to_kernel(), input, context)
+        let evaluation = CpuEvaluation::new(|| self.to_kernel(), input, context)?;
+        Some(evaluation.with_kept_modulations(&self.kept_modulations))
     }
 
     /// Adds the gradients of the decoder to `gradients`, under the ids of its parameters.
