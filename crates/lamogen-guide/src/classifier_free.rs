@@ -6,7 +6,8 @@ use lamogen_model::{
     Prediction, Prompt, SamplingMethod, TokenBatch, Tokens, limited_text_scales,
 };
 
-use crate::{error::GuideError, text_scale::TextScale};
+use crate::error::GuideError;
+use crate::text_scale::TextScale;
 
 /// A network with classifier-free guidance: its output is `unconditional + scale · (conditional - unconditional)`.
 ///
