@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
-use lamogen::{LaMoGen, Request, TemporalSmoothing, TextScale};
+use lamogen::{LaMoGen, Request, TemporalSmoothing};
 
 /// The options that select a model and its sampling.
 #[derive(Clone, Debug, clap::Args)]
@@ -54,11 +54,9 @@ impl Subject {
             Some(folder) => LaMoGen::load(folder, device)?,
             None => LaMoGen::embedded(device)?,
         };
-        let TextScale { scale, until } = model.text_scale();
-        let model = model.with_text_scale(TextScale {
-            scale: self.text_scale.unwrap_or(scale),
-            until: self.text_scale_until.unwrap_or(until),
-        })?;
+        let text_scale = model.text_scale();
+        let text_scale = text_scale.with(self.text_scale, self.text_scale_until);
+        let model = model.with_text_scale(text_scale)?;
         let Some(frames) = self.temporal_smoothing else {
             return Ok(model);
         };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use lamogen::model::Denoiser;
-use lamogen::{Device, DeviceName, LaMoGen, TextScale};
+use lamogen::{Device, DeviceName, LaMoGen};
 use lamogen_data::Checksum;
 
 use crate::arguments::{ModelArguments, TemporalSmoothingChoice};
@@ -50,11 +50,8 @@ impl ModelSource {
             let model = source.model.with_temporal_smoothing(temporal_smoothing);
             source.model = model.map_err(|error| Failure::new(FailureCode::Usage, error))?;
         }
-        let TextScale { scale, until } = source.model.text_scale();
-        let text_scale = TextScale {
-            scale: arguments.text_scale.unwrap_or(scale),
-            until: arguments.text_scale_until.unwrap_or(until),
-        };
+        let text_scale = source.model.text_scale();
+        let text_scale = text_scale.with(arguments.text_scale, arguments.text_scale_until);
         source.model = { source.model.with_text_scale(text_scale) }
             .map_err(|error| Failure::new(FailureCode::Usage, error))?;
         if let Some(method) = arguments.sampler {

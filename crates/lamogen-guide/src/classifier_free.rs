@@ -30,8 +30,8 @@ pub struct ClassifierFree<'a, D> {
 
 /// The scale of each feature, and the text of the unconditional evaluation.
 struct TextGuidance {
-    /// The scale of each feature.
-    scales: Vec<f32>,
+    /// The scale of each feature, `[1, 1, features]`.
+    scales: Tensor<3>,
     /// The smallest timestep whose prediction is scaled.
     until: usize,
     /// A text without words.
@@ -61,7 +61,7 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
         text_scale.check(network.noise_schedule())?;
         let TextScale { scale, until } = text_scale;
         let text_guidance = (scale != 1.0).then(|| TextGuidance {
-            scales: network.text_scales(scale),
+            scales: scales_tensor(network.text_scales(scale), &network.device()),
             until,
             wordless: wordless.clone(),
         });
@@ -83,13 +83,11 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
         if timesteps.iter().all(|timestep| timestep < until) {
             return None;
         }
-        let scales = timesteps
-            .iter()
-            .flat_map(|timestep| match timestep < until {
-                true => vec![1.0; scales.len()],
-                false => scales.clone(),
-            });
-        let scales = scales_tensor(scales.collect(), timesteps.len(), &self.network.device());
+        let rows = timesteps.iter().map(|timestep| match timestep < until {
+            true => scales.ones_like(),
+            false => scales.clone(),
+        });
+        let scales = Tensor::cat(rows.collect(), 0);
         Some((unconditional, scales))
     }
 }
@@ -97,12 +95,11 @@ impl<'a, D: Denoiser> ClassifierFree<'a, D> {
 /// Returns the scale of each pose feature, `[1, 1, features]`: the given scale, but at most 1 for the turning of the
 /// root, as by default in [`Denoiser::text_scales`].
 pub fn feature_scales(scale: f64, features: usize, device: &Device) -> Tensor<3> {
-    scales_tensor(limited_text_scales(scale, features), 1, device)
+    scales_tensor(limited_text_scales(scale, features), device)
 }
 
-/// Returns scales of features as a tensor `[rows, 1, features]`.
-fn scales_tensor(scales: Vec<f32>, rows: usize, device: &Device) -> Tensor<3> {
-    let shape = [rows, 1, scales.len() / rows];
+fn scales_tensor(scales: Vec<f32>, device: &Device) -> Tensor<3> {
+    let shape = [1, 1, scales.len()];
     Tensor::from_data(TensorData::new(scales, shape), device)
 }
 

@@ -34,6 +34,14 @@ impl From<f64> for TextScale {
 }
 
 impl TextScale {
+    /// Returns the scale with other numbers, where there are any.
+    pub fn with(self, scale: Option<f64>, until: Option<usize>) -> Self {
+        TextScale {
+            scale: scale.unwrap_or(self.scale),
+            until: until.unwrap_or(self.until),
+        }
+    }
+
     /// Checks that the numbers are valid for a network with this noise schedule.
     ///
     /// # Errors

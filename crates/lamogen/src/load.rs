@@ -140,10 +140,7 @@ impl LaMoGen {
             frames,
             ..TemporalSmoothing::default()
         });
-        let text_scale = TextScale {
-            scale: sampling.text_scale.unwrap_or(1.0),
-            until: sampling.text_scale_until.unwrap_or(0),
-        };
+        let text_scale = TextScale::default().with(sampling.text_scale, sampling.text_scale_until);
         self.with_preset(preset)
             .with_stand_in(sampling.stand_in)
             .with_temporal_smoothing(temporal_smoothing)

@@ -15,7 +15,7 @@ const CAPACITY: usize = 1 << 20;
 /// The layer has half of the weights of a small network and reads all of them for each row. Both passes of a sampler and both
 /// evaluations of a guided step have the same conditions, and the text without words is the same for all sentences.
 ///
-/// A copy begins empty, so that a network whose weights are changed by burn does not find what others computed.
+/// Rows are kept for the weights that they were computed by. A copy begins empty.
 #[derive(Debug, Default)]
 pub(super) struct KeptModulations(Mutex<Kept>);
 
@@ -28,7 +28,7 @@ struct Kept {
 
 #[derive(Debug)]
 struct Row {
-    condition: Arc<[f32]>,
+    condition: Box<[f32]>,
     modulations: Arc<[f32]>,
 }
 
@@ -62,10 +62,7 @@ impl KeptModulations {
                 });
             }
         }
-        rows.into_iter()
-            .flatten()
-            .flat_map(|row| row.to_vec())
-            .collect()
+        rows.into_iter().flatten().collect::<Vec<_>>().concat()
     }
 
     /// Returns what is kept of these weights.
