@@ -8,6 +8,7 @@ mod eval;
 mod generate;
 mod laban;
 mod model;
+mod numbers;
 mod pack;
 mod play;
 mod sentences;

@@ -7,6 +7,7 @@ use lamogen::files::ReadError;
 use lamogen::{Device, Request, RequestedGoals};
 
 use super::generate::GoalArguments;
+use super::numbers::explain_number;
 use super::{Arguments, Command};
 
 /// The option that begins the next sentence.
@@ -69,6 +70,11 @@ impl SentenceArguments {
 ///
 /// If they are not those of a command; requests for help and version are such errors, too.
 pub fn parse(arguments: Vec<OsString>) -> Result<Arguments, clap::Error> {
+    parse_sentences(arguments).map_err(explain_number)
+}
+
+/// Parses the arguments, of which each sentence of a row has its own.
+fn parse_sentences(arguments: Vec<OsString>) -> Result<Arguments, clap::Error> {
     let (first, rest) = split(arguments);
     let mut matches = Arguments::command().try_get_matches_from(first)?;
     let mut arguments = Arguments::from_arg_matches_mut(&mut matches)
