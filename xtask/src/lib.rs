@@ -10,6 +10,7 @@ pub mod load;
 pub mod measure;
 pub mod parity;
 pub mod perception;
+pub mod phrasings;
 pub mod places;
 mod running_server;
 pub mod seams;

@@ -157,6 +157,12 @@ enum Task {
         #[arg(long, default_value = "flex")]
         device: DeviceName,
     },
+    /// Write the captions of a packed data set in other words, with their contents, and a tokenizer of them: what
+    /// crates/lamogen-train/scripts/text_encoder.py makes a text encoder from.
+    Phrasings {
+        #[command(flatten)]
+        options: xtask::phrasings::Options,
+    },
     /// Turn a model folder into what the crate lamogen-compact embeds: weights in 16 or 8 bits.
     Embed {
         /// A model folder (docs/checkpoints.md).
@@ -274,6 +280,7 @@ fn main() -> ExitCode {
         Task::CapturedPlaces { options, device } => with_device(device, |device| {
             printed(xtask::captured_places::run(&options, device, &mut say))
         }),
+        Task::Phrasings { options } => printed(xtask::phrasings::run(&options)),
         Task::Embed {
             from,
             to,

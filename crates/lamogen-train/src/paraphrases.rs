@@ -2,9 +2,10 @@
 //!
 //! A network that is trained on a few thousand captions knows only the words of these captions. Paraphrases replace them by what
 //! people also say: other subjects, synonyms of verbs in the same form, other phrases. They also turn a sentence about somebody
-//! into a request ("a person walks" → "walk").
+//! into a request ("a person walks" → "walk"), and add where and why something happens ("…, while the shop is empty"), from which
+//! a network learns which words of a sentence do not matter.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use lamogen_model::words;
 use rand::{Rng, RngExt, SeedableRng};
@@ -14,7 +15,14 @@ use serde::Deserialize;
 /// The rules of `configs/paraphrases.json`, by which captions are paraphrased.
 #[derive(Clone, Debug)]
 pub struct Paraphrases {
-    subjects: Vec<Vec<String>>,
+    /// The plain subjects, and those that say who it is. Longer ones come first.
+    subjects: [Vec<Vec<String>>; 2],
+    /// What may stand before a caption, what may follow any caption, and what may follow one of plain locomotion.
+    openings: Vec<Vec<String>>,
+    closings: Vec<Vec<String>>,
+    goals: Vec<Vec<String>>,
+    /// The third persons of verbs that denote plain locomotion.
+    locomotion: HashSet<String>,
     /// The three forms of the known verbs, by their third person.
     forms: HashMap<String, [String; 3]>,
     /// The rules by the first word of the phrase that they replace; longer phrases come first.
@@ -32,8 +40,19 @@ struct SubstitutionRule {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ParaphraseTable {
+    /// The plain subjects.
     subjects: Vec<String>,
-    /// The base form, third person and participle of each verb, followed by those of its synonyms.
+    /// Subjects that say who it is, of everyday life, which does not change how somebody moves.
+    characters: Vec<String>,
+    /// What may stand before almost any caption without changing the movement.
+    openings: Vec<String>,
+    /// What may follow almost any caption without changing the movement.
+    closings: Vec<String>,
+    /// What may follow a caption of plain locomotion.
+    goals: Vec<String>,
+    /// The third persons of verbs that denote plain locomotion.
+    locomotion: HashSet<String>,
+    /// The base form, third person and participle of each verb, separated by `|`, followed by those of its synonyms.
     verbs: Vec<Vec<String>>,
     /// Groups of phrases, each with the phrases that may replace them.
     phrases: Vec<[Vec<String>; 2]>,
@@ -44,9 +63,11 @@ impl Paraphrases {
     pub fn english() -> Self {
         let table = include_bytes!("../configs/paraphrases.json");
         let table: ParaphraseTable = serde_json::from_slice(table).expect("checked by a test");
-        let mut subjects: Vec<Vec<String>> =
-            { table.subjects.iter() }.map(|text| words(text)).collect();
-        subjects.sort_by_key(|subject| std::cmp::Reverse(subject.len()));
+        let phrases = |texts: &[String]| -> Vec<Vec<String>> {
+            let mut phrases: Vec<_> = texts.iter().map(|text| words(text)).collect();
+            phrases.sort_by_key(|phrase| std::cmp::Reverse(phrase.len()));
+            phrases
+        };
         let mut rules: HashMap<String, Vec<SubstitutionRule>> = HashMap::new();
         let mut add = |phrase: Vec<String>, alternatives: Vec<Vec<String>>| {
             rules
@@ -60,16 +81,16 @@ impl Paraphrases {
         let mut forms = HashMap::new();
         for verb in &table.verbs {
             let all: Vec<[String; 3]> = { verb.iter() }
-                .map(|forms| words(forms).try_into().expect("three forms a verb"))
+                .map(|forms| {
+                    let forms: Vec<String> = forms.split('|').map(String::from).collect();
+                    forms.try_into().expect("three forms a verb")
+                })
                 .collect();
             for verb_forms in &all {
                 forms.insert(verb_forms[1].clone(), verb_forms.clone());
             }
             for form in 0..3 {
-                let synonyms = all[1..]
-                    .iter()
-                    .map(|forms| vec![forms[form].clone()])
-                    .collect();
+                let synonyms = all[1..].iter().map(|forms| words(&forms[form])).collect();
                 add(vec![all[0][form].clone()], synonyms);
             }
         }
@@ -85,7 +106,11 @@ impl Paraphrases {
             rules.sort_by_key(|rule| std::cmp::Reverse(rule.phrase.len()));
         }
         Paraphrases {
-            subjects,
+            subjects: [phrases(&table.subjects), phrases(&table.characters)],
+            openings: phrases(&table.openings),
+            closings: phrases(&table.closings),
+            goals: phrases(&table.goals),
+            locomotion: table.locomotion,
             forms,
             rules,
         }
@@ -97,10 +122,24 @@ impl Paraphrases {
         const SUBJECT_PROBABILITY: f64 = 0.6;
         /// The probability that a phrase with alternatives is replaced by one of them.
         const PHRASE_PROBABILITY: f64 = 0.4;
+        /// The probability that a caption of few words gets an opening, a closing or a goal.
+        const SETTING_PROBABILITY: f64 = 0.35;
+        /// The number of words of a caption with which it may still get one of these.
+        const SETTING_WORDS: usize = 12;
         let mut generator = ChaCha12Rng::seed_from_u64(seed);
         let mut rest = &words(caption)[..];
         let mut output: Vec<String> = Vec::new();
-        let subject = { self.subjects.iter() }.find(|subject| rest.starts_with(subject));
+        let is_locomotion = self.is_locomotion(rest);
+        let setting =
+            match rest.len() <= SETTING_WORDS && generator.random_bool(SETTING_PROBABILITY) {
+                true => Some(generator.random_range(0..3u32)),
+                false => None,
+            };
+        if setting == Some(0) {
+            output.extend(choose(&self.openings, &mut generator).iter().cloned());
+            output.push(",".to_owned());
+        }
+        let subject = self.subject(rest);
         let mut verb = None;
         if let Some(subject) = subject {
             rest = &rest[subject.len()..];
@@ -117,7 +156,8 @@ impl Paraphrases {
                     participle
                 });
             } else {
-                output.extend(choose(&self.subjects, &mut generator).iter().cloned());
+                let subjects = &self.subjects[generator.random_range(0..2usize)];
+                output.extend(choose(subjects, &mut generator).iter().cloned());
             }
         }
         if let Some(verb) = verb {
@@ -129,7 +169,43 @@ impl Paraphrases {
             let length = self.write_phrase(rest, &mut output, PHRASE_PROBABILITY, &mut generator);
             rest = &rest[length..];
         }
+        match setting {
+            Some(1) if is_locomotion => {
+                output.extend(choose(&self.goals, &mut generator).iter().cloned());
+            }
+            Some(1 | 2) => {
+                if output.last().is_some_and(|word| word == ".") {
+                    output.pop();
+                }
+                output.extend(choose(&self.closings, &mut generator).iter().cloned());
+            }
+            _ => {}
+        }
         join(&output)
+    }
+
+    /// Returns the longest known subject with which a text begins.
+    fn subject(&self, text: &[String]) -> Option<&Vec<String>> {
+        { self.subjects.iter() }
+            .filter_map(|subjects| subjects.iter().find(|subject| text.starts_with(subject)))
+            .max_by_key(|subject| subject.len())
+    }
+
+    /// Returns whether a caption says of a subject only that it moves on, so that it may also say where to.
+    fn is_locomotion(&self, caption: &[String]) -> bool {
+        const STRAIGHT: [&str; 8] = [
+            "forward", "forwards", "ahead", "straight", "onward", "on", "quickly", "slowly",
+        ];
+        let Some(subject) = self.subject(caption) else {
+            return false;
+        };
+        match &caption[subject.len()..] {
+            [verb, rest @ ..] => {
+                self.locomotion.contains(verb)
+                    && rest.iter().all(|word| STRAIGHT.contains(&word.as_str()))
+            }
+            [] => false,
+        }
     }
 
     /// Writes the phrase at the beginning of `rest`, with the given probability as one of its alternatives, and returns how many
@@ -219,6 +295,24 @@ mod tests {
     }
 
     #[test]
+    fn no_rule_exchanges_sides() {
+        let has = |phrase: &[String], side: &str| phrase.iter().any(|word| word.starts_with(side));
+        let table = Paraphrases::english();
+        let mut sided = 0;
+        for rule in table.rules.values().flatten() {
+            for [side, other] in [["left", "right"], ["right", "left"]] {
+                if !has(&rule.phrase, side) || has(&rule.phrase, other) {
+                    continue;
+                }
+                sided += 1;
+                let exchanged = { rule.alternatives.iter() }.find(|words| has(words, other));
+                assert_eq!(exchanged, None, "{:?}", rule.phrase);
+            }
+        }
+        assert!(sided > 100, "{sided}");
+    }
+
+    #[test]
     fn the_longest_phrase_counts() {
         for text in paraphrases("the figure makes a quarter turn to the right") {
             assert!(
@@ -231,14 +325,63 @@ mod tests {
     }
 
     #[test]
+    fn settings_stand_around_a_caption_and_change_nothing_that_is_checked() {
+        let table = Paraphrases::english();
+        let [_, characters] = &table.subjects;
+        let settings = [characters, &table.openings, &table.closings, &table.goals];
+        assert!(settings.iter().all(|phrases| phrases.len() >= 500));
+        let meaningful = [
+            "left",
+            "right",
+            "leftward",
+            "rightward",
+            "twice",
+            "thrice",
+            "backward",
+            "backwards",
+            "crawls",
+            "jumps",
+            "kicks",
+            "kneeling",
+            "lying",
+        ];
+        for phrase in settings.into_iter().flatten() {
+            let found = { phrase.iter() }.find(|word| meaningful.contains(&word.as_str()));
+            assert_eq!(found, None, "{phrase:?}");
+        }
+        let all = paraphrases("a person kicks with the left leg");
+        assert!(all.iter().any(|text| text.contains(", ")), "an opening");
+        assert!(all.iter().all(|text| text.contains("left")));
+        assert!(all.iter().all(|text| text.len() < 200));
+    }
+
+    #[test]
+    fn goals_follow_plain_locomotion_alone() {
+        let table = Paraphrases::english();
+        let ends = |caption: &str| {
+            let goals = &table.goals;
+            let texts: Vec<Vec<String>> = paraphrases(caption)
+                .iter()
+                .map(|text| words(text))
+                .collect();
+            let has_goal = |text: &&Vec<String>| goals.iter().any(|goal| text.ends_with(goal));
+            texts.iter().filter(has_goal).count()
+        };
+        assert!(ends("a person walks forward") > 5);
+        let character = table.subjects[1][0].join(" ");
+        assert!(ends(&format!("{character} runs")) > 5);
+        // Some closings end as a goal does ("on the way to the bakery").
+        assert!(ends("a person walks backward") <= ends("a person walks forward") / 3);
+    }
+
+    #[test]
     fn what_has_no_other_words_stays_and_punctuation_too() {
         let text = "zorbing (twice), quietly; it's well-made.";
         let others = paraphrases(text);
         assert!(others.contains(text), "{others:?}");
-        assert!(
-            others.iter().all(|other| other.starts_with("zorbing (")
-                && other.ends_with(", quietly; it's well-made."))
-        );
+        assert!(others.iter().all(
+            |other| other.contains("zorbing (") && other.contains(", quietly; it's well-made")
+        ));
     }
 
     #[test]

@@ -1,0 +1,84 @@
+//! Captions in other words with their contents, from which the text encoder of a model is made anew.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::io::Write;
+use std::path::PathBuf;
+
+use lamogen_model::train_tokenizer;
+use lamogen_motion::write_atomically;
+use lamogen_train::other_phrasings;
+use serde_json::{Value, json};
+
+/// What the task reads and writes.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The captions.jsonl of a packed data set, of which the training split is used.
+    pub captions: PathBuf,
+    /// Further sentences, one a line, of which the tokenizer learns too.
+    pub sentences: Vec<PathBuf>,
+    /// Paraphrases of each caption.
+    #[arg(long, default_value_t = 8, value_name = "N")]
+    pub count: usize,
+    /// Tokens of the tokenizer.
+    #[arg(long, default_value_t = 12288, value_name = "N")]
+    pub vocabulary: usize,
+    /// Folder for phrasings.jsonl and tokenizer.json.
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+/// Writes a line of JSON for each distinct caption: the caption, how many motions of each content have it, and its paraphrases.
+/// Writes a tokenizer that has learned from all of them, too.
+///
+/// # Errors
+///
+/// If a file cannot be read or written, or a line is not a motion of a packed data set.
+pub fn run(options: &Options) -> Result<String, Box<dyn Error>> {
+    let read = |path: &PathBuf| {
+        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    let mut contents: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+    for (place, line) in read(&options.captions)?.lines().enumerate() {
+        let path = options.captions.display();
+        let problem = |problem: &str| format!("{path}, line {}: {problem}", place + 1);
+        let motion: Value =
+            serde_json::from_str(line).map_err(|error| problem(&error.to_string()))?;
+        if motion["split"] != "train" {
+            continue;
+        }
+        let content = motion["content"].as_str();
+        let content = content.ok_or_else(|| problem("expected a \"content\""))?;
+        let captions = motion["captions"].as_array();
+        for caption in captions.ok_or_else(|| problem("expected \"captions\""))? {
+            let caption = caption.as_str().ok_or_else(|| problem("expected text"))?;
+            let counts = contents.entry(caption.to_owned()).or_default();
+            *counts.entry(content.to_owned()).or_default() += 1;
+        }
+    }
+    let mut texts: Vec<String> = Vec::new();
+    for path in &options.sentences {
+        texts.extend(read(path)?.lines().map(str::to_owned));
+    }
+    let mut lines = String::new();
+    for (caption, counts) in &contents {
+        let phrasings = other_phrasings(caption, options.count);
+        let line = json!({ "caption": caption, "contents": counts, "phrasings": phrasings });
+        lines += &format!("{line}\n");
+        texts.extend(phrasings);
+        texts.push(caption.clone());
+    }
+    let tokenizer = train_tokenizer(texts.iter().map(String::as_str), options.vocabulary)?;
+    std::fs::create_dir_all(&options.out)?;
+    for (name, bytes) in [
+        ("phrasings.jsonl", lines.as_bytes()),
+        ("tokenizer.json", &tokenizer),
+    ] {
+        write_atomically(&options.out.join(name), |file| file.write_all(bytes))?;
+    }
+    Ok(format!(
+        "{} captions in {} phrasings\n",
+        contents.len(),
+        texts.len()
+    ))
+}
