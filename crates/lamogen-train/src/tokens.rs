@@ -1,17 +1,20 @@
 //! Captions encoded as token ids.
 
-use std::sync::OnceLock;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, OnceLock};
 
-use lamogen_data::{Checksum, Dataset, Split};
-use lamogen_model::{Tokenizer, TokenizerError, WordList};
+use lamogen_data::{Checksum, Dataset, Entry, Split};
+use lamogen_model::{Tokenizer, TokenizerError, Tokens, WordList};
+use rayon::prelude::*;
 
 use crate::paraphrases::Paraphrases;
 
 /// The token ids of every caption of a data set.
 #[derive(Clone, Debug)]
 pub struct CaptionTokens {
-    /// The ids `[entry][caption][phrasing][token]`; the first phrasing is the caption itself.
-    ids: Vec<Vec<Vec<Vec<i32>>>>,
+    /// The ids `[entry][caption][phrasing][token]`; the first phrasing is the caption itself. Motions with the same caption
+    /// share its ids.
+    ids: Vec<Vec<Arc<Vec<Vec<i32>>>>>,
     /// The ids of an empty sentence.
     empty: Vec<i32>,
     /// The words of the captions of the training split, in all phrasings.
@@ -37,31 +40,34 @@ impl CaptionTokens {
         file: Option<Vec<u8>>,
         phrasings: usize,
     ) -> Result<Self, TokenizerError> {
-        let mut cut = 0;
-        let encode = |text: &str| -> Result<(Vec<i32>, usize), TokenizerError> {
-            let tokens = tokenizer.encode(text)?;
-            Ok((tokens.ids.iter().map(|&id| id as i32).collect(), tokens.cut))
-        };
-        let mut words = WordList::default();
-        let mut ids = Vec::with_capacity(dataset.entries().len());
-        for entry in dataset.entries() {
-            let captions = entry.captions.iter().map(|caption| {
-                let (original, tokens_cut) = encode(&caption.text)?;
-                cut += usize::from(tokens_cut > 0);
-                let others = match entry.split {
-                    Split::Train => {
-                        let others = other_phrasings(&caption.text, phrasings);
-                        words.add(&caption.text);
-                        others.iter().for_each(|text| words.add(text));
-                        others
-                    }
-                    _ => Vec::new(),
+        let captions: Vec<Vec<(&str, bool)>> = dataset.entries().iter().map(captions_of).collect();
+        let distinct: BTreeSet<(&str, bool)> = captions.iter().flatten().copied().collect();
+        let encoded = { distinct.into_par_iter() }
+            .map(|(text, learned)| {
+                let others = match learned {
+                    true => other_phrasings(text, phrasings),
+                    false => Vec::new(),
                 };
-                let others = others.iter().map(|text| Ok(encode(text)?.0));
-                std::iter::once(Ok(original)).chain(others).collect()
-            });
-            ids.push(captions.collect::<Result<Vec<Vec<Vec<i32>>>, TokenizerError>>()?);
+                let caption = EncodedCaption::new(text, others, &tokenizer)?;
+                Ok(((text, learned), caption))
+            })
+            .collect::<Result<BTreeMap<_, _>, TokenizerError>>()?;
+        let mut words = WordList::default();
+        for ((text, learned), caption) in &encoded {
+            if *learned {
+                words.add(text);
+                { caption.others.iter() }.for_each(|text| words.add(text));
+            }
         }
+        let cut = { captions.iter().flatten() }
+            .filter(|caption| encoded[caption].is_cut)
+            .count();
+        let ids = { captions.iter() }
+            .map(|captions| {
+                let ids = captions.iter().map(|caption| encoded[caption].ids.clone());
+                ids.collect()
+            })
+            .collect();
         let empty = tokenizer.unconditional().ids;
         let empty = empty.iter().map(|&id| id as i32).collect();
         Ok(CaptionTokens {
@@ -114,6 +120,39 @@ impl CaptionTokens {
     pub fn cut(&self) -> usize {
         self.cut
     }
+}
+
+/// A caption with its paraphrases.
+struct EncodedCaption {
+    others: Vec<String>,
+    /// The ids of the caption and of its paraphrases.
+    ids: Arc<Vec<Vec<i32>>>,
+    /// Whether the caption itself is longer than the context.
+    is_cut: bool,
+}
+
+impl EncodedCaption {
+    fn new(text: &str, others: Vec<String>, tokenizer: &Tokenizer) -> Result<Self, TokenizerError> {
+        let row = |tokens: Tokens| tokens.ids.iter().map(|&id| id as i32).collect();
+        let own = tokenizer.encode(text)?;
+        let is_cut = own.cut > 0;
+        let mut ids: Vec<Vec<i32>> = vec![row(own)];
+        for other in &others {
+            ids.push(row(tokenizer.encode(other)?));
+        }
+        Ok(EncodedCaption {
+            others,
+            ids: Arc::new(ids),
+            is_cut,
+        })
+    }
+}
+
+/// Returns the captions of an entry, each with whether it is learned from, and so paraphrased.
+fn captions_of(entry: &Entry) -> Vec<(&str, bool)> {
+    let learned = entry.split == Split::Train;
+    let texts = entry.captions.iter().map(|caption| caption.text.as_str());
+    texts.map(|text| (text, learned)).collect()
 }
 
 /// Returns different paraphrases of a caption, at most `count`.
