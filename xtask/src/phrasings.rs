@@ -82,3 +82,53 @@ pub fn run(options: &Options) -> Result<String, Box<dyn Error>> {
         texts.len()
     ))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(folder: &std::path::Path, captions: &str) -> Options {
+        let path = folder.join("captions.jsonl");
+        std::fs::write(&path, captions).unwrap();
+        Options {
+            captions: path,
+            sentences: Vec::new(),
+            count: 4,
+            vocabulary: 400,
+            out: folder.join("out"),
+        }
+    }
+
+    #[test]
+    fn captions_for_training_are_written_once_with_all_their_contents() {
+        let folder = tempfile::tempdir().unwrap();
+        let motion = |split: &str, content: &str, caption: &str| {
+            json!({ "split": split, "content": content, "captions": [caption] }).to_string()
+        };
+        let lines = [
+            motion("train", "walk", "a person walks forward"),
+            motion("train", "run", "a person walks forward"),
+            motion("test", "jump", "a person jumps"),
+        ];
+        let options = options(folder.path(), &lines.join("\n"));
+        run(&options).unwrap();
+        let text = std::fs::read_to_string(options.out.join("phrasings.jsonl")).unwrap();
+        let [line] = &text.lines().collect::<Vec<_>>()[..] else {
+            panic!("expected one caption: {text}");
+        };
+        let line: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(line["contents"], json!({ "walk": 1, "run": 1 }));
+        assert_eq!(line["phrasings"].as_array().unwrap().len(), 4);
+        let tokenizer = options.out.join("tokenizer.json");
+        assert!(lamogen_model::Tokenizer::from_file(&tokenizer, 400, 32).is_ok());
+    }
+
+    #[test]
+    fn a_line_that_is_no_motion_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        for line in ["{", r#"{"split": "train", "captions": []}"#] {
+            let error = run(&options(folder.path(), line)).unwrap_err().to_string();
+            assert!(error.contains("captions.jsonl, line 1"), "{error}");
+        }
+    }
+}
