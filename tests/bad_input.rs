@@ -36,12 +36,6 @@ fn jump() -> Request {
         .steps(5)
 }
 
-/// Returns the number of tokens of the embedded model.
-fn embedded_tokens() -> u64 {
-    let config: serde_json::Value = serde_json::from_slice(lamogen_compact::CONFIG).unwrap();
-    config["clip"]["vocab_size"].as_u64().unwrap()
-}
-
 #[test]
 fn an_empty_prompt() {
     for prompt in ["", "  \n\t"] {
@@ -385,7 +379,7 @@ fn what_no_shape_tells_is_not_guessed() {
     std::fs::remove_file(folder.path().join("config.json")).unwrap();
     says(
         &load(folder.path()).err().unwrap(),
-        &["config.json", "49408", &embedded_tokens().to_string()],
+        &["config.json", "49408", "2048"],
     );
 }
 
@@ -458,14 +452,11 @@ fn weights_of_other_sizes_than_the_config() {
 fn a_tokenizer_with_ids_beyond_the_embedding() {
     let folder = folder();
     let config = String::from_utf8(lamogen_compact::CONFIG.to_vec()).unwrap();
-    let tokens = embedded_tokens();
-    let size = |tokens: u64| format!("\"vocab_size\": {tokens}");
-    let smaller = config.replace(&size(tokens), &size(tokens - 48));
+    let smaller = config.replace("\"vocab_size\": 2048", "\"vocab_size\": 2000");
     std::fs::write(folder.path().join("config.json"), smaller).unwrap();
-    let [largest, expected] = [tokens - 1, tokens - 49].map(|id| id.to_string());
     says(
         &load(folder.path()).err().unwrap(),
-        &["tokenizer.json", &largest, &expected],
+        &["tokenizer.json", "2047", "1999"],
     );
 }
 

@@ -5,10 +5,11 @@ use std::error::Error;
 use std::io::Write;
 use std::path::PathBuf;
 
+use lamogen_data::{Entry, Split};
 use lamogen_model::train_tokenizer;
 use lamogen_motion::write_atomically;
 use lamogen_train::other_phrasings;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// What the task reads and writes.
 #[derive(clap::Args)]
@@ -42,18 +43,14 @@ pub fn run(options: &Options) -> Result<String, Box<dyn Error>> {
     for (place, line) in read(&options.captions)?.lines().enumerate() {
         let path = options.captions.display();
         let problem = |problem: &str| format!("{path}, line {}: {problem}", place + 1);
-        let motion: Value =
-            serde_json::from_str(line).map_err(|error| problem(&error.to_string()))?;
-        if motion["split"] != "train" {
+        let motion = Entry::from_json(line).map_err(|error| problem(&error))?;
+        if motion.split != Split::Train {
             continue;
         }
-        let content = motion["content"].as_str();
-        let content = content.ok_or_else(|| problem("expected a \"content\""))?;
-        let captions = motion["captions"].as_array();
-        for caption in captions.ok_or_else(|| problem("expected \"captions\""))? {
-            let caption = caption.as_str().ok_or_else(|| problem("expected text"))?;
-            let counts = contents.entry(caption.to_owned()).or_default();
-            *counts.entry(content.to_owned()).or_default() += 1;
+        let content = { motion.content }.ok_or_else(|| problem("expected a \"content\""))?;
+        for caption in motion.captions {
+            let counts = contents.entry(caption.text).or_default();
+            *counts.entry(content.clone()).or_default() += 1;
         }
     }
     let mut texts: Vec<String> = Vec::new();
@@ -85,6 +82,8 @@ pub fn run(options: &Options) -> Result<String, Box<dyn Error>> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::Value;
+
     use super::*;
 
     fn options(folder: &std::path::Path, captions: &str) -> Options {
@@ -103,7 +102,11 @@ mod tests {
     fn captions_for_training_are_written_once_with_all_their_contents() {
         let folder = tempfile::tempdir().unwrap();
         let motion = |split: &str, content: &str, caption: &str| {
-            json!({ "split": split, "content": content, "captions": [caption] }).to_string()
+            let line = json!({
+                "name": content, "clip": 0, "start": 0, "frames": 60,
+                "split": split, "content": content, "captions": [caption],
+            });
+            line.to_string()
         };
         let lines = [
             motion("train", "walk", "a person walks forward"),
@@ -126,7 +129,12 @@ mod tests {
     #[test]
     fn a_line_that_is_no_motion_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        for line in ["{", r#"{"split": "train", "captions": []}"#] {
+        let without_content = r#"{"name": "a", "clip": 0, "start": 0, "frames": 60, "split": "train", "captions": ["a person walks"]}"#;
+        for line in [
+            "{",
+            r#"{"split": "train", "captions": []}"#,
+            without_content,
+        ] {
             let error = run(&options(folder.path(), line)).unwrap_err().to_string();
             assert!(error.contains("captions.jsonl, line 1"), "{error}");
         }

@@ -56,7 +56,7 @@ pub mod fuzzing {
         let _ = crate::more_captions::parse(text);
         let _ = crate::pack::listing::parse(text);
         let _ = crate::compositions::check(text);
-        let _ = text.lines().map(crate::packed::parse_entry).count();
+        let _ = text.lines().map(crate::Entry::from_json).count();
     }
 }
 

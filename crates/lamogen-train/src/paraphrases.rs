@@ -129,17 +129,20 @@ impl Paraphrases {
         let mut generator = ChaCha12Rng::seed_from_u64(seed);
         let mut rest = &words(caption)[..];
         let mut output: Vec<String> = Vec::new();
-        let is_locomotion = self.is_locomotion(rest);
-        let setting =
-            match rest.len() <= SETTING_WORDS && generator.random_bool(SETTING_PROBABILITY) {
-                true => Some(generator.random_range(0..3u32)),
-                false => None,
-            };
-        if setting == Some(0) {
-            output.extend(choose(&self.openings, &mut generator).iter().cloned());
-            output.push(",".to_owned());
-        }
         let subject = self.subject(rest);
+        let is_locomotion =
+            subject.is_some_and(|subject| self.is_locomotion(&rest[subject.len()..]));
+        let has_setting = rest.len() <= SETTING_WORDS && generator.random_bool(SETTING_PROBABILITY);
+        let closings = match has_setting.then(|| generator.random_range(0..3u32)) {
+            None => None,
+            Some(0) => {
+                output.extend(choose(&self.openings, &mut generator).iter().cloned());
+                output.push(",".to_owned());
+                None
+            }
+            Some(1) if is_locomotion => Some(&self.goals),
+            Some(_) => Some(&self.closings),
+        };
         let mut verb = None;
         if let Some(subject) = subject {
             rest = &rest[subject.len()..];
@@ -169,17 +172,9 @@ impl Paraphrases {
             let length = self.write_phrase(rest, &mut output, PHRASE_PROBABILITY, &mut generator);
             rest = &rest[length..];
         }
-        match setting {
-            Some(1) if is_locomotion => {
-                output.extend(choose(&self.goals, &mut generator).iter().cloned());
-            }
-            Some(1 | 2) => {
-                if output.last().is_some_and(|word| word == ".") {
-                    output.pop();
-                }
-                output.extend(choose(&self.closings, &mut generator).iter().cloned());
-            }
-            _ => {}
+        if let Some(closings) = closings {
+            output.pop_if(|word| word == ".");
+            output.extend(choose(closings, &mut generator).iter().cloned());
         }
         join(&output)
     }
@@ -191,15 +186,13 @@ impl Paraphrases {
             .max_by_key(|subject| subject.len())
     }
 
-    /// Returns whether a caption says of a subject only that it moves on, so that it may also say where to.
-    fn is_locomotion(&self, caption: &[String]) -> bool {
+    /// Returns whether a caption says of its subject only that it moves on, so that it may also say where to. `predicate` is what
+    /// follows the subject.
+    fn is_locomotion(&self, predicate: &[String]) -> bool {
         const STRAIGHT: [&str; 8] = [
             "forward", "forwards", "ahead", "straight", "onward", "on", "quickly", "slowly",
         ];
-        let Some(subject) = self.subject(caption) else {
-            return false;
-        };
-        match &caption[subject.len()..] {
+        match predicate {
             [verb, rest @ ..] => {
                 self.locomotion.contains(verb)
                     && rest.iter().all(|word| STRAIGHT.contains(&word.as_str()))
@@ -376,12 +369,33 @@ mod tests {
 
     #[test]
     fn what_has_no_other_words_stays_and_punctuation_too() {
-        let text = "zorbing (twice), quietly; it's well-made.";
+        // A text of so many words gets no setting.
+        let text = "zorbing (twice), quietly; it's well-made, by zeus.";
         let others = paraphrases(text);
         assert!(others.contains(text), "{others:?}");
-        assert!(others.iter().all(
-            |other| other.contains("zorbing (") && other.contains(", quietly; it's well-made")
-        ));
+        assert!(others.iter().all(|other| other.starts_with("zorbing (")
+            && other.ends_with(", quietly; it's well-made, by zeus.")));
+        let text = "zorbing (twice), quietly; it's well-made.";
+        let table = Paraphrases::english();
+        let openings: Vec<String> = { table.openings.iter() }
+            .map(|opening| format!("{}, ", join(opening)))
+            .collect();
+        let closings: Vec<String> = table.closings.iter().map(|closing| join(closing)).collect();
+        let others = paraphrases(text);
+        assert!(others.contains(text), "{others:?}");
+        for other in &others {
+            let (before, rest) = other.split_once("zorbing (").expect("the beginning");
+            let (_, after) = rest
+                .split_once("), quietly; it's well-made")
+                .expect("the end");
+            let is_opened = openings.iter().any(|opening| opening == before) && after == ".";
+            let is_closed =
+                before.is_empty() && closings.iter().any(|closing| after.trim_start() == closing);
+            assert!(
+                is_opened || is_closed || before.is_empty() && after == ".",
+                "{other}"
+            );
+        }
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl EntryLine {
     /// # Errors
     ///
     /// If the split is unknown, a caption is empty, or there are not as many items of tokens as captions.
-    pub fn into_entry(self) -> Result<Entry, String> {
+    fn into_entry(self) -> Result<Entry, String> {
         let split: Split = { self.split.parse() }.map_err(|error| format!("{error}"))?;
         let tokens = match self.tokens {
             Some(tokens) if tokens.len() != self.captions.len() => {
@@ -77,6 +77,19 @@ impl EntryLine {
             clip: self.clip,
             start: self.start,
         })
+    }
+}
+
+impl Entry {
+    /// Parses a line of the packed form's `captions.jsonl`. It does not check the clip and the rows.
+    ///
+    /// # Errors
+    ///
+    /// If a field is missing or has another type, the split is unknown, a caption is empty, or there are not as many items of
+    /// tokens as captions.
+    pub fn from_json(line: &str) -> Result<Self, String> {
+        let line: EntryLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        line.into_entry()
     }
 }
 

@@ -4,7 +4,7 @@ mod line;
 mod read;
 mod write;
 
-pub(crate) use read::{open, parse_entry};
+pub(crate) use read::open;
 pub(crate) use write::{check_free, write};
 
 /// The file with all rows.

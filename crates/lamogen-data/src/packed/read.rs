@@ -11,7 +11,6 @@ use rayon::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::{Metadata, TensorInfo};
 
-use super::line::EntryLine;
 use super::{CAPTIONS, MOTIONS};
 use crate::dataset::Dataset;
 use crate::entry::Entry;
@@ -62,7 +61,7 @@ fn read_entries(
             continue;
         }
         let line_name = || format!("{CAPTIONS}, line {}", index + 1);
-        let entry = match parse_entry(&line) {
+        let entry = match Entry::from_json(&line) {
             Ok(entry) => entry,
             Err(reason) => {
                 problems.add(line_name(), ProblemKind::Line, reason);
@@ -79,12 +78,6 @@ fn read_entries(
         }
     }
     Ok(entries)
-}
-
-/// Parses a line of `captions.jsonl`.
-pub(crate) fn parse_entry(line: &str) -> Result<Entry, String> {
-    let line: EntryLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
-    line.into_entry()
 }
 
 /// Checks that an entry has captions, a length within the limits, and finite rows within its clip.
