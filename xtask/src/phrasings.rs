@@ -53,6 +53,10 @@ pub fn run(options: &Options) -> Result<String, Box<dyn Error>> {
             *counts.entry(content.clone()).or_default() += 1;
         }
     }
+    if contents.is_empty() {
+        let path = options.captions.display();
+        return Err(format!("{path}: expected captions of the training split, found none").into());
+    }
     let mut texts: Vec<String> = Vec::new();
     for path in &options.sentences {
         texts.extend(read(path)?.lines().map(str::to_owned));
@@ -129,6 +133,13 @@ mod tests {
     #[test]
     fn a_line_that_is_no_motion_is_named() {
         let folder = tempfile::tempdir().unwrap();
+        let options_of_none = options(folder.path(), "");
+        let error = run(&options_of_none).unwrap_err().to_string();
+        assert!(
+            error.contains("captions.jsonl: expected captions"),
+            "{error}"
+        );
+        assert!(!options_of_none.out.exists());
         let without_content = r#"{"name": "a", "clip": 0, "start": 0, "frames": 60, "split": "train", "captions": ["a person walks"]}"#;
         for line in [
             "{",
