@@ -50,6 +50,39 @@ fn mean_change(generation: &Generation, frames: Range<usize>) -> f32 {
 }
 
 #[test]
+fn goals_that_change_at_a_border_are_reached_without_a_leap() {
+    let model = model();
+    for seed in 1..=6 {
+        let strong_then_light = Factor::parse(Component::Weight, "0:1.5 9:0.6").unwrap();
+        let goals = Goals::default().with(Component::Weight, strong_then_light);
+        let request = Request::new("a person walks forward")
+            .seconds(18.0)
+            .seed(seed)
+            .scale(goals);
+        let generation = model.generate(&request).unwrap();
+        // The factor changes where the first of two stretches ends.
+        let speeds: Vec<f32> = { generation.guided.joints().windows(2) }
+            .map(|pair| (pair[1][0][0] - pair[0][0][0]).hypot(pair[1][0][2] - pair[0][0][2]))
+            .collect();
+        let before = speeds[169..179].iter().sum::<f32>() / 10.0;
+        let after = { speeds[179..190].iter() }.map(|speed| speed / before);
+        let [slowest, fastest] = [f32::min, f32::max].map(|of| after.clone().reduce(of).unwrap());
+        assert!(
+            slowest > 0.3 && fastest < 1.4,
+            "seed {seed}: the pelvis moves at {slowest} to {fastest} times its speed before"
+        );
+        // Goals are reached within 0.8 s.
+        for (frames, expected) in [(5..175, 1.5), (196..355, 0.6)] {
+            let change = mean_change(&generation, frames);
+            assert!(
+                (change / expected - 1.0).abs() < 0.1,
+                "seed {seed}: {change} instead of {expected}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
     let arms = PartScale::new(BodyPart::Arms).tag(Tag::Light).unwrap();
     let walk = || Request::new("a person walks forward");
@@ -72,7 +105,8 @@ fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
     // 18 s are two stretches of 180 frames; the others share one.
     goes_on_at(motion.joints(), &[180, 360]);
     goes_on_at(generation.baseline.joints(), &[180, 360]);
-    // Where the factor changes from 1.5 to 0.6 at once, the body slows down without leaping ahead or stopping first.
+    // Where the factor changes from 1.5 to 0.6 at once, the body slows down without leaping ahead or stopping first. Energy is the
+    // square of speed, so a walk has 0.63 of its speed then, and less in the middle of a step.
     let speeds: Vec<f32> = { motion.joints().windows(2) }
         .map(|pair| (pair[1][0][0] - pair[0][0][0]).hypot(pair[1][0][2] - pair[0][0][2]))
         .collect();
@@ -80,11 +114,11 @@ fn a_long_motion_goes_on_from_stretch_to_stretch_with_its_goals() {
     for (frame, speed) in speeds.iter().enumerate().take(190).skip(179) {
         let ratio = speed / before;
         assert!(
-            (0.5..1.5).contains(&ratio),
+            (0.3..1.4).contains(&ratio),
             "{ratio} of the speed before at frame {frame}"
         );
     }
-    for (frames, expected) in [(5..175, 1.5), (185..355, 0.6), (385..475, 1.0)] {
+    for (frames, expected) in [(5..175, 1.5), (196..355, 0.6), (385..475, 1.0)] {
         let change = mean_change(&generation, frames.clone());
         assert!(
             (change / expected - 1.0).abs() < 0.1,

@@ -15,6 +15,9 @@ pub struct FitOptions {
     pub goal_evaluations: usize,
     /// The weight of the distance of every joint from that of the motion, in metres. Default: 4.
     pub nearness: f64,
+    /// The share of `nearness` that holds for the mean deviation of a frame's joints along the ground, 0 to 1. Below 1, a body
+    /// may travel less far or further than the motion where a goal asks for it, with shorter or longer steps. Default: 0.3.
+    pub placement: f64,
     /// The weight of the third difference of that deviation along time. It makes changes smooth and keeps details of the
     /// motion. Default: 15.
     pub smoothness: f64,
@@ -36,7 +39,8 @@ pub struct FitOptions {
     /// The angle in degrees that a joint may turn from one frame to the next, in the frame of its parent, without cost.
     /// Default: 26, which is 520 degrees a second.
     pub fastest: f64,
-    /// The weight of the distance of a standing foot from the position at which it stands, in metres. Default: 600.
+    /// The weight of the distance of a standing foot, at every frame, from its mean place on the ground as long as it stands, and
+    /// from the height at which it stands, in metres. Default: 600.
     pub stand: f64,
     /// The weight of the depth of the ball of a swinging foot below the height at which it clears the ground, in metres.
     /// Default: 250.
@@ -67,6 +71,7 @@ impl Default for FitOptions {
             evaluations: 60,
             goal_evaluations: 300,
             nearness: 4.0,
+            placement: 0.3,
             smoothness: 15.0,
             jerk: 0.1,
             turning: 15.0,
@@ -101,7 +106,7 @@ impl FitOptions {
     ///
     /// # Errors
     ///
-    /// If a weight is not a finite number from 0 to a million, nearness is 0, a number of evaluations is not from 1 to
+    /// If a weight is not a finite number from 0 to a million, nearness is 0, placement is not from 0 to 1, a number of evaluations is not from 1 to
     /// 100000, the stride is not from 0.1 to 10 metres, or the fastest turn is not from 1 to 180 degrees.
     pub fn check(&self) -> Result<(), FitError> {
         let weights = [
@@ -134,6 +139,9 @@ impl FitOptions {
         }
         if self.nearness == 0.0 {
             return problem("nearness", "a weight above 0", 0.0);
+        }
+        if !(0.0..=1.0).contains(&self.placement) {
+            return problem("placement", "a share from 0 to 1", self.placement);
         }
         for (field, found) in [
             ("evaluations", self.evaluations),
@@ -194,6 +202,10 @@ mod tests {
                 ..FitOptions::default()
             },
             FitOptions {
+                placement: 1.5,
+                ..FitOptions::default()
+            },
+            FitOptions {
                 evaluations: 0,
                 ..FitOptions::default()
             },
@@ -206,7 +218,14 @@ mod tests {
                 ..FitOptions::default()
             },
         ];
-        let names = ["stand", "nearness", "evaluations", "fastest", "stride"];
+        let names = [
+            "stand",
+            "nearness",
+            "placement",
+            "evaluations",
+            "fastest",
+            "stride",
+        ];
         for (fit, name) in invalid.into_iter().zip(names) {
             let message = fit.check().unwrap_err().to_string();
             assert!(

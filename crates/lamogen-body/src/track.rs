@@ -24,6 +24,11 @@ const SEAM_FRAMES: usize = 3;
 /// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
 /// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
 const STIFF_CURVATURE: f64 = 80.0;
+/// The factor on the weight of the third differences that begin in held frames and end after them. The held frames cannot move, so
+/// that a goal which sets in after them would otherwise be reached by a leap there.
+const BORDER_SMOOTHNESS: f64 = 10.0;
+/// What is added to the curvature at held frames: far more than all terms together.
+const HELD_CURVATURE: f64 = 1e9;
 /// The number of frames after held ones over which the body comes to its own height and its own rotations: one second.
 const HELD_FRAMES: usize = 20;
 
@@ -437,10 +442,15 @@ impl MotionFit {
         let mut value = 0.0;
         for t in 0..self.reference.len() {
             let weight = options.nearness * self.trust[t];
+            let off = |j: usize| at(t, j) - self.reference[t][j];
+            // What all joints have in common along the ground counts less.
+            let mean = (0..JOINTS).map(off).sum::<DVec3>() / JOINTS as f64;
+            let free = (1.0 - options.placement) * DVec3::new(mean.x, 0.0, mean.z);
+            value -= weight * JOINTS as f64 * free.dot(mean);
             for j in 0..JOINTS {
-                let off = at(t, j) - self.reference[t][j];
+                let off = off(j);
                 value += weight * off.length_squared();
-                gradient[t][j] += 2.0 * weight * off;
+                gradient[t][j] += 2.0 * weight * (off - free);
                 let depth = (self.ground - at(t, j).y).max(0.0);
                 value += options.floor * depth * depth;
                 gradient[t][j].y -= 2.0 * options.floor * depth;
@@ -452,14 +462,17 @@ impl MotionFit {
             }
         }
         for t in 3..self.reference.len() {
+            let is_across = (t - 3..t).contains(&(self.held.wrapping_sub(1)));
+            let border = if is_across { BORDER_SMOOTHNESS } else { 1.0 };
             let trust = self.trust[t].min(self.trust[t - 3]);
+            let smoothness = options.smoothness * trust * border;
             for j in 0..JOINTS {
                 let third = third_difference([t - 3, t - 2, t - 1, t].map(|t| at(t, j)));
                 let reference = [t - 3, t - 2, t - 1, t].map(|t| self.reference[t][j]);
                 let off = third - third_difference(reference);
                 value += options.jerk * third.length_squared();
-                value += options.smoothness * trust * off.length_squared();
-                let g = 2.0 * (options.jerk * third + options.smoothness * trust * off);
+                value += smoothness * off.length_squared();
+                let g = 2.0 * (options.jerk * third + smoothness * off);
                 gradient[t][j] += g;
                 gradient[t - 1][j] -= 3.0 * g;
                 gradient[t - 2][j] += 3.0 * g;
@@ -468,18 +481,31 @@ impl MotionFit {
         }
         for contact in &self.contacts {
             let j = contact.joint.index();
+            let place = self.standing_place(contact, &|t| at(t, j));
             for (t, gradient) in gradient
                 .iter_mut()
                 .enumerate()
                 .take(contact.until)
                 .skip(contact.from)
             {
-                let off = at(t, j) - DVec3::from(contact.position);
+                let off = at(t, j) - place;
                 value += options.stand * off.length_squared();
                 gradient[j] += 2.0 * options.stand * off;
             }
         }
         value
+    }
+
+    /// Returns where a foot stands in a contact: at the mean of its places on the ground, so that a step may become shorter or longer.
+    /// A foot that stands in the frames that are held goes on standing where it is. `at` returns its position at a frame.
+    fn standing_place(&self, contact: &FootContact, at: &dyn Fn(usize) -> DVec3) -> DVec3 {
+        let place = DVec3::from(contact.position);
+        if contact.from < self.held {
+            return place;
+        }
+        let frames = contact.from..contact.until;
+        let mean = frames.clone().map(at).sum::<DVec3>() / frames.len() as f64;
+        DVec3::new(mean.x, place.y, mean.z)
     }
 
     /// Returns the value of the terms of the rotations at single frames, and adds their gradient to `gradient`.
@@ -611,11 +637,21 @@ impl MotionFit {
                     + third * seam_bound(&THIRD_DIFFERENCE, place)
             }
         };
+        // Frames that cannot move do not give way to the frames beside them.
+        let beside_held = |t: usize, lever: f64| match t.checked_sub(self.held) {
+            None => HELD_CURVATURE,
+            Some(_) if self.held == 0 => 0.0,
+            Some(place) => {
+                let further = (BORDER_SMOOTHNESS - 1.0) * smoothness;
+                2.0 * further * lever * seam_bound(&THIRD_DIFFERENCE, place)
+            }
+        };
         let root_third = 2.0 * third * joints;
         let root = |t: usize| {
             2.0 * (nearness * self.trust[t] * joints + standing[t])
                 + stiff[t]
                 + over_seam(t, 0.0, root_third)
+                + beside_held(t, joints)
                 + 1e-3
         };
         let mut all = vec![BandedFactorization::new(frames, root, 0.0, root_third)];
@@ -632,6 +668,7 @@ impl MotionFit {
                 2.0 * (near + contact_share * standing[t] + prior)
                     + 0.5 * stiff[t]
                     + over_seam(t, second, third)
+                    + beside_held(t, lever)
                     + 1e-4
             };
             all.push(BandedFactorization::new(frames, diagonal, second, third));

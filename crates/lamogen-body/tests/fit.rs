@@ -336,6 +336,75 @@ fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
     assert!(wrist(&stopped.rotations[0]) > before + 0.02);
 }
 
+/// An objective that draws the pelvis along Z, in metres, from a frame on.
+struct PelvisPlaceObjective {
+    from: usize,
+    place: f32,
+}
+
+impl FitObjective for PelvisPlaceObjective {
+    fn evaluate(
+        &mut self,
+        joints: &[Vec<[[f32; 3]; JOINTS]>],
+    ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)> {
+        let evaluate = |poses: &Vec<[[f32; 3]; JOINTS]>| {
+            let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
+            let mut value = 0.0;
+            for (gradient, pose) in gradient.iter_mut().zip(poses).skip(self.from) {
+                let off = pose[0][2] - self.place;
+                value += f64::from(off * off);
+                gradient[0][2] = f64::from(2.0 * off);
+            }
+            (value, gradient)
+        };
+        joints.iter().map(evaluate).collect()
+    }
+}
+
+#[test]
+fn a_goal_makes_a_step_shorter_or_longer_and_feet_stand_where_it_ends() {
+    // The body stands for a second, hops 40 cm ahead within half a second, and stands again.
+    let progress = |frame: usize| ((frame as f32 - 20.0) / 10.0).clamp(0.0, 1.0);
+    let hop = body(
+        |frame| {
+            let part = progress(frame);
+            let lift = (part * std::f32::consts::PI).sin();
+            [0.0, standing_height() + 0.15 * lift, 0.4 * part]
+        },
+        |_, _| (),
+    );
+    let rest = RestPose::humanml3d();
+    let input = FitInput {
+        motion: &hop,
+        body: &rest,
+        ground: 0.0,
+        start: None,
+    };
+    for place in [0.25, 0.55] {
+        let mut goal = PelvisPlaceObjective { from: 32, place };
+        let fit = FitOptions {
+            goal: 500.0,
+            ..FitOptions::default()
+        };
+        let fitted = fit.run(
+            &[input],
+            Some(&mut goal),
+            &mut |_| ControlFlow::Continue(()),
+        );
+        let fitted = Motion::from_rotations(fitted.rotations[0].clone()).unwrap();
+        for foot in [Joint::LeftFoot, Joint::RightFoot] {
+            // The body leans a little, too.
+            let moved = fitted.position(45, foot)[2] - hop.position(45, foot)[2];
+            let share = moved / (place - 0.4);
+            assert!(share > 0.4, "{place}: {foot:?} moved by {moved}");
+            for standing in [0..20, 33..FRAMES] {
+                let slide = largest_slide(&fitted, foot, standing);
+                assert!(slide < 5e-3, "{place}: {foot:?} slides by {slide}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_ground_is_as_low_as_the_feet_come() {
     let sunk = body(|_| [0.0, standing_height() - 0.5, 0.0], |_, _| ());

@@ -3,10 +3,14 @@
 use std::ops::Range;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use lamogen_motion::{Normalization, POSE_FEATURES};
+use lamogen_motion::{FeatureGroup, Normalization, POSE_FEATURES};
 
 /// The number of frames over which what is left of a jump beside known frames is spread: one second.
 const SPREAD: usize = 20;
+
+/// The number of frames over which a speed goes on changing as it did in the known frames. Led on for a second, the speed of a body
+/// that speeds up at the border would grow by three times its last change, and the body would rush on.
+const SPEED_SPREAD: usize = 6;
 
 /// The first or the last frames of a motion, or both, that are known before it is generated.
 ///
@@ -117,6 +121,21 @@ impl KnownFrames {
     }
 }
 
+/// Returns 1 for the features that are speeds, and 1 for all others, `[1, 1, features]` each.
+fn are_speeds(device: &Device) -> [Tensor<3>; 2] {
+    let mut row = [0.0; POSE_FEATURES];
+    for group in [
+        FeatureGroup::RootYaw,
+        FeatureGroup::RootVelocity,
+        FeatureGroup::Velocities,
+    ] {
+        row[group.range()].fill(1.0);
+    }
+    let row = TensorData::new(row.to_vec(), [1, 1, POSE_FEATURES]);
+    let speeds = Tensor::<3>::from_data(row, device);
+    [speeds.clone(), 1.0 - speeds]
+}
+
 /// Returns the transitions of a motion with known frames at its start and its end.
 fn transitions(start: usize, end: usize, frames: usize, device: &Device) -> Vec<Transition> {
     let between = start..frames - end;
@@ -149,28 +168,39 @@ struct Transition {
     before: [usize; 2],
     /// The two frames beside them, the nearer one first.
     beside: [usize; 2],
-    /// The shares of a jump of values and of a jump of their speed at every frame, `[1, frames, 1]`.
-    shares: [Tensor<3>; 2],
+    /// The share of a jump of values at every frame, `[1, frames, 1]`.
+    of_jump: Tensor<3>,
+    /// The share of a jump of the speed of values at every frame, `[1, frames, features]`.
+    of_velocity_jump: Tensor<3>,
 }
 
 impl Transition {
     /// Creates a transition. `beside` are the frames over which a jump is spread, the nearest first, and at least two.
     fn new(before: [usize; 2], beside: &[usize], frames: usize, device: &Device) -> Transition {
-        let spread = beside.len() as f32;
         // Cubic curves that end level at 0: one begins level at 1, the other at 0 with a slope of 1.
-        let of_jump = |part: f32| 1.0 + part * part * (2.0 * part - 3.0);
-        let of_velocity_jump = |part: f32| spread * part * (1.0 - part) * (1.0 - part);
-        let column = |curve: &dyn Fn(f32) -> f32| {
+        let of_jump = |place: usize, spread: usize| {
+            let part = (place as f32 / spread as f32).min(1.0);
+            1.0 + part * part * (2.0 * part - 3.0)
+        };
+        let of_velocity_jump = |place: usize, spread: usize| {
+            let part = (place as f32 / spread as f32).min(1.0);
+            place as f32 * (1.0 - part) * (1.0 - part)
+        };
+        let column = |curve: &dyn Fn(usize, usize) -> f32, spread: usize| {
             let mut weights = vec![0.0; frames];
             for (place, frame) in beside.iter().enumerate() {
-                weights[*frame] = curve(place as f32 / spread);
+                weights[*frame] = curve(place, spread);
             }
-            Tensor::from_data(TensorData::new(weights, [1, frames, 1]), device)
+            Tensor::<3>::from_data(TensorData::new(weights, [1, frames, 1]), device)
         };
+        let spread = beside.len();
+        let [of_speeds, of_others] = are_speeds(device);
         Transition {
             before,
             beside: [beside[0], beside[1]],
-            shares: [column(&of_jump), column(&of_velocity_jump)],
+            of_jump: column(&of_jump, spread),
+            of_velocity_jump: column(&of_velocity_jump, spread) * of_others
+                + column(&of_velocity_jump, spread.min(SPEED_SPREAD)) * of_speeds,
         }
     }
 
@@ -181,8 +211,7 @@ impl Transition {
         let speed = near.clone() - far;
         let velocity_jump = speed.clone() - (second - first.clone());
         let jump = near + speed - first;
-        let [of_jump, of_velocity_jump] = self.shares.clone();
-        jump * of_jump + velocity_jump * of_velocity_jump
+        jump * self.of_jump.clone() + velocity_jump * self.of_velocity_jump.clone()
     }
 }
 
@@ -197,9 +226,14 @@ mod tests {
             .collect()
     }
 
-    fn first_feature(motion: Tensor<3>) -> Vec<f32> {
-        let values: Vec<f32> = motion.try_into_vec_as().unwrap();
-        values.chunks(POSE_FEATURES).map(|row| row[0]).collect()
+    fn feature(motion: &Tensor<3>, group: FeatureGroup) -> Vec<f32> {
+        let values: Vec<f32> = motion.clone().try_into_vec_as().unwrap();
+        let place = group.range().start;
+        values.chunks(POSE_FEATURES).map(|row| row[place]).collect()
+    }
+
+    fn heights(motion: &Tensor<3>) -> Vec<f32> {
+        feature(motion, FeatureGroup::RootHeight)
     }
 
     fn known(start: &[[f32; POSE_FEATURES]], end: &[[f32; POSE_FEATURES]]) -> KnownFrames {
@@ -215,7 +249,8 @@ mod tests {
         // Normalised, the start rises by 0.5 a frame to 2, and the end falls by 1 a frame from 3.
         let known = known(&rows([1.0, 2.0, 3.0, 4.0, 5.0]), &rows([7.0, 5.0, 3.0]));
         let predicted = Tensor::<3>::full([1, 60, POSE_FEATURES], -1.0, &Device::flex());
-        let motion = first_feature(known.replace(predicted));
+        let all = known.replace(predicted);
+        let motion = heights(&all);
         assert_eq!(motion[..5], [0.0, 0.5, 1.0, 1.5, 2.0]);
         assert_eq!(motion[57..], [3.0, 2.0, 1.0]);
         // The first frame beside the known ones goes on as they do, on both sides.
@@ -224,6 +259,14 @@ mod tests {
         assert!(accelerations.fold(0.0, f32::max) < 0.35, "{motion:?}");
         // In the middle there is only what is predicted.
         assert!(motion[25..37].iter().all(|value| *value == -1.0));
+        // Speeds change less far than the values: they would otherwise go on growing.
+        let most = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
+        for group in [FeatureGroup::RootVelocity, FeatureGroup::Velocities] {
+            let speeds = feature(&all, group);
+            assert!((speeds[5] - 2.5).abs() < 1e-5 && (speeds[56] - 4.0).abs() < 1e-5);
+            assert!(most(&speeds[5..25]) < 2.9 && most(&motion[5..25]) > 3.2);
+            assert!(most(&speeds[37..57]) < 4.8 && most(&motion[37..57]) > 5.5);
+        }
     }
 
     #[test]
@@ -234,8 +277,8 @@ mod tests {
         assert!(none.is_none());
         let noisy = |value| Tensor::full([1, 2, POSE_FEATURES], value, &Device::flex());
         let x = Tensor::<3>::full([1, 60, POSE_FEATURES], 0.5, &Device::flex());
-        assert_eq!(first_feature(known.at_step(x.clone(), 0))[..3], [0.5; 3]);
+        assert_eq!(heights(&known.at_step(x.clone(), 0))[..3], [0.5; 3]);
         let known = known.with_noise([Some(vec![noisy(7.0), noisy(8.0)]), None]);
-        assert_eq!(first_feature(known.at_step(x, 1))[..3], [8.0, 8.0, 0.5]);
+        assert_eq!(heights(&known.at_step(x, 1))[..3], [8.0, 8.0, 0.5]);
     }
 }

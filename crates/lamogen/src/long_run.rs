@@ -182,7 +182,7 @@ impl<'a, D: Denoiser> LongRun<'a, D> {
         let mut request = stretch_request(options, requests, stretch, end).steps(self.group.steps);
         match stretch + 1 == self.stretches.len() {
             true => request.before = options.before.clone(),
-            false => request.ahead = ahead(&self.itinerary),
+            false => request.ahead = ahead(self.group.is_guided),
         }
         if let Some(itinerary) = itinerary {
             let frames = (&self.frames(stretch), self.length());

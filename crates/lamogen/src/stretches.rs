@@ -123,16 +123,14 @@ pub(crate) fn itinerary(request: &Request, places: Places) -> Itinerary {
     Itinerary::new(places, placement)
 }
 
-/// The number of frames that are made of a stretch beyond its end where the motion goes on through places: half a second.
+/// The number of frames that are made of a guided stretch beyond its end: half a second.
 const AHEAD: usize = 10;
 
 /// Returns the number of frames that are made of a stretch beyond its end. The last place of a stretch is often its last frame; a body
-/// that is led there and no further arrives with a jerk.
-pub(crate) fn ahead(itinerary: &Itinerary) -> usize {
-    match itinerary.is_empty() {
-        true => 0,
-        false => AHEAD,
-    }
+/// that is led there and no further arrives with a jerk. So does one with other goals, because the features of its last frames are
+/// made of few of them: it rushes out of the stretch.
+pub(crate) fn ahead(is_guided: bool) -> usize {
+    if is_guided { AHEAD } else { 0 }
 }
 
 /// Returns the places of the stretch that has these frames of a motion of `length` frames; `request` is that of the stretch.

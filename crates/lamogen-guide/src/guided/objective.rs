@@ -19,8 +19,18 @@ use crate::loss_term::{LossTerm, PreparedTerm, TermComparison};
 const LEAD_FRAMES: usize = 16;
 
 /// Lets targets pass from a motion's own features, at the last of its held frames, to what is asked for. A target that changes at
-/// once where the frames before cannot move could only be reached there by a leap and steps back.
-fn lead_on(held: usize, own: &[[f32; COMPONENTS]], target: &mut [[f32; COMPONENTS]]) {
+/// once where the frames before cannot move could only be reached there by a leap and steps back. The features of the last held
+/// frames are made of the frames after them, too, so they count as much as those of the first free frame: a leap would otherwise
+/// be free there.
+fn lead_on(
+    held: usize,
+    own: &[[f32; COMPONENTS]],
+    target: &mut [[f32; COMPONENTS]],
+    weight: &mut [[f32; COMPONENTS]],
+) {
+    if let Some(&first) = weight.get(held) {
+        weight[..held].fill(first);
+    }
     for (frame, (own, target)) in own.iter().zip(target).enumerate().take(held + LEAD_FRAMES) {
         let after = (frame + 1).saturating_sub(held);
         let share = smooth_step(after as f64 / (LEAD_FRAMES + 1) as f64) as f32;
@@ -227,7 +237,7 @@ impl Targets {
                 let rows = |values: &[f32], start: usize| {
                     values.as_chunks::<COMPONENTS>().0[start..start + length].to_vec()
                 };
-                let [mut target, weight] = match baseline.repeated(3) {
+                let [mut target, mut weight] = match baseline.repeated(3) {
                     None => [&targets, &weights].map(|values| rows(values, motion * frames)),
                     Some(cycles) => {
                         let features = measure(&cycles, of_baseline).narrow(1, length, length);
@@ -243,7 +253,7 @@ impl Targets {
                 };
                 if held > 0 {
                     let own = to_host(measure(&motions[motion], of_guided));
-                    lead_on(held, &rows(&own, 0), &mut target);
+                    lead_on(held, &rows(&own, 0), &mut target, &mut weight);
                 }
                 let loss = MotionLoss::new(&options, &target, &weight);
                 losses.push(loss.with_heading(of_guided));
@@ -458,18 +468,19 @@ mod tests {
     fn a_target_leads_on_from_the_held_frames() {
         let own = [[1.0; COMPONENTS]; 60];
         let mut target = [[3.0; COMPONENTS]; 60];
-        lead_on(20, &own, &mut target);
-        let weights = target.map(|values| values[0]);
-        assert!(weights[..20].iter().all(|&value| value == 1.0));
+        let mut weight = [[0.0; COMPONENTS]; 60];
+        weight[20..].fill([2.0, 0.0, 1.0, 0.5]);
+        lead_on(20, &own, &mut target, &mut weight);
+        let values = target.map(|values| values[0]);
+        assert!(values[..20].iter().all(|&value| value == 1.0));
         // The way from one to the other is even on both sides.
-        assert!(
-            (weights[27] + weights[28] - 4.0).abs() < 1e-5,
-            "{weights:?}"
-        );
-        for pair in weights[19..37].windows(2) {
+        assert!((values[27] + values[28] - 4.0).abs() < 1e-5, "{values:?}");
+        for pair in values[19..37].windows(2) {
             let step = pair[1] - pair[0];
-            assert!((0.0..0.25).contains(&step), "{weights:?}");
+            assert!((0.0..0.25).contains(&step), "{values:?}");
         }
-        assert!(weights[36..].iter().all(|&value| value == 3.0));
+        assert!(values[36..].iter().all(|&value| value == 3.0));
+        // The held frames count as the free ones do, so that a leap after them has its cost in them, too.
+        assert!(weight.iter().all(|&row| row == [2.0, 0.0, 1.0, 0.5]));
     }
 }
