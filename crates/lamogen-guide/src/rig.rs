@@ -144,6 +144,8 @@ impl<'a> Rig<'a> {
         }
         if !self.guidance.places.is_empty() {
             fit.goal *= GOALS_BESIDE_PLACES;
+            // The network's motion leads through the places. A body that may be elsewhere could wait, and leap through them.
+            fit.placement = 1.0;
         }
         let fit = fit.run(&inputs, Some(&mut objective), on_progress);
         if let Some((motion, value)) = objective.non_finite {

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor};
 use lamogen_laban::{
-    COMPONENTS, EndEffectors, Goal, Goals, LabanFeatures, LabanSeries, LabanTarget, MotionLoss,
+    COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanSeries, LabanTarget,
+    MotionLoss,
 };
-use lamogen_motion::{Motion, Normalization, joints, smooth_step};
+use lamogen_motion::{Joint, Motion, Normalization, joints, smooth_step};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
@@ -36,6 +37,31 @@ fn lead_on(
         let share = smooth_step(after as f64 / (LEAD_FRAMES + 1) as f64) as f32;
         for (own, target) in own.iter().zip(target) {
             *target = own + share * (*target - own);
+        }
+    }
+}
+
+/// The number of frames on either side over which the speed of a body on its path is averaged: half a second, which is about a step.
+const STEP_FRAMES: usize = 10;
+
+/// Raises the targets of Weight, if they are too low altogether, to what the body needs to travel as a motion on a path does: the
+/// energy of its end-effectors, of `masses` altogether, if all of them moved at the mean speed of the pelvis. They have to come
+/// along, and no other way of moving has less; a lower target could only be approached by standing still and leaping from place to
+/// place.
+fn raise_to_travel(motion: &Motion, masses: f32, target: &mut [[f32; COMPONENTS]]) {
+    let frames = motion.frames();
+    let needed = |frame: usize| {
+        let from = frame.saturating_sub(STEP_FRAMES);
+        let until = (frame + STEP_FRAMES).min(frames - 1);
+        let [start, end] = [from, until].map(|frame| motion.position(frame, Joint::Pelvis));
+        let way = (end[0] - start[0]).hypot(end[2] - start[2]);
+        masses * (way / (until - from).max(1) as f32).powi(2)
+    };
+    let needed: Vec<f32> = (0..frames).map(needed).collect();
+    let weight = Component::Weight.index();
+    if { target.iter() }.map(|values| values[weight]).sum::<f32>() < needed.iter().sum() {
+        for (target, needed) in target.iter_mut().zip(needed) {
+            target[weight] = target[weight].max(needed);
         }
     }
 }
@@ -251,6 +277,10 @@ impl Targets {
                         [target.features(), target.weight()].map(|values| rows(&to_host(values), 0))
                     }
                 };
+                if guidance.places.path.is_some() {
+                    let masses = set.end_effectors.masses().sum();
+                    raise_to_travel(&motions[motion], masses, &mut target);
+                }
                 if held > 0 {
                     let own = to_host(measure(&motions[motion], of_guided));
                     lead_on(held, &rows(&own, 0), &mut target, &mut weight);
@@ -463,6 +493,24 @@ fn leaf_gradient(leaf: &Tensor<3>, loss: Tensor<1>) -> Tensor<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_body_on_a_path_is_not_asked_to_be_lighter_than_its_travel() {
+        // 6 cm a frame for two seconds, and then nothing.
+        let pose = |frame: usize| [[0.0, 1.0, 0.06 * frame.min(40) as f32]; lamogen_motion::JOINTS];
+        let motion = Motion::from_joints((0..80).map(pose).collect()).unwrap();
+        let mut target = [[0.008, 1.0, 1.0, 1.0]; 80];
+        target[5][0] = 0.1;
+        let before = target;
+        raise_to_travel(&motion, 6.0, &mut target);
+        assert!((target[20][0] - 6.0 * 0.06 * 0.06).abs() < 1e-5);
+        assert_eq!((target[5][0], target[70][0]), (0.1, 0.008));
+        assert!(target.iter().all(|values| values[1..] == [1.0; 3]));
+        // Targets that the travel can have stay as they are, also where it is faster at times.
+        let mut strong = before.map(|[_, time, flow, shape]| [0.015, time, flow, shape]);
+        raise_to_travel(&motion, 6.0, &mut strong);
+        assert!(strong.iter().all(|values| values[0] == 0.015));
+    }
 
     #[test]
     fn a_target_leads_on_from_the_held_frames() {
