@@ -317,7 +317,7 @@ impl<D: Denoiser> MotionStream<'_, D> {
         let request = section.request(&sentence);
         let mut request = stretch_request(&self.options, [request], self.stretches, end);
         request.places = section_places(&self.itinerary, (&made, length), &request);
-        request.ahead = ahead(request.goals.is_some() || !self.itinerary.is_empty());
+        request.ahead = ahead(goals.is_some() || !self.itinerary.is_empty());
         let mut generation = match self.model.generate_with(&request, observer) {
             Ok(generation) => generation,
             Err(error) => return Some(Err(error)),
