@@ -106,8 +106,9 @@ impl FitOptions {
     ///
     /// # Errors
     ///
-    /// If a weight is not a finite number from 0 to a million, nearness is 0, placement is not from 0 to 1, a number of evaluations is not from 1 to
-    /// 100000, the stride is not from 0.1 to 10 metres, or the fastest turn is not from 1 to 180 degrees.
+    /// If a weight is not a finite number from 0 to a million, nearness is 0, placement is not from 0 to 1, a number of
+    /// evaluations is not from 1 to 100000, the stride is not from 0.1 to 10 metres, or the fastest turn is not from 1 to
+    /// 180 degrees.
     pub fn check(&self) -> Result<(), FitError> {
         let weights = [
             ("nearness", self.nearness),

@@ -462,7 +462,7 @@ impl MotionFit {
             }
         }
         for t in 3..self.reference.len() {
-            let is_across = (t - 3..t).contains(&(self.held.wrapping_sub(1)));
+            let is_across = self.held > 0 && (self.held..self.held + 3).contains(&t);
             let border = if is_across { BORDER_SMOOTHNESS } else { 1.0 };
             let trust = self.trust[t].min(self.trust[t - 3]);
             let smoothness = options.smoothness * trust * border;

@@ -67,14 +67,20 @@ fn fit(motion: &Motion, fit: &FitOptions) -> Motion {
     fit_on(motion, &RestPose::humanml3d(), fit)
 }
 
-fn fit_on(motion: &Motion, body: &RestPose, fit: &FitOptions) -> Motion {
-    let input = FitInput {
+/// Returns the input of a fit to a body on a ground at height 0.
+fn input<'a>(motion: &'a Motion, body: &'a RestPose) -> FitInput<'a> {
+    FitInput {
         motion,
         body,
         ground: 0.0,
         start: None,
-    };
-    let fitted = fit.run(&[input], None, &mut |_| ControlFlow::Continue(()));
+    }
+}
+
+fn fit_on(motion: &Motion, body: &RestPose, fit: &FitOptions) -> Motion {
+    let fitted = fit.run(&[input(motion, body)], None, &mut |_| {
+        ControlFlow::Continue(())
+    });
     assert!(!fitted.is_stopped);
     Motion::from_rotations(fitted.rotations.into_iter().next().unwrap()).unwrap()
 }
@@ -257,12 +263,7 @@ fn motions_of_a_frame_or_three_and_bodies_without_bones_are_fitted_too() {
 fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() {
     let (long, rest) = (captured(), RestPose::humanml3d());
     let short = Motion::from_joints(long.joints()[5..40].to_vec()).unwrap();
-    let input = |motion| FitInput {
-        motion,
-        body: &rest,
-        ground: 0.0,
-        start: None,
-    };
+    let input = |motion| input(motion, &rest);
     let run = |inputs: &[FitInput<'_>], threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let run = || FitOptions::default().run(inputs, None, &mut |_| ControlFlow::Continue(()));
@@ -273,22 +274,27 @@ fn a_motion_becomes_the_same_alone_beside_others_and_on_any_number_of_threads() 
     assert_eq!(together[1], run(&[input(&short)], 3)[0]);
 }
 
-/// An objective that draws the right wrist to a height in metres.
-struct WristHeightObjective(f32);
+/// An objective that draws one coordinate of a joint to a value in metres, from a frame on.
+struct CoordinateObjective {
+    joint: Joint,
+    axis: usize,
+    from: usize,
+    value: f32,
+}
 
-impl FitObjective for WristHeightObjective {
+impl FitObjective for CoordinateObjective {
     fn evaluate(
         &mut self,
         joints: &[Vec<[[f32; 3]; JOINTS]>],
     ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)> {
-        let wrist = Joint::RightWrist.index();
+        let (joint, axis) = (self.joint.index(), self.axis);
         let evaluate = |poses: &Vec<[[f32; 3]; JOINTS]>| {
             let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
             let mut value = 0.0;
-            for (gradient, pose) in gradient.iter_mut().zip(poses) {
-                let off = pose[wrist][1] - self.0;
+            for (gradient, pose) in gradient.iter_mut().zip(poses).skip(self.from) {
+                let off = pose[joint][axis] - self.value;
                 value += f64::from(off * off);
-                gradient[wrist][1] = f64::from(2.0 * off);
+                gradient[joint][axis] = f64::from(2.0 * off);
             }
             (value, gradient)
         };
@@ -300,65 +306,35 @@ impl FitObjective for WristHeightObjective {
 fn a_goal_is_reached_and_a_stop_keeps_what_there_is() {
     let still = body(|_| [0.0, standing_height(), 0.0], |_, _| ());
     let rest = RestPose::humanml3d();
-    let input = FitInput {
-        motion: &still,
-        body: &rest,
-        ground: 0.0,
-        start: None,
-    };
+    let input = input(&still, &rest);
     let wrist = |rotations: &Rotations| rotations.joints()[30][Joint::RightWrist.index()][1];
     let before = still.position(30, Joint::RightWrist)[1];
     let requested = before + 0.2;
+    let wrist_objective = || CoordinateObjective {
+        joint: Joint::RightWrist,
+        axis: 1,
+        from: 0,
+        value: requested,
+    };
     let fit = FitOptions {
         goal: 100.0,
         ..FitOptions::default()
     };
-    let whole = fit.run(
-        &[input],
-        Some(&mut WristHeightObjective(requested)),
-        &mut |_| ControlFlow::Continue(()),
-    );
+    let whole = fit.run(&[input], Some(&mut wrist_objective()), &mut |_| {
+        ControlFlow::Continue(())
+    });
     assert!((wrist(&whole.rotations[0]) - requested).abs() < 0.03);
 
     let mut last_done = 0;
-    let stopped = fit.run(
-        &[input],
-        Some(&mut WristHeightObjective(requested)),
-        &mut |progress| {
-            last_done = progress.done;
-            match progress.done {
-                10 => ControlFlow::Break(()),
-                _ => ControlFlow::Continue(()),
-            }
-        },
-    );
+    let stopped = fit.run(&[input], Some(&mut wrist_objective()), &mut |progress| {
+        last_done = progress.done;
+        match progress.done {
+            10 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
     assert!(stopped.is_stopped && last_done == 10);
     assert!(wrist(&stopped.rotations[0]) > before + 0.02);
-}
-
-/// An objective that draws the pelvis along Z, in metres, from a frame on.
-struct PelvisPlaceObjective {
-    from: usize,
-    place: f32,
-}
-
-impl FitObjective for PelvisPlaceObjective {
-    fn evaluate(
-        &mut self,
-        joints: &[Vec<[[f32; 3]; JOINTS]>],
-    ) -> Vec<(f64, Vec<[[f64; 3]; JOINTS]>)> {
-        let evaluate = |poses: &Vec<[[f32; 3]; JOINTS]>| {
-            let mut gradient = vec![[[0.0; 3]; JOINTS]; poses.len()];
-            let mut value = 0.0;
-            for (gradient, pose) in gradient.iter_mut().zip(poses).skip(self.from) {
-                let off = pose[0][2] - self.place;
-                value += f64::from(off * off);
-                gradient[0][2] = f64::from(2.0 * off);
-            }
-            (value, gradient)
-        };
-        joints.iter().map(evaluate).collect()
-    }
 }
 
 #[test]
@@ -374,14 +350,14 @@ fn a_goal_makes_a_step_shorter_or_longer_and_feet_stand_where_it_ends() {
         |_, _| (),
     );
     let rest = RestPose::humanml3d();
-    let input = FitInput {
-        motion: &hop,
-        body: &rest,
-        ground: 0.0,
-        start: None,
-    };
+    let input = input(&hop, &rest);
     for place in [0.25, 0.55] {
-        let mut goal = PelvisPlaceObjective { from: 32, place };
+        let mut goal = CoordinateObjective {
+            joint: Joint::Pelvis,
+            axis: 2,
+            from: 32,
+            value: place,
+        };
         let fit = FitOptions {
             goal: 500.0,
             ..FitOptions::default()

@@ -212,9 +212,8 @@ def encode_sentences(path, out, files):
     sentences = set()
     for name in files:
         for line in open(name, encoding="utf-8"):
-            row = json.loads(line) if name.endswith(".jsonl") else line
-            texts = [row["caption"]] if name.endswith(".jsonl") else [row]
-            sentences.update(" ".join(text.split()) for text in texts)
+            text = json.loads(line)["caption"] if name.endswith(".jsonl") else line
+            sentences.add(" ".join(text.split()))
     sentences = sorted(sentences - {""})
     rows = torch.zeros(len(sentences), Teacher.WIDTH)
     begin = time.time()
@@ -305,7 +304,7 @@ def initial_embeddings(tokenizer, teacher, width):
         ids = [] if token.startswith("<|") else teacher.tokenizer.encode(token, add_special_tokens=False).ids
         rows[place] = table[ids].mean(0) if ids else 0
     rows -= rows.mean(0)
-    _, _, components = torch.pca_lowrank(rows, width, center=False, niter=4)[0:3]
+    _, _, components = torch.pca_lowrank(rows, width, center=False, niter=4)
     rows = rows @ components
     return rows / rows.std() * 0.2
 
