@@ -6,9 +6,13 @@ use std::time::Instant;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use lamogen::LaMoGen;
-use lamogen_guide::{Batch, Guidance, Sampler, noise};
+use lamogen_guide::{Batch, ClassifierFree, Guidance, Sampler, noise};
 use lamogen_laban::Scale;
-use lamogen_model::{Denoiser, DenoiserInput, FrameMask, ModelConfig, MotionDiffuse};
+use lamogen_model::{
+    ClipTextConfig, Denoiser, DenoiserInput, FrameMask, Mdm, MdmConfig, MdmText, MdmTextConfig,
+    ModelConfig, MotionDiffuse, Tokens,
+};
+use lamogen_motion::Normalization;
 
 /// The network that is timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -28,6 +32,9 @@ pub struct Options {
     /// Time the model of a folder instead.
     #[arg(long, conflicts_with = "size")]
     pub model: Option<PathBuf>,
+    /// Time MDM at its public sizes (trans_enc, random weights, classifier-free guidance) instead.
+    #[arg(long, conflicts_with_all = ["size", "model"])]
+    pub mdm: bool,
     /// Frames of each motion.
     #[arg(long, default_value_t = 196, value_parser = clap::value_parser!(u64).range(1..=196))]
     pub frames: u64,
@@ -64,19 +71,66 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
         None => LaMoGen::embedded(device)?,
     };
     let normalization = loaded.normalization();
+    if options.mdm {
+        let network = mdm(device);
+        let ids = Tensor::<2, Int>::from_data([[1, 2, 3, 4, 5, 6, 7, 8]], device);
+        let wordless = Tokens {
+            ids: vec![0],
+            length: 1,
+            cut: 0,
+            own: 0,
+        };
+        let scaled = ClassifierFree::new(&network, 2.5, &wordless)?;
+        return time(&scaled, ids, normalization, options, device);
+    }
     let full;
-    let model = match (options.size, &options.model) {
-        (Size::Compact, _) | (_, Some(_)) => {
-            let network = loaded.network().motion_diffuse();
-            network.ok_or("expected a MotionDiffuse, found an MDM")?
-        }
+    let network = match (options.size, &options.model) {
         (Size::Full, None) => {
             full = MotionDiffuse::new(&ModelConfig::motion_diffuse(), device);
             &full
         }
+        _ => {
+            let network = loaded.network().motion_diffuse();
+            network.ok_or("expected a MotionDiffuse, found an MDM")?
+        }
     };
+    let clip = &network.config().clip;
+    let ids: Vec<i32> = (1..=clip.context_length as i32)
+        .map(|i| match i as usize == clip.context_length {
+            true => clip.vocab_size as i32 - 1,
+            false => i % 997,
+        })
+        .collect();
+    let ids = Tensor::<1, Int>::from_data(ids.as_slice(), device).unsqueeze();
+    time(network, ids, normalization, options, device)
+}
+
+/// Creates an MDM of the public sizes. Its text tower is small, because it runs once a motion.
+fn mdm(device: &Device) -> Mdm {
+    let config = MdmConfig::from_json(b"{}", "args.json").expect("the defaults are a config");
+    let text = MdmTextConfig::Clip {
+        tower: ClipTextConfig {
+            vocab_size: 1000,
+            context_length: 22,
+            width: 64,
+            heads: 1,
+            layers: 1,
+        },
+        output: config.text_width,
+    };
+    Mdm::new(&config, MdmText::new(&text, device), device)
+}
+
+/// Times a network. `ids` are the tokens of the sentence of all motions, `[1, tokens]`.
+fn time<D: Denoiser>(
+    model: &D,
+    ids: Tensor<2, Int>,
+    normalization: &Normalization,
+    options: &Options,
+    device: &Device,
+) -> Result<Times, Box<dyn Error>> {
     let (frames, motions) = (options.frames as usize, options.batch as usize);
-    let batch = batch(model, frames, motions, device);
+    let batch = batch(model, ids, frames, motions, device);
     let steps = options.steps as usize;
     let sampler = Sampler::new(model, normalization, steps)?;
     let guidance = Guidance::paper();
@@ -107,27 +161,20 @@ pub fn run(options: &Options, device: &Device) -> Result<Times, Box<dyn Error>> 
     })
 }
 
-/// Creates a batch of motions with random noise and some tokens.
-fn batch(
-    model: &MotionDiffuse,
+/// Creates a batch of motions with random noise and one sentence.
+fn batch<D: Denoiser>(
+    model: &D,
+    ids: Tensor<2, Int>,
     frames: usize,
     motions: usize,
     device: &Device,
-) -> Batch<<MotionDiffuse as Denoiser>::Context> {
-    let clip = &model.config().clip;
-    let row: Vec<i32> = (1..=clip.context_length as i32)
-        .map(|i| match i as usize == clip.context_length {
-            true => clip.vocab_size as i32 - 1,
-            false => i % 997,
-        })
-        .collect();
-    let tokens = TensorData::new(row.repeat(motions), [motions, row.len()]);
+) -> Batch<D::Context> {
     let start: Vec<f32> = (0..motions as u64)
         .flat_map(|seed| noise(seed, frames, model.pose_features()))
         .collect();
     let start = TensorData::new(start, [motions, frames, model.pose_features()]);
     Batch {
-        prompt: model.encode(&Tensor::<2, Int>::from_data(tokens, device).into()),
+        prompt: model.encode(&ids.repeat_dim(0, motions).into()),
         noise: Tensor::from_data(start, device),
         lengths: vec![frames; motions],
         step_noise: None,

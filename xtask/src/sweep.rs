@@ -43,6 +43,7 @@ impl Axis {
         let options = Options {
             size,
             model: None,
+            mdm: false,
             frames: 80,
             batch: 1,
             steps: 4,

@@ -17,6 +17,7 @@ mod banded;
 mod contacts;
 mod descent;
 mod fit;
+mod held;
 mod kinematics;
 mod options;
 mod pose;

@@ -3,15 +3,55 @@
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, smooth_step};
 
+use crate::pose::{BoneOffsets, Pose};
+
 /// The number of frames before and after the seam over which a jump is spread.
 const SPREAD: usize = 10;
+
+/// Removes the travel of a loop that is played several times, evenly over its frames. Its first frame stays where it is.
+pub(crate) fn remove_travel(frames: usize, reference: &mut [[DVec3; JOINTS]]) {
+    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
+    for (t, pose) in reference.iter_mut().enumerate() {
+        let shift = travel * (t as f64 / frames as f64);
+        for place in pose {
+            *place -= shift;
+        }
+    }
+}
+
+/// Closes the seams of a loop that is played three times: spreads the jumps between its cycles over the frames around them.
+pub(crate) fn close_seams(
+    offsets: &BoneOffsets,
+    frames: usize,
+    reference: &mut [[DVec3; JOINTS]],
+    solved: &mut [[DQuat; JOINTS]],
+) {
+    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
+    // The second cycle knows what is before and after it. The others are copies of it.
+    let cycle = frames..2 * frames;
+    let mut root: Vec<DVec3> = reference[cycle.clone()]
+        .iter()
+        .map(|pose| pose[0])
+        .collect();
+    let mut local = solved[cycle].to_vec();
+    close_seam(&mut root, &mut local, travel);
+    for t in 0..reference.len() {
+        let (cycle, frame) = (t / frames, t % frames);
+        let place = root[frame] + (cycle as f64 - 1.0) * travel;
+        for (own, new) in solved[t].iter_mut().zip(local[frame]) {
+            // The sign goes on as it was.
+            *own = if own.dot(new) < 0.0 { -new } else { new };
+        }
+        reference[t] = Pose::of(offsets, place, &solved[t]).positions;
+    }
+}
 
 /// Spreads what is left of a jump between the last frame of a loop and the first one, which follows it, over the frames around:
 /// of positions and of velocities, of the root and of the local rotations. The step at the seam becomes the mean of the steps
 /// beside it, and the velocities beside it differ by what the accelerations there say.
 ///
 /// `travel` is the travel of a cycle in metres. Loops of fewer than six frames are left as they are.
-pub(crate) fn close_seam(root: &mut [DVec3], local: &mut [[DQuat; JOINTS]], travel: DVec3) {
+fn close_seam(root: &mut [DVec3], local: &mut [[DQuat; JOINTS]], travel: DVec3) {
     let frames = root.len();
     let spread = SPREAD.min(frames / 2);
     if frames < 6 {

@@ -3,15 +3,18 @@
 use glam::{DQuat, DVec3};
 use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
 
-use crate::banded::{BandedFactorization, SECOND_DIFFERENCE, THIRD_DIFFERENCE};
+use crate::banded::BandedFactorization;
 use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
 use crate::descent::Minimizer;
 use crate::fit::FitInput;
-use crate::options::{FitOptions, is_of_leg};
+use crate::held::hold_start;
+use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
-use crate::seam::{close_seam, jump_share};
+use crate::seam::{close_seams, remove_travel};
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 use crate::steps::{break_into_steps, lift_between_steps};
+
+mod curvatures;
 
 /// The number of unknowns of a frame: the root position, and the quaternion of every joint that has children.
 const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
@@ -20,17 +23,9 @@ const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
 /// They are the first frames again, moved on by the travel.
 const SEAM_FRAMES: usize = 3;
 
-/// What is added to the curvature of the root at frames where a goal counts far more than the terms of the fit, and half of it
-/// to that of joints. It is of the size of the root's own. Without it, the first step moves an arm too far, and the steps
-/// that follow are too short; with the goal's whole curvature, the frame hardly moves beside its neighbours.
-const STIFF_CURVATURE: f64 = 80.0;
 /// The factor on the weight of the third differences that begin in held frames and end after them. The held frames cannot move, so
 /// that a goal which sets in after them would otherwise be reached by a leap there.
 const BORDER_SMOOTHNESS: f64 = 10.0;
-/// What is added to the curvature at held frames: far more than all terms together.
-const HELD_CURVATURE: f64 = 1e9;
-/// The number of frames after held ones over which the body comes to its own height and its own rotations: one second.
-const HELD_FRAMES: usize = 20;
 
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
@@ -39,53 +34,6 @@ struct LoopSeam {
     /// For each joint, whether its quaternion changes its sign from cycle to cycle (-1), as that of a body that turns round
     /// once does, or not (1).
     signs: [f64; JOINTS],
-}
-
-/// Puts the frames that a fit begins with in the place of the first ones. The others are moved along the ground, since a path
-/// that was scaled to the body's size does not lead on from them. So was their height, by legs that a network stretches little by
-/// little after frames that are known to it; they come to it within a second. So do rotations come to their own.
-fn hold_start(
-    start: &Rotations,
-    reference: &mut [[DVec3; JOINTS]],
-    solved: &mut [[DQuat; JOINTS]],
-) {
-    let held = start.frames().min(reference.len());
-    let poses = start.joints().into_iter().take(held);
-    let poses: Vec<[DVec3; JOINTS]> = poses
-        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
-        .collect();
-    if let Some(last) = poses.last() {
-        let shift = last[0] - reference[held - 1][0];
-        for (t, pose) in reference[held..].iter_mut().enumerate() {
-            let height = jump_share(t + 1, HELD_FRAMES);
-            let shift = shift * DVec3::new(1.0, height, 1.0);
-            for place in pose {
-                *place += shift;
-            }
-        }
-    }
-    reference[..held].copy_from_slice(&poses);
-    let before = held.checked_sub(1).map(|last| solved[last]);
-    for (frame, turns) in start.local().iter().zip(&mut *solved) {
-        for (turn, own) in frame.iter().zip(turns) {
-            let turn = DQuat::from_array(turn.map(f64::from)).normalize();
-            // Both signs are the same rotation; the numbers of the next frame are near to those of the frame's own.
-            *own = turn * turn.dot(*own).signum();
-        }
-    }
-    let Some(before) = before else {
-        return;
-    };
-    let (held, after) = solved.split_at_mut(held);
-    let last = held[held.len() - 1];
-    let jumps: [DVec3; JOINTS] =
-        std::array::from_fn(|joint| (before[joint].inverse() * last[joint]).to_scaled_axis());
-    for (t, turns) in after.iter_mut().enumerate() {
-        let share = jump_share(t + 1, HELD_FRAMES);
-        for (turn, jump) in turns.iter_mut().zip(jumps) {
-            *turn = (*turn * DQuat::from_scaled_axis(share * jump)).normalize();
-        }
-    }
 }
 
 /// An elbow or knee, which bends one way only.
@@ -600,81 +548,6 @@ impl MotionFit {
             }
         }
     }
-
-    /// Estimates the curvature of the fit's value along the root and along every joint that has children, each by itself.
-    /// Steps of the minimiser are divided by these curvatures. `stiff_frames` are those of the goal.
-    fn curvatures(&self, stiff_frames: &[usize]) -> Vec<BandedFactorization> {
-        let FitOptions {
-            nearness,
-            smoothness,
-            jerk,
-            turning,
-            rotation,
-            stand,
-            ..
-        } = self.options;
-        let frames = self.minimizer.point().len() / FRAME_WIDTH;
-        // The weight of all contacts at each frame.
-        let mut standing = vec![0.0; self.reference.len()];
-        for contact in &self.contacts {
-            for standing in &mut standing[contact.from..contact.until] {
-                *standing += stand;
-            }
-        }
-        let third = jerk + smoothness;
-        let joints = JOINTS as f64;
-        let mut stiff = vec![0.0; self.reference.len()];
-        for &frame in stiff_frames {
-            stiff[frame] = STIFF_CURVATURE;
-        }
-        // The differences over the seam of a loop are no part of the banded matrices. Without these numbers, which are not below
-        // them, steps there are far too long, and those of the whole motion become short.
-        let over_seam = |t: usize, second: f64, third: f64| match self.seam {
-            None => 0.0,
-            Some(_) => {
-                let place = t.min(frames - 1 - t);
-                second * seam_bound(&SECOND_DIFFERENCE, place)
-                    + third * seam_bound(&THIRD_DIFFERENCE, place)
-            }
-        };
-        // Frames that cannot move do not give way to the frames beside them.
-        let beside_held = |t: usize, lever: f64| match t.checked_sub(self.held) {
-            None => HELD_CURVATURE,
-            Some(_) if self.held == 0 => 0.0,
-            Some(place) => {
-                let further = (BORDER_SMOOTHNESS - 1.0) * smoothness;
-                2.0 * further * lever * seam_bound(&THIRD_DIFFERENCE, place)
-            }
-        };
-        let root_third = 2.0 * third * joints;
-        let root = |t: usize| {
-            2.0 * (nearness * self.trust[t] * joints + standing[t])
-                + stiff[t]
-                + over_seam(t, 0.0, root_third)
-                + beside_held(t, joints)
-                + 1e-3
-        };
-        let mut all = vec![BandedFactorization::new(frames, root, 0.0, root_third)];
-        let levers = squared_levers(&self.offsets);
-        for joint in PARENT_JOINTS {
-            // The numbers of a quaternion change half as fast as the angle, which is a factor of 4 on squares.
-            let lever = 4.0 * levers[joint.index()];
-            let contact_share = if moves_foot(joint) { 0.25 } else { 0.0 };
-            let prior = self.options.prior_of(joint);
-            let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
-            let third = 2.0 * third * lever;
-            let diagonal = |t: usize| {
-                let near = nearness * self.trust[t] * lever;
-                2.0 * (near + contact_share * standing[t] + prior)
-                    + 0.5 * stiff[t]
-                    + over_seam(t, second, third)
-                    + beside_held(t, lever)
-                    + 1e-4
-            };
-            all.push(BandedFactorization::new(frames, diagonal, second, third));
-        }
-        all
-    }
 }
 
 /// Adds the gradient of the joint positions, pulled back to root and rotations.
@@ -699,44 +572,6 @@ fn pull_back_positions(
     }
 }
 
-/// Removes the travel of a loop that is played several times, evenly over its frames. Its first frame stays where it is.
-fn remove_travel(frames: usize, reference: &mut [[DVec3; JOINTS]]) {
-    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
-    for (t, pose) in reference.iter_mut().enumerate() {
-        let shift = travel * (t as f64 / frames as f64);
-        for place in pose {
-            *place -= shift;
-        }
-    }
-}
-
-/// Closes the seams of a loop that is played three times: spreads the jumps between its cycles over the frames around them.
-fn close_seams(
-    offsets: &BoneOffsets,
-    frames: usize,
-    reference: &mut [[DVec3; JOINTS]],
-    solved: &mut [[DQuat; JOINTS]],
-) {
-    let travel = (reference[frames][0] - reference[0][0]) * DVec3::new(1.0, 0.0, 1.0);
-    // The second cycle knows what is before and after it. The others are copies of it.
-    let cycle = frames..2 * frames;
-    let mut root: Vec<DVec3> = reference[cycle.clone()]
-        .iter()
-        .map(|pose| pose[0])
-        .collect();
-    let mut local = solved[cycle].to_vec();
-    close_seam(&mut root, &mut local, travel);
-    for t in 0..reference.len() {
-        let (cycle, frame) = (t / frames, t % frames);
-        let place = root[frame] + (cycle as f64 - 1.0) * travel;
-        for (own, new) in solved[t].iter_mut().zip(local[frame]) {
-            // The sign goes on as it was.
-            *own = if own.dot(new) < 0.0 { -new } else { new };
-        }
-        reference[t] = Pose::of(offsets, place, &solved[t]).positions;
-    }
-}
-
 /// Returns the quaternion of the joint with an index in [`PARENT_JOINTS`] from the unknowns of a frame.
 fn quaternion_mut(row: &mut [f64], index: usize) -> &mut [f64] {
     &mut row[3 + 4 * index..7 + 4 * index]
@@ -745,19 +580,6 @@ fn quaternion_mut(row: &mut [f64], index: usize) -> &mut [f64] {
 /// Returns the third difference of four consecutive values.
 fn third_difference([a, b, c, d]: [DVec3; 4]) -> DVec3 {
     d - 3.0 * c + 3.0 * b - a
-}
-
-/// Returns what the squares of differences over the seam of a loop add to the diagonal at a frame so many frames from the seam, so
-/// that the diagonal alone is not below them.
-fn seam_bound(factors: &[f64], place: usize) -> f64 {
-    let sum = |factors: &[f64]| factors.iter().map(|factor| factor.abs()).sum::<f64>();
-    // A frame is the last one of the differences of which all others lie on the other side, the last but one of those …
-    factors.get(place + 1..).map_or(0.0, sum) * sum(factors)
-}
-
-/// Returns whether a joint moves a foot: whether it is the pelvis, a hip, a knee or an ankle.
-fn moves_foot(joint: Joint) -> bool {
-    joint == Joint::Pelvis || is_of_leg(joint)
 }
 
 fn hinges(offsets: &BoneOffsets) -> [HingeJoint; 4] {
@@ -780,17 +602,4 @@ fn hinges(offsets: &BoneOffsets) -> [HingeJoint; 4] {
             bend_direction: axis.cross(bone),
         }
     })
-}
-
-/// Returns, for every joint, the sum of its squared distances in the rest pose to all joints that it moves, in m².
-fn squared_levers(offsets: &BoneOffsets) -> [f64; JOINTS] {
-    let pose = Pose::of(offsets, DVec3::ZERO, &[DQuat::IDENTITY; JOINTS]);
-    let mut sums = [0.0; JOINTS];
-    for joint in Joint::ALL {
-        let position = pose.positions[joint.index()];
-        for ancestor in std::iter::successors(joint.parent(), |ancestor| ancestor.parent()) {
-            sums[ancestor.index()] += position.distance_squared(pose.positions[ancestor.index()]);
-        }
-    }
-    sums
 }
