@@ -64,6 +64,24 @@ fn json(text: &str) -> Value {
 }
 
 #[test]
+fn real_motions_are_held_against_real_motions_of_other_sentences() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    prepare(folder);
+    let fid = |prompts| {
+        let options = "eval --data data --evaluator judge/model --split train --steps 2 --methods text --studies --json --out";
+        let mut args: Vec<&str> = options.split(' ').collect();
+        args.extend([prompts, "--prompts", prompts]);
+        succeeds(folder, &args);
+        let figures = fs::read_to_string(folder.join(prompts).join("figures.json")).unwrap();
+        json(&figures)["real_motions"]["fid"]["mean"].as_f64()
+    };
+    let value = fid("2").expect("the validation split has two motions");
+    assert!(value > 1e-3 && value.is_finite(), "{value}");
+    assert_eq!(fid("3"), None, "there are not as many others");
+}
+
+#[test]
 fn a_report_has_the_papers_tables_and_the_ablations() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

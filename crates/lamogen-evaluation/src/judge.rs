@@ -46,8 +46,11 @@ impl MotionEvaluator<'_> {
 
 /// What the evaluator's scores are computed from, before anything is embedded that takes long.
 pub enum ScoreSource<'a> {
-    /// The embeddings of the prompts' real motions.
-    Trained { real: Embeddings },
+    /// The embeddings of the prompts' real motions, and those of sets of as many real motions of other sentences.
+    Trained {
+        real: Embeddings,
+        others: Vec<Embeddings>,
+    },
     /// The benchmark's motions and the draws of each repeat.
     Public {
         evaluator: &'a PublicEvaluator,
@@ -61,10 +64,12 @@ pub enum ScoreSource<'a> {
 /// What the evaluator's scores are computed from.
 pub enum ScoreBasis<'a> {
     /// For each repeat the embeddings of the captions of all prompts, and those of the real motions. R-precision is that of batches with distinct
-    /// captions, FID that of the prompts' own motions.
+    /// captions, FID that of the prompts' own motions. `others` are real motions of other sentences, as many in each set: what FID is between
+    /// motions that are all real.
     Trained {
         texts: &'a [Embeddings],
         real: &'a Embeddings,
+        others: &'a [Embeddings],
     },
     /// The public evaluation.
     Public(Box<Protocol>),

@@ -56,6 +56,9 @@ use lamogen_eval::{Embeddings, Evaluator, RetrievalBatches};
 use lamogen_guide::Preset;
 use lamogen_model::Denoiser;
 use lamogen_motion::{remove_stale_temporaries, write_atomically};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha12Rng;
 use serde_json::{Value, json};
 
 pub use error::{EvaluationError, EvaluationErrorKind};
@@ -71,6 +74,9 @@ use summary::EvalData;
 
 /// The number of motions that are generated and evaluated together.
 const BATCH_SIZE: usize = 8;
+/// The most sets of real motions of other sentences, and the most motions of all these sets, but for one.
+const OTHER_SETS: usize = 10;
+const OTHER_MOTIONS: usize = 2000;
 
 /// What an evaluation generates and measures. The default is all of the paper's tables and lamogen's own studies.
 #[derive(Clone, Debug)]
@@ -401,7 +407,11 @@ impl EvalSources<'_> {
     ) -> Result<ScoreBasis<'b>, EvaluationError> {
         match &self.scores {
             ScoreSource::None => Ok(ScoreBasis::None),
-            ScoreSource::Trained { real } => Ok(ScoreBasis::Trained { texts, real }),
+            ScoreSource::Trained { real, others } => Ok(ScoreBasis::Trained {
+                texts,
+                real,
+                others,
+            }),
             // Fewer motions form no batch.
             ScoreSource::Public { clips, .. } if clips.len() < RetrievalBatches::SIZE => {
                 Ok(ScoreBasis::None)
@@ -514,11 +524,19 @@ fn dataset_sources<'a, D: Denoiser>(
         let measured = options.measure.measured_motion(&motion)?;
         Ok((measured.features(), measured.body()))
     };
-    let measurements: Result<(Vec<Vec<f32>>, Vec<BodyMeasurements>), String> =
-        entries.iter().map(measure).collect();
-    let (features, bodies) =
-        measurements.map_err(|error| EvaluationError::new(EvaluationErrorKind::Input, error))?;
-    let real = evaluator.motions(&features).map_err(evaluation_failure)?;
+    let embed = |entries: &[&Entry]| {
+        let measurements: Result<(Vec<Vec<f32>>, Vec<BodyMeasurements>), String> =
+            entries.iter().map(measure).collect();
+        let (features, bodies) = measurements
+            .map_err(|error| EvaluationError::new(EvaluationErrorKind::Input, error))?;
+        let points = evaluator.motions(&features).map_err(evaluation_failure)?;
+        Ok::<_, EvaluationError>((points, bodies))
+    };
+    let (real, bodies) = embed(&entries)?;
+    let others = other_motions(data, &lengths, options.split, entries.len());
+    let others = { others.iter() }
+        .map(|set| Ok(embed(set)?.0))
+        .collect::<Result<_, EvaluationError>>()?;
     let prompts = entries.iter().map(|entry| EvalPrompt {
         captions: entry
             .captions
@@ -542,10 +560,27 @@ fn dataset_sources<'a, D: Denoiser>(
         evaluator: MotionEvaluator::Trained(evaluator),
         prompts,
         bodies,
-        scores: ScoreSource::Trained { real },
+        scores: ScoreSource::Trained { real, others },
         checksum: checksum.value(),
         multimodality: None,
     })
+}
+
+/// Draws sets of `size` real motions of other sentences, which are in other splits, without motions in common. Large sets vary little, and
+/// fewer of them are drawn.
+fn other_motions<'d>(
+    data: &'d Dataset,
+    lengths: &RangeInclusive<usize>,
+    split: Split,
+    size: usize,
+) -> Vec<Vec<&'d Entry>> {
+    let is_other =
+        |entry: &&Entry| entry.split != split && !entry.mirror && lengths.contains(&entry.frames);
+    let mut entries: Vec<&Entry> = data.entries().iter().filter(is_other).collect();
+    entries.shuffle(&mut ChaCha12Rng::seed_from_u64(0));
+    let sets = (OTHER_MOTIONS / size).clamp(1, OTHER_SETS);
+    let sets = entries.chunks_exact(size).take(sets);
+    sets.map(<[&Entry]>::to_vec).collect()
 }
 
 /// Selects as many motions as the options ask for, at equal distances. `lengths` are those of the motions, for the error.

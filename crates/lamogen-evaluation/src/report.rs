@@ -286,6 +286,7 @@ impl Report {
             false => {
                 "R-precision in batches of 32 with distinct captions, FID against the real motions of the same sentences, Diversity (of up to 300 motions \
                  over all pairs, of more over 300), and the distance from a text to its motion; means over the eight tags. FID falls with the number of motions: it is to be compared within the table. \
+                 That of the real motions is theirs to as many real motions of other sentences (of the other splits; ± is the 95 % interval over sets), and shows what the choice of sentences alone makes of it. \
                  Motions of edited prompts are held against the sentence as it was."
             }
         };

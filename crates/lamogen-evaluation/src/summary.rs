@@ -363,10 +363,14 @@ impl EvalData<'_> {
             MeanEstimate::of(scores.iter().flatten().filter_map(score))
         };
         let ranks = [0, 1, 2].map(|rank| over_repeats(&|set| Some(set.matching?.0[rank])));
-        // The motions themselves are those that others are compared with, unless there are two passes.
+        // The motions themselves are those that others are compared with.
         let fid = match &self.scores {
             ScoreBasis::Public(_) => over_repeats(&|set| Some(set.fid)),
-            ScoreBasis::Trained { .. } | ScoreBasis::None => None,
+            ScoreBasis::Trained { real, others, .. } => {
+                let distances = others.iter().map(|other| fid(real, other));
+                MeanEstimate::of(distances.collect::<Result<Vec<_>, _>>()?)
+            }
+            ScoreBasis::None => None,
         };
         Ok(RealMotionFigures {
             bodies: BodyMeans::of(self.bodies.iter(), |value| {
@@ -431,7 +435,7 @@ impl EvalData<'_> {
                 let scores = protocol.scores(repeat as usize, places, motions)?;
                 return Ok(Some(MotionSetScores::of(&scores)));
             }
-            ScoreBasis::Trained { texts, real } => (&texts[repeat as usize], real),
+            ScoreBasis::Trained { texts, real, .. } => (&texts[repeat as usize], real),
         };
         let places = || places.iter().copied();
         let texts = texts.select(places());
@@ -466,7 +470,7 @@ impl EvalData<'_> {
 pub struct RealMotionFigures {
     pub r_precision: Option<[MeanEstimate; 3]>,
     pub matching: Option<MeanEstimate>,
-    /// The distance to other cuts of the same motions; with the public evaluator only.
+    /// With the public evaluator the distance to other cuts of the same motions, otherwise that to as many real motions of other sentences.
     pub fid: Option<MeanEstimate>,
     pub diversity: Option<MeanEstimate>,
     #[serde(flatten)]
