@@ -379,7 +379,7 @@ fn what_no_shape_tells_is_not_guessed() {
     std::fs::remove_file(folder.path().join("config.json")).unwrap();
     says(
         &load(folder.path()).err().unwrap(),
-        &["config.json", "49408", "2048"],
+        &["config.json", "49408", "12288"],
     );
 }
 
@@ -452,11 +452,11 @@ fn weights_of_other_sizes_than_the_config() {
 fn a_tokenizer_with_ids_beyond_the_embedding() {
     let folder = folder();
     let config = String::from_utf8(lamogen_compact::CONFIG.to_vec()).unwrap();
-    let smaller = config.replace("\"vocab_size\": 2048", "\"vocab_size\": 2000");
+    let smaller = config.replace("\"vocab_size\": 12288", "\"vocab_size\": 12000");
     std::fs::write(folder.path().join("config.json"), smaller).unwrap();
     says(
         &load(folder.path()).err().unwrap(),
-        &["tokenizer.json", "2047", "1999"],
+        &["tokenizer.json", "12287", "11999"],
     );
 }
 

@@ -50,10 +50,11 @@ fn mean_change(generation: &Generation, frames: Range<usize>) -> f32 {
 }
 
 /// Returns the smallest and the largest speed of the pelvis along the ground in the half second after frame 180, where a stretch
-/// ends, relative to the mean of the half second before.
+/// ends, relative to the mean of the half second before. Slower ones than 0.2 m/s count as that: a body that stands sways.
 fn speeds_after_180_frames(motion: &Motion) -> [f32; 2] {
     let speeds: Vec<f32> = { motion.joints().windows(2) }
         .map(|pair| (pair[1][0][0] - pair[0][0][0]).hypot(pair[1][0][2] - pair[0][0][2]))
+        .map(|speed| speed.max(0.01))
         .collect();
     let before = speeds[169..179].iter().sum::<f32>() / 10.0;
     let after = { speeds[179..190].iter() }.map(|speed| speed / before);
@@ -63,7 +64,7 @@ fn speeds_after_180_frames(motion: &Motion) -> [f32; 2] {
 #[test]
 fn goals_that_change_at_a_border_are_reached_without_a_leap() {
     let model = model();
-    for seed in 1..=6 {
+    for seed in 1..=8 {
         let strong_then_light = Factor::parse(Component::Weight, "0:1.5 9:0.6").unwrap();
         let goals = Goals::default().with(Component::Weight, strong_then_light);
         let request = Request::new("a person walks forward")

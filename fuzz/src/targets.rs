@@ -91,7 +91,7 @@ pub fn tokenizer_json(bytes: &[u8]) {
 /// Encodes a prompt with CLIP's tokenizer and with that of the embedded model.
 pub fn prompt(bytes: &[u8]) {
     static TOKENIZERS: LazyLock<[Tokenizer; 2]> = LazyLock::new(|| {
-        let embedded = Tokenizer::from_json(COMPACT_TOKENIZER, "tokenizer.json", 2048, 32);
+        let embedded = Tokenizer::from_json(COMPACT_TOKENIZER, "tokenizer.json", 12288, 32);
         [Tokenizer::clip(77), embedded.expect("a valid tokenizer")]
     });
     let text = String::from_utf8_lossy(bytes);

@@ -19,8 +19,8 @@ pub(crate) const SECOND_DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
 pub(crate) const THIRD_DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 impl BandedFactorization {
-    /// Factorises the matrix `diagonal I + second D₂ᵀD₂ + third D₃ᵀD₃` of size `frames`, where `D₂` and `D₃` are the
-    /// second and the third difference along frames.
+    /// Factorises the matrix `diagonal I + second D₂ᵀD₂ + D₃ᵀ third D₃` of size `frames`, where `D₂` and `D₃` are the
+    /// second and the third difference along frames. `third` is the weight of the third difference that ends at a frame.
     ///
     /// # Panics
     ///
@@ -29,13 +29,14 @@ impl BandedFactorization {
         frames: usize,
         diagonal: impl Fn(usize) -> f64,
         second: f64,
-        third: f64,
+        third: impl Fn(usize) -> f64,
     ) -> BandedFactorization {
         let mut diagonal: Vec<f64> = (0..frames).map(diagonal).collect();
         assert!(diagonal.iter().all(|&x| x > 0.0), "a curvature is positive");
         let mut lower = vec![[0.0; BANDWIDTH]; frames];
-        let mut add_squared_difference = |factors: &[f64], weight: f64| {
+        let mut add_squared_difference = |factors: &[f64], weight: &dyn Fn(usize) -> f64| {
             for start in 0..(frames + 1).saturating_sub(factors.len()) {
+                let weight = weight(start + factors.len() - 1);
                 for (i, a) in factors.iter().enumerate() {
                     diagonal[start + i] += weight * a * a;
                     for (j, b) in factors[..i].iter().enumerate() {
@@ -44,8 +45,8 @@ impl BandedFactorization {
                 }
             }
         };
-        add_squared_difference(&SECOND_DIFFERENCE, second);
-        add_squared_difference(&THIRD_DIFFERENCE, third);
+        add_squared_difference(&SECOND_DIFFERENCE, &|_| second);
+        add_squared_difference(&THIRD_DIFFERENCE, &third);
         for t in 0..frames {
             for k in (0..BANDWIDTH.min(t)).rev() {
                 // The entry at (t, t - 1 - k), less the contributions of the columns before it.
@@ -112,7 +113,7 @@ mod tests {
     fn what_is_solved_gives_the_right_side_again() {
         for frames in [1, 2, 3, 4, 5, 30] {
             let diagonal = |t: usize| 0.1 + 0.05 * (t as f64).sin().abs();
-            let banded = BandedFactorization::new(frames, diagonal, 2.0, 5.0);
+            let banded = BandedFactorization::new(frames, diagonal, 2.0, |_| 5.0);
             let right: Vec<f64> = (0..3 * frames).map(|i| (i as f64 * 0.7).cos()).collect();
             let mut solved = right.clone();
             banded.solve::<2>(&mut solved, 1, 3);

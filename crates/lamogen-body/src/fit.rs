@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use lamogen_motion::{JOINTS, Motion, RestPose, Rotations};
 use rayon::prelude::*;
 
+use crate::held::hold_start;
 use crate::options::FitOptions;
-use crate::track::{FitEvaluation, MotionFit, TrialMotion};
+use crate::track::{FitEvaluation, MotionFit, TrialMotion, positions, rotations_on};
 
 /// A motion to fit, and the body to fit it to.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +21,21 @@ pub struct FitInput<'a> {
     /// The frames with which the result begins, on the same body and where the motion is: the fit leaves them as they are, and
     /// goes on from them. `None` where all frames are fitted, as always in a loop.
     pub start: Option<&'a Rotations>,
+}
+
+impl FitInput<'_> {
+    /// Returns the joint positions at which a fit begins, in metres: those of the motion on the body, after the frames that the
+    /// result begins with. Nothing is fitted yet.
+    pub fn joints(&self) -> Vec<[[f32; 3]; JOINTS]> {
+        let mut poses = positions(&rotations_on(self.motion, self.body));
+        if let Some(start) = self.start {
+            hold_start(start, &mut poses);
+        }
+        let poses = poses.into_iter();
+        poses
+            .map(|pose| pose.map(|point| point.as_vec3().to_array()))
+            .collect()
+    }
 }
 
 /// The result of a fit.

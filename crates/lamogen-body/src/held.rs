@@ -4,23 +4,17 @@ use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Rotations};
 
 use crate::seam::jump_share;
+use crate::track::positions;
 
 /// The number of frames after held ones over which the body comes to its own height and its own rotations: one second.
 const HELD_FRAMES: usize = 20;
 
 /// Puts the frames that a fit begins with in the place of the first ones. The others are moved along the ground, since a path
 /// that was scaled to the body's size does not lead on from them. So was their height, by legs that a network stretches little by
-/// little after frames that are known to it; they come to it within a second. So do rotations come to their own.
-pub(crate) fn hold_start(
-    start: &Rotations,
-    reference: &mut [[DVec3; JOINTS]],
-    solved: &mut [[DQuat; JOINTS]],
-) {
+/// little after frames that are known to it; they come to it within a second.
+pub(crate) fn hold_start(start: &Rotations, reference: &mut [[DVec3; JOINTS]]) {
     let held = start.frames().min(reference.len());
-    let poses = start.joints().into_iter().take(held);
-    let poses: Vec<[DVec3; JOINTS]> = poses
-        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
-        .collect();
+    let poses = &positions(start)[..held];
     if let Some(last) = poses.last() {
         let shift = last[0] - reference[held - 1][0];
         for (t, pose) in reference[held..].iter_mut().enumerate() {
@@ -31,7 +25,13 @@ pub(crate) fn hold_start(
             }
         }
     }
-    reference[..held].copy_from_slice(&poses);
+    reference[..held].copy_from_slice(poses);
+}
+
+/// Puts the rotations of the frames that a fit begins with in the place of the first ones. The others come to their own within a
+/// second.
+pub(crate) fn hold_turns(start: &Rotations, solved: &mut [[DQuat; JOINTS]]) {
+    let held = start.frames().min(solved.len());
     let before = held.checked_sub(1).map(|last| solved[last]);
     for (frame, turns) in start.local().iter().zip(&mut *solved) {
         for (turn, own) in frame.iter().zip(turns) {

@@ -1,16 +1,16 @@
 //! The fit of a single motion to a rigid body: its terms and their gradients.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, RestPose, Rotations};
 
 use crate::banded::BandedFactorization;
 use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
 use crate::descent::Minimizer;
 use crate::fit::FitInput;
-use crate::held::hold_start;
+use crate::held::{hold_start, hold_turns};
 use crate::options::FitOptions;
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
-use crate::seam::{close_seams, remove_travel};
+use crate::seam::{close_seams, jump_share, remove_travel};
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 use crate::steps::{break_into_steps, lift_between_steps};
 
@@ -23,9 +23,12 @@ const FRAME_WIDTH: usize = 3 + 4 * PARENT_JOINTS.len();
 /// They are the first frames again, moved on by the travel.
 const SEAM_FRAMES: usize = 3;
 
-/// The factor on the weight of the third differences that begin in held frames and end after them. The held frames cannot move, so
-/// that a goal which sets in after them would otherwise be reached by a leap there.
-const BORDER_SMOOTHNESS: f64 = 10.0;
+/// The factor on the weight of the third differences that begin in held frames. The held frames cannot move, so that a goal which sets
+/// in after them would otherwise be reached by a leap there. It falls to 1 within [`BORDER_FRAMES`], evenly by its logarithm: a body
+/// that is to slow down would otherwise rush ahead as soon as it may, to have its step behind it.
+const BORDER_SMOOTHNESS: f64 = 300.0;
+/// The number of frames over which that factor falls: one second.
+const BORDER_FRAMES: usize = 20;
 
 /// What the frames after the last one of a loop are, compared with the first ones.
 struct LoopSeam {
@@ -122,19 +125,11 @@ impl MotionFit {
         let offsets = BoneOffsets::of(rest);
         // A loop is prepared with a cycle before it and one after it, so that its ends know their neighbours.
         let repeated = motion.repeated(3);
-        let rotations = Rotations::of(repeated.as_ref().unwrap_or(motion));
-        // Bones keep their directions and get the body's lengths. Without legs there is no scale for the root's path.
-        let rotations = match rotations.rest().leg() > 0.0 {
-            true => rotations.on(rest),
-            false => Rotations::on_body(repeated.as_ref().unwrap_or(motion), rest),
-        };
+        let rotations = rotations_on(repeated.as_ref().unwrap_or(motion), rest);
         let mut solved: Vec<[DQuat; JOINTS]> = { rotations.local().iter() }
             .map(|pose| pose.map(|q| DQuat::from_array(q.map(f64::from)).normalize()))
             .collect();
-        let reference = rotations.joints().into_iter();
-        let mut reference: Vec<[DVec3; JOINTS]> = reference
-            .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
-            .collect();
+        let mut reference = positions(&rotations);
         let mut trust = frame_trust(&solved);
         bridge_snaps(&mut solved, &trust);
         let features = { motion.features() }.map(|rows| match repeated {
@@ -147,7 +142,8 @@ impl MotionFit {
         }
         let held = start.map_or(0, |start| start.frames().min(frames));
         if let Some(start) = start {
-            hold_start(start, &mut reference, &mut solved);
+            hold_start(start, &mut reference);
+            hold_turns(start, &mut solved);
         }
         let find =
             |reference: &[[DVec3; JOINTS]]| find_contacts(reference, features.as_deref(), ground);
@@ -411,13 +407,17 @@ impl MotionFit {
         }
         for t in 3..self.reference.len() {
             let is_across = self.held > 0 && (self.held..self.held + 3).contains(&t);
-            let border = if is_across { BORDER_SMOOTHNESS } else { 1.0 };
             let trust = self.trust[t].min(self.trust[t - 3]);
-            let smoothness = options.smoothness * trust * border;
+            let smoothness = options.smoothness * trust * self.border_factor(t);
             for j in 0..JOINTS {
                 let third = third_difference([t - 3, t - 2, t - 1, t].map(|t| at(t, j)));
                 let reference = [t - 3, t - 2, t - 1, t].map(|t| self.reference[t][j]);
-                let off = third - third_difference(reference);
+                // Where the reference passes from the held frames to the motion's own, its differences are those of two motions.
+                let off = if is_across {
+                    third
+                } else {
+                    third - third_difference(reference)
+                };
                 value += options.jerk * third.length_squared();
                 value += smoothness * off.length_squared();
                 let g = 2.0 * (options.jerk * third + smoothness * off);
@@ -442,6 +442,16 @@ impl MotionFit {
             }
         }
         value
+    }
+
+    /// Returns the factor on the weight of the third difference that ends at a frame.
+    fn border_factor(&self, frame: usize) -> f64 {
+        match frame.checked_sub(self.held) {
+            Some(after) if self.held > 0 => {
+                BORDER_SMOOTHNESS.powf(jump_share(after, BORDER_FRAMES))
+            }
+            _ => 1.0,
+        }
     }
 
     /// Returns where a foot stands in a contact: at the mean of its places on the ground, so that a step may become shorter or longer.
@@ -548,6 +558,24 @@ impl MotionFit {
             }
         }
     }
+}
+
+/// Returns the rotations of a motion on a body. Bones keep their directions and get the body's lengths.
+pub(crate) fn rotations_on(motion: &Motion, rest: &RestPose) -> Rotations {
+    let rotations = Rotations::of(motion);
+    // Without legs there is no scale for the root's path.
+    match rotations.rest().leg() > 0.0 {
+        true => rotations.on(rest),
+        false => Rotations::on_body(motion, rest),
+    }
+}
+
+/// Returns the joint positions of a body's rotations in 64 bits.
+pub(crate) fn positions(rotations: &Rotations) -> Vec<[DVec3; JOINTS]> {
+    let poses = rotations.joints().into_iter();
+    poses
+        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
+        .collect()
 }
 
 /// Adds the gradient of the joint positions, pulled back to root and rotations.

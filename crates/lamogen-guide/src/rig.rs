@@ -127,7 +127,11 @@ impl<'a> Rig<'a> {
             &guidance,
             [RIG_EMPHASIS, PLACE_EMPHASIS],
         )?;
+        let inputs = self.fit_inputs(motions);
+        let starts: Option<Vec<Vec<[[f32; 3]; JOINTS]>>> =
+            { self.start.as_ref() }.map(|_| inputs.iter().map(FitInput::joints).collect());
         let held = self.start.as_ref().map_or(0, Rotations::frames);
+        let held = starts.as_deref().map(|starts| (held, starts));
         let mut objective = LossObjective {
             rig: self,
             lengths: &lengths,
@@ -136,7 +140,6 @@ impl<'a> Rig<'a> {
             is_first: true,
             non_finite: None,
         };
-        let inputs = self.fit_inputs(motions);
         let mut fit = self.guidance.fit;
         // A path leads bodies on whose feet the sentence would have standing.
         if self.guidance.places.path.is_some() && fit.stride.is_none() {

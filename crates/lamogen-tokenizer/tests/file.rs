@@ -3,7 +3,7 @@
 use lamogen_tokenizer::{Tokenizer, TokenizerError};
 
 const JSON: &[u8] = include_bytes!("../../lamogen-compact/model/tokenizer.json");
-const VOCABULARY: usize = 2048;
+const VOCABULARY: usize = 12288;
 const CONTEXT: usize = 32;
 
 fn tokenizer() -> Tokenizer {
@@ -13,16 +13,16 @@ fn tokenizer() -> Tokenizer {
 #[test]
 fn ids_are_those_of_the_python_library() {
     for (prompt, expected) in [
-        ("a person jumps", &[2046, 65, 283, 652, 2047][..]),
+        ("a person jumps", &[12286, 65, 377, 886, 12287][..]),
         (
             "A Person JUMPS, twice!",
-            &[2046, 65, 283, 652, 12, 405, 1, 2047],
+            &[12286, 65, 377, 886, 12, 503, 1, 12287],
         ),
-        ("   spaced   out  ", &[2046, 421, 277, 395, 364, 2047]),
+        ("   spaced   out  ", &[12286, 368, 4119, 326, 12287]),
         (
             "Ünïcode 😀 run",
             &[
-                2046, 128, 121, 78, 128, 108, 902, 433, 173, 254, 247, 223, 337, 2047,
+                12286, 128, 121, 78, 128, 108, 8490, 173, 254, 247, 223, 342, 12287,
             ],
         ),
     ] {
@@ -40,9 +40,9 @@ fn ids_are_those_of_the_python_library() {
 #[test]
 fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
     let tokens = tokenizer().encode(&"walks ".repeat(40)).unwrap();
-    let mut expected = vec![356; CONTEXT];
-    expected[0] = 2046;
-    expected[CONTEXT - 1] = 2047;
+    let mut expected = vec![450; CONTEXT];
+    expected[0] = 12286;
+    expected[CONTEXT - 1] = 12287;
     assert_eq!(tokens.ids, expected);
     assert_eq!(tokens.cut, 40 - 30);
     // This prompt is as long as fits.
@@ -51,10 +51,10 @@ fn a_long_prompt_is_cut_before_its_end_token_and_says_so() {
 
 #[test]
 fn ids_beyond_the_embedding_are_refused() {
-    let error = Tokenizer::from_json(JSON, "folder/tokenizer.json", 2000, CONTEXT).unwrap_err();
+    let error = Tokenizer::from_json(JSON, "folder/tokenizer.json", 12000, CONTEXT).unwrap_err();
     assert!(matches!(error, TokenizerError::Vocabulary { .. }));
     let message = error.to_string();
-    for part in ["folder/tokenizer.json", "2047", "1999"] {
+    for part in ["folder/tokenizer.json", "12287", "11999"] {
         assert!(message.contains(part), "{message}");
     }
 }
@@ -79,15 +79,15 @@ fn a_tokenizer_without_an_end_token_is_refused() {
     let json = json.to_string();
     let error = Tokenizer::from_json(json.as_bytes(), "tokenizer.json", VOCABULARY, CONTEXT);
     let message = error.unwrap_err().to_string();
-    assert!(message.contains("2047"), "{message}");
+    assert!(message.contains("12287"), "{message}");
 }
 
 #[test]
 fn special_tokens_in_a_prompt_are_text() {
     let tokens = tokenizer().encode("a person <|endoftext|> jumps").unwrap();
-    assert_eq!(tokens.ids.iter().filter(|&&id| id == 2047).count(), 1);
+    assert_eq!(tokens.ids.iter().filter(|&&id| id == 12287).count(), 1);
     // "jumps" is still there, before the only end token.
-    assert!(tokens.ids.contains(&652));
+    assert!(tokens.ids.contains(&886));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Joint};
 
-use super::{BORDER_SMOOTHNESS, FRAME_WIDTH, MotionFit};
+use super::{FRAME_WIDTH, MotionFit};
 use crate::banded::{BandedFactorization, SECOND_DIFFERENCE, THIRD_DIFFERENCE};
 use crate::options::{FitOptions, is_of_leg};
 use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose};
@@ -36,7 +36,6 @@ impl MotionFit {
                 *standing += stand;
             }
         }
-        let third = jerk + smoothness;
         let joints = JOINTS as f64;
         let mut stiff = vec![0.0; self.reference.len()];
         for &frame in stiff_frames {
@@ -53,20 +52,14 @@ impl MotionFit {
             }
         };
         // Frames that cannot move do not give way to the frames beside them.
-        let beside_held = |t: usize, lever: f64| match t.checked_sub(self.held) {
-            None => HELD_CURVATURE,
-            Some(_) if self.held == 0 => 0.0,
-            Some(place) => {
-                let further = (BORDER_SMOOTHNESS - 1.0) * smoothness;
-                2.0 * further * lever * seam_bound(&THIRD_DIFFERENCE, place)
-            }
-        };
-        let root_third = 2.0 * third * joints;
+        let of_held = |t: usize| if t < self.held { HELD_CURVATURE } else { 0.0 };
+        let third = |t: usize| jerk + smoothness * self.border_factor(t);
+        let root_third = |t: usize| 2.0 * third(t) * joints;
         let root = |t: usize| {
             2.0 * (nearness * self.trust[t] * joints + standing[t])
                 + stiff[t]
-                + over_seam(t, 0.0, root_third)
-                + beside_held(t, joints)
+                + over_seam(t, 0.0, root_third(t))
+                + of_held(t)
                 + 1e-3
         };
         let mut all = vec![BandedFactorization::new(frames, root, 0.0, root_third)];
@@ -77,13 +70,13 @@ impl MotionFit {
             let contact_share = if moves_foot(joint) { 0.25 } else { 0.0 };
             let prior = self.options.prior_of(joint);
             let second = 2.0 * (rotation + turning) * self.options.turning_factor(joint);
-            let third = 2.0 * third * lever;
+            let third = |t: usize| 2.0 * third(t) * lever;
             let diagonal = |t: usize| {
                 let near = nearness * self.trust[t] * lever;
                 2.0 * (near + contact_share * standing[t] + prior)
                     + 0.5 * stiff[t]
-                    + over_seam(t, second, third)
-                    + beside_held(t, lever)
+                    + over_seam(t, second, third(t))
+                    + of_held(t)
                     + 1e-4
             };
             all.push(BandedFactorization::new(frames, diagonal, second, third));

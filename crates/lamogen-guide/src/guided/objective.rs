@@ -7,7 +7,7 @@ use lamogen_laban::{
     COMPONENTS, Component, EndEffectors, Goal, Goals, LabanFeatures, LabanSeries, LabanTarget,
     MotionLoss,
 };
-use lamogen_motion::{Joint, Motion, Normalization, joints, smooth_step};
+use lamogen_motion::{JOINTS, Joint, Motion, Normalization, joints, smooth_step};
 
 use crate::error::{GuideError, Quantity};
 use crate::guidance::Guidance;
@@ -237,24 +237,26 @@ impl Targets {
     /// Returns the Laban losses of each motion, one for each set of end-effectors, for motions in main memory. Their values are
     /// the first of all [values](Self::values). Baselines that are loops are measured in the middle of several cycles.
     ///
-    /// `motions` are the network's guided motions, of which the first `held` frames stay as they are: the targets after these
-    /// [lead on](lead_on) from the motions' own features.
+    /// `motions` are the network's guided motions. `held` is the number of frames of each that stay as they are, with the joint
+    /// positions on the body at which the fit begins: the targets after these frames [lead on](lead_on) from the features there.
+    /// Those of the network's joints are no measure of them. Where its legs are longer than the body's, they swing faster, and
+    /// a body that is to follow would leap.
     pub(crate) fn laban_losses(
         &self,
         guidance: &Guidance,
         motions: &[Motion],
         baselines: &[Motion],
-        held: usize,
+        held: Option<(usize, &[Vec<[[f32; 3]; JOINTS]>])>,
         device: &Device,
     ) -> Vec<Vec<MotionLoss>> {
         let [of_baseline, of_guided] = guidance.headings;
         let mut losses = vec![Vec::with_capacity(self.laban.len()); baselines.len()];
         for set in &self.laban {
             let options = guidance.laban.with_end_effectors(set.end_effectors.clone());
-            let measure = |motion: &Motion, heading| {
-                LabanFeatures::new(&options, motion.frames(), &[motion.frames()], device)
+            let measure = |joints: &[[[f32; 3]; JOINTS]], heading| {
+                LabanFeatures::new(&options, joints.len(), &[joints.len()], device)
                     .with_heading(heading)
-                    .measure(joint_tensor(&[motion.joints()], device))
+                    .measure(joint_tensor(&[joints], device))
             };
             let [_, frames, _] = set.term.target().dims();
             let [targets, weights] = [set.term.target(), set.term.weight()].map(to_host);
@@ -266,7 +268,8 @@ impl Targets {
                 let [mut target, mut weight] = match baseline.repeated(3) {
                     None => [&targets, &weights].map(|values| rows(values, motion * frames)),
                     Some(cycles) => {
-                        let features = measure(&cycles, of_baseline).narrow(1, length, length);
+                        let features =
+                            measure(cycles.joints(), of_baseline).narrow(1, length, length);
                         let target = LabanTarget::new(
                             features,
                             &[length],
@@ -281,8 +284,8 @@ impl Targets {
                     let masses = set.end_effectors.masses().sum();
                     raise_to_travel(&motions[motion], masses, &mut target);
                 }
-                if held > 0 {
-                    let own = to_host(measure(&motions[motion], of_guided));
+                if let Some((held, starts)) = held {
+                    let own = to_host(measure(&starts[motion], of_guided));
                     lead_on(held, &rows(&own, 0), &mut target, &mut weight);
                 }
                 let loss = MotionLoss::new(&options, &target, &weight);
