@@ -23,6 +23,10 @@ const BALL_LIMITS: ContactLimits = ContactLimits {
     height: [0.05, 0.07],
     speed: [0.5, 0.8],
 };
+/// The share of the pelvis's speed along the ground up to which the ball of a foot stands if the contact feature says so: the ground is
+/// where a network lets a foot pass far more slowly than the body. Feet of runs that a network makes may move at more than a metre a
+/// second as they stand, and a body whose feet never stand floats.
+const STANDING_SHARE: f64 = 0.4;
 /// Contacts with fewer frames than this are ignored.
 const MIN_CONTACT_FRAMES: usize = 2;
 /// A contact feature above this value says that the joint stands.
@@ -79,8 +83,15 @@ pub(crate) fn find_contacts(
             BALL_LIMITS
         };
         let is_within = |frame: usize, level: usize| {
+            let of_body = match features {
+                Some(_) if !is_ankle(joint) => {
+                    let velocity = velocity(poses, frame, Joint::Pelvis);
+                    STANDING_SHARE * velocity.x.hypot(velocity.z) / limits.speed[0]
+                }
+                _ => 1.0,
+            };
             poses[frame][joint.index()].y - ground < limits.height[level]
-                && velocity(poses, frame, joint).length() < limits.speed[level]
+                && velocity(poses, frame, joint).length() < limits.speed[level] * of_body.max(1.0)
         };
         let has_contact_feature = |frame: usize| {
             let feature = FeatureGroup::FootContact.range().start + index;
@@ -211,6 +222,31 @@ mod tests {
     fn contacts_of_the_features_are_heard() {
         let features = vec![[0.0; POSE_FEATURES]; 50];
         assert!(find_contacts(&step(), Some(&features), 0.0).is_empty());
+    }
+
+    #[test]
+    fn a_foot_that_a_network_lets_slide_under_a_fast_body_stands() {
+        // The foot moves at a metre a second for a quarter of a second, low, and is fast and high before and after.
+        let pose = |t: usize, speed: f64| {
+            let mut pose = [DVec3::Y; JOINTS];
+            let after = t as f64 - 20.0;
+            pose[Joint::Pelvis.index()].z = speed * after / 20.0;
+            let is_low = (0.0..=5.0).contains(&after);
+            let height = if is_low { 0.02 } else { 0.2 };
+            let way = after.clamp(0.0, 5.0) / 20.0 + (after - after.clamp(0.0, 5.0)) * 0.3;
+            pose[Joint::LeftFoot.index()] = DVec3::new(0.0, height, way);
+            pose
+        };
+        let contacts = |speed: f64, feature: Option<f32>| {
+            let poses: Vec<[DVec3; JOINTS]> = (0..50).map(|t| pose(t, speed)).collect();
+            let features = feature.map(|value| vec![[value; POSE_FEATURES]; 50]);
+            find_contacts(&poses, features.as_deref(), 0.0).len()
+        };
+        assert_eq!(contacts(3.5, Some(1.0)), 1);
+        // Not where the network says that it is in the air, where the body is as slow, or where there is no network to say so.
+        assert_eq!(contacts(3.5, Some(0.0)), 0);
+        assert_eq!(contacts(1.2, Some(1.0)), 0);
+        assert_eq!(contacts(3.5, None), 0);
     }
 
     #[test]
