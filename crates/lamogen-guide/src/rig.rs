@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::error::GuideError;
 use crate::guidance::Guidance;
-use crate::guided::{Comparisons, LabanComparison, Targets};
+use crate::guided::{Comparisons, HeldFrames, LabanComparison, Targets};
 use crate::host::{joint_tensor, to_host};
 use crate::loss_term::TermComparison;
 
@@ -128,10 +128,11 @@ impl<'a> Rig<'a> {
             [RIG_EMPHASIS, PLACE_EMPHASIS],
         )?;
         let inputs = self.fit_inputs(motions);
-        let starts: Option<Vec<Vec<[[f32; 3]; JOINTS]>>> =
-            { self.start.as_ref() }.map(|_| inputs.iter().map(FitInput::joints).collect());
-        let held = self.start.as_ref().map_or(0, Rotations::frames);
-        let held = starts.as_deref().map(|starts| (held, starts));
+        let held = self.start.as_ref().map(|start| HeldFrames {
+            frames: start.frames(),
+            starts: inputs.iter().map(FitInput::joints).collect(),
+        });
+        let held = held.as_ref();
         let mut objective = LossObjective {
             rig: self,
             lengths: &lengths,

@@ -19,7 +19,7 @@ use crate::observer::{Observer, Pass, Step};
 use crate::places::RootPlan;
 use crate::sampler::{Batch, Sampler};
 pub use objective::LabanComparison;
-pub(crate) use objective::{Comparisons, Targets};
+pub(crate) use objective::{Comparisons, HeldFrames, Targets};
 use objective::{NonFinite, Objective};
 use variables::{ConditionPart, ConditioningVariable, Variable};
 

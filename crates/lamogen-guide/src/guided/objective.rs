@@ -66,6 +66,14 @@ fn raise_to_travel(motion: &Motion, masses: f32, target: &mut [[f32; COMPONENTS]
     }
 }
 
+/// The frames at the beginning of motions that stay as they are.
+pub(crate) struct HeldFrames {
+    /// The number of these frames.
+    pub frames: usize,
+    /// The joint positions of each whole motion on the body, at which its fit begins.
+    pub starts: Vec<Vec<[[f32; 3]; JOINTS]>>,
+}
+
 /// The loss of predicted motions, which are given as normalised pose features.
 pub(super) struct Objective<'a> {
     normalization: &'a Normalization,
@@ -237,16 +245,15 @@ impl Targets {
     /// Returns the Laban losses of each motion, one for each set of end-effectors, for motions in main memory. Their values are
     /// the first of all [values](Self::values). Baselines that are loops are measured in the middle of several cycles.
     ///
-    /// `motions` are the network's guided motions. `held` is the number of frames of each that stay as they are, with the joint
-    /// positions on the body at which the fit begins: the targets after these frames [lead on](lead_on) from the features there.
-    /// Those of the network's joints are no measure of them. Where its legs are longer than the body's, they swing faster, and
-    /// a body that is to follow would leap.
+    /// `motions` are the network's guided motions. The targets after held frames [lead on](lead_on) from the features that the
+    /// body has there. Those of the network's joints are no measure of them: where its legs are longer than the body's, they
+    /// swing faster, and a body that is to follow would leap.
     pub(crate) fn laban_losses(
         &self,
         guidance: &Guidance,
         motions: &[Motion],
         baselines: &[Motion],
-        held: Option<(usize, &[Vec<[[f32; 3]; JOINTS]>])>,
+        held: Option<&HeldFrames>,
         device: &Device,
     ) -> Vec<Vec<MotionLoss>> {
         let [of_baseline, of_guided] = guidance.headings;
@@ -284,9 +291,9 @@ impl Targets {
                     let masses = set.end_effectors.masses().sum();
                     raise_to_travel(&motions[motion], masses, &mut target);
                 }
-                if let Some((held, starts)) = held {
-                    let own = to_host(measure(&starts[motion], of_guided));
-                    lead_on(held, &rows(&own, 0), &mut target, &mut weight);
+                if let Some(held) = held {
+                    let own = to_host(measure(&held.starts[motion], of_guided));
+                    lead_on(held.frames, &rows(&own, 0), &mut target, &mut weight);
                 }
                 let loss = MotionLoss::new(&options, &target, &weight);
                 losses.push(loss.with_heading(of_guided));
