@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use crate::held::hold_start;
 use crate::options::FitOptions;
-use crate::track::{FitEvaluation, MotionFit, TrialMotion, positions, rotations_on};
+use crate::pose::{positions, rotations_on};
+use crate::track::{FitEvaluation, MotionFit, TrialMotion};
 
 /// A motion to fit, and the body to fit it to.
 #[derive(Clone, Copy, Debug)]

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 use lamogen_motion::{JOINTS, Rotations};
 
+use crate::pose::positions;
 use crate::seam::jump_share;
-use crate::track::positions;
 
 /// The number of frames after held ones over which the body comes to its own height and its own rotations: one second.
 const HELD_FRAMES: usize = 20;

@@ -1,7 +1,7 @@
-//! Forward kinematics of a single pose, with its gradient.
+//! Poses of a body: forward kinematics of a single one, with its gradient, and the poses that a motion has on a body.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{JOINTS, Joint, RestPose};
+use lamogen_motion::{JOINTS, Joint, Motion, RestPose, Rotations};
 
 /// The joints that have children, so that their rotation moves other joints: all but head, wrists and feet.
 pub(crate) const PARENT_JOINTS: [Joint; 17] = [
@@ -96,4 +96,22 @@ impl Pose {
 pub(crate) fn quaternion_gradient(rotation: DQuat, turn: DVec3) -> [f64; 4] {
     let product = rotation * DQuat::from_xyzw(turn.x, turn.y, turn.z, 0.0);
     product.to_array().map(|x| 2.0 * x)
+}
+
+/// Returns the rotations of a motion on a body. Bones keep their directions and get the body's lengths.
+pub(crate) fn rotations_on(motion: &Motion, rest: &RestPose) -> Rotations {
+    let rotations = Rotations::of(motion);
+    // Without legs there is no scale for the root's path.
+    match rotations.rest().leg() > 0.0 {
+        true => rotations.on(rest),
+        false => Rotations::on_body(motion, rest),
+    }
+}
+
+/// Returns the joint positions of a body's rotations in 64 bits.
+pub(crate) fn positions(rotations: &Rotations) -> Vec<[DVec3; JOINTS]> {
+    let poses = rotations.joints().into_iter();
+    poses
+        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
+        .collect()
 }

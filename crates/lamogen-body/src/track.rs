@@ -1,7 +1,7 @@
 //! The fit of a single motion to a rigid body: its terms and their gradients.
 
 use glam::{DQuat, DVec3};
-use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, RestPose, Rotations};
+use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, RestPose, Rotations};
 
 use crate::banded::BandedFactorization;
 use crate::contacts::{FEET, FootContact, find_contacts, least_foot_heights};
@@ -9,7 +9,7 @@ use crate::descent::Minimizer;
 use crate::fit::FitInput;
 use crate::held::{hold_start, hold_turns};
 use crate::options::FitOptions;
-use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, quaternion_gradient};
+use crate::pose::{BoneOffsets, PARENT_JOINTS, Pose, positions, quaternion_gradient, rotations_on};
 use crate::seam::{close_seams, jump_share, remove_travel};
 use crate::snaps::{bridge_snaps, frame_trust, is_trusted};
 use crate::steps::{break_into_steps, lift_between_steps};
@@ -558,24 +558,6 @@ impl MotionFit {
             }
         }
     }
-}
-
-/// Returns the rotations of a motion on a body. Bones keep their directions and get the body's lengths.
-pub(crate) fn rotations_on(motion: &Motion, rest: &RestPose) -> Rotations {
-    let rotations = Rotations::of(motion);
-    // Without legs there is no scale for the root's path.
-    match rotations.rest().leg() > 0.0 {
-        true => rotations.on(rest),
-        false => Rotations::on_body(motion, rest),
-    }
-}
-
-/// Returns the joint positions of a body's rotations in 64 bits.
-pub(crate) fn positions(rotations: &Rotations) -> Vec<[DVec3; JOINTS]> {
-    let poses = rotations.joints().into_iter();
-    poses
-        .map(|pose| pose.map(|point| DVec3::from(point.map(f64::from))))
-        .collect()
 }
 
 /// Adds the gradient of the joint positions, pulled back to root and rotations.
