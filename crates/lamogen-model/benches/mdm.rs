@@ -4,8 +4,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 
 use burn::tensor::{Device, Int, Tensor};
 use lamogen_model::{
-    ClipTextConfig, Denoiser, DenoiserInput, DistilBertConfig, FrameMask, Mdm, MdmConfig, MdmText,
-    MdmTextConfig,
+    Denoiser, DenoiserInput, DistilBertConfig, FrameMask, Mdm, MdmConfig, MdmText, MdmTextConfig,
+    ModelConfig,
 };
 
 const FRAMES: usize = 196;
@@ -14,13 +14,7 @@ fn network(args: &str, device: &Device) -> Mdm {
     let config = MdmConfig::from_json(args.as_bytes(), "args.json").expect("a config");
     let text = match config.text_width {
         512 => MdmTextConfig::Clip {
-            tower: ClipTextConfig {
-                vocab_size: 1000,
-                context_length: 22,
-                width: 64,
-                heads: 1,
-                layers: 1,
-            },
+            tower: ModelConfig::motion_diffuse().clip,
             output: 512,
         },
         width => MdmTextConfig::DistilBert(DistilBertConfig {
