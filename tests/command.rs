@@ -657,6 +657,20 @@ fn places_are_reported_and_bad_ones_are_named() {
             &["--path", "1:0,1", "--baseline-only"],
             "cannot be used with",
         ),
+        (
+            &["--pose", "1=sit.npy", "--baseline-only"],
+            "cannot be used with",
+        ),
+        (
+            &[
+                "--baseline-only",
+                "--then",
+                "a person jumps",
+                "--weight",
+                "strong",
+            ],
+            "cannot be used with the words of a sentence after '--then'",
+        ),
     ] {
         fails(
             folder,

@@ -12,10 +12,14 @@ use lamogen_eval::truth::{
     Captions, Clip, Measurements, Phrasing, Report, Sentence, Validation, captioned, evidence,
     read_sentences, sentences,
 };
-use lamogen_motion::write_atomically;
+use lamogen_files::ReadOptions;
+use lamogen_motion::{Motion, write_atomically};
 use serde_json::json;
 
 use crate::subject::Subject;
+
+/// The length of the sentence before those that are judged.
+const LEAD_SECONDS: f32 = 2.0;
 
 /// The options of the checks.
 #[derive(Clone, Debug, clap::Args)]
@@ -43,6 +47,12 @@ pub struct Options {
     /// Only sentences of this group, several times for several.
     #[arg(long)]
     pub group: Vec<String>,
+    /// Let every motion go on from that of this file.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["validate", "network", "lead"])]
+    pub after: Option<PathBuf>,
+    /// Let every motion be the second of two sentences, after two seconds of this one.
+    #[arg(long, value_name = "SENTENCE", conflicts_with_all = ["validate", "network"])]
+    pub lead: Option<String>,
     /// Judge real motions instead, and the checks by them.
     #[arg(long, requires = "data")]
     pub validate: bool,
@@ -99,10 +109,17 @@ pub fn run(
         body: Body::Rig,
         ..model.preset().guidance()
     };
+    let read = |path| lamogen_files::read(path, &ReadOptions::default());
+    let after = options.after.as_ref().map(read).transpose()?;
     for (place, sentence) in sentences.iter().enumerate() {
         let requests: Vec<Request> = (0..options.seeds)
             .map(|seed| {
-                let request = Request::new(&sentence.text).seconds(sentence.seconds);
+                let own = Request::new(&sentence.text).seconds(sentence.seconds);
+                let request = match (&options.lead, &after) {
+                    (Some(lead), _) => Request::new(lead).seconds(LEAD_SECONDS).then(own),
+                    (None, Some(after)) => own.after(&after.motion),
+                    (None, None) => own,
+                };
                 let request = request.guidance(guidance.clone());
                 options.subject.with_steps(request).seed(seed)
             })
@@ -113,7 +130,13 @@ pub fn run(
                 true => &generation.network.baseline,
                 false => &generation.baseline,
             };
-            report.add(place, seed as u64, motion);
+            let rest = match generation.sentences.last() {
+                Some(own) if options.lead.is_some() => {
+                    Motion::from_rotations(motion.rotations().between(own.frames.clone()))?
+                }
+                _ => motion.clone(),
+            };
+            report.add(place, seed as u64, &rest);
         }
         let passed = report.trials_of(place).filter(|trial| trial.holds).count();
         progress(format!("{passed}/{} {}", options.seeds, sentence.text));

@@ -164,14 +164,28 @@ impl FitOptions {
     }
 }
 
+/// How much further down than the balls of the feet the rest of a body may be where these touch the ground, in metres: as a hand is
+/// beside a foot on a stair.
+const BELOW_FEET: f64 = 0.2;
+
 /// Estimates the height of the ground under a motion, in metres. It is the height down to which the balls of the feet
-/// come, without the lowest fiftieth of the frames, which may be mistakes.
+/// come, without the lowest fiftieth of the frames, which may be mistakes. Where the rest of the body is far below them all the time,
+/// as in a handstand or on the back with raised legs, it is the height down to which the lowest joint comes.
 pub fn ground(motion: &Motion) -> f64 {
-    let lowest = |pose: &[[f32; 3]; JOINTS]| {
-        let heights = crate::contacts::FEET.map(|foot| pose[foot.index()][1]);
-        f64::from(heights[0].min(heights[1]))
+    let lowest_of = |height: &dyn Fn(&[[f32; 3]; JOINTS]) -> f32| {
+        let mut heights: Vec<f64> = { motion.joints().iter() }
+            .map(|pose| f64::from(height(pose)))
+            .collect();
+        let rank = heights.len() / 50;
+        *heights.select_nth_unstable_by(rank, f64::total_cmp).1
     };
-    let mut heights: Vec<f64> = motion.joints().iter().map(lowest).collect();
-    let rank = heights.len() / 50;
-    *heights.select_nth_unstable_by(rank, f64::total_cmp).1
+    let feet = lowest_of(&|pose| {
+        let heights = crate::contacts::FEET.map(|foot| pose[foot.index()][1]);
+        heights[0].min(heights[1])
+    });
+    let body = lowest_of(&|pose| {
+        let heights = pose.iter().map(|joint| joint[1]);
+        heights.fold(f32::INFINITY, f32::min)
+    });
+    if body < feet - BELOW_FEET { body } else { feet }
 }

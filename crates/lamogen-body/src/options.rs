@@ -58,7 +58,7 @@ pub struct FitOptions {
     /// Joints of the trunk (pelvis and spine) count a thousand times as much, because a lean moves many joints at once, and
     /// those of the legs a twentieth. Default: 1.
     pub prior: f64,
-    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 35.
+    /// The factor by which a [`FitObjective`](crate::FitObjective) is multiplied. Default: 40.
     pub goal: f64,
     /// The distance in metres that a foot may slide while it stands; further on it takes steps of this length. `None`, the
     /// default, holds every standing foot in one place.

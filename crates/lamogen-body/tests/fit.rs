@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use std::f32::consts::{FRAC_PI_2, PI};
+
 use lamogen_body::{FitInput, FitObjective, FitOptions, ground};
 use lamogen_motion::{
     BoneDrift, FRAMES_PER_SECOND, FootSliding, JOINTS, Joint, JointTurning, Motion, RestPose,
@@ -179,7 +181,7 @@ fn a_foot_in_the_air_is_not_pulled_down_and_a_jump_leaves_the_ground() {
 fn a_body_that_lies_or_never_touches_the_ground_keeps_its_pose() {
     let lying = body(
         |frame| [0.0, 0.15 + 0.01 * (0.3 * frame as f32).sin(), 0.0],
-        |_, pose| pose[0] = turn(0, -std::f32::consts::FRAC_PI_2),
+        |_, pose| pose[0] = turn(0, -FRAC_PI_2),
     );
     let swimming = body(
         |frame| [0.0, 3.0, 0.05 * frame as f32],
@@ -385,4 +387,24 @@ fn a_goal_makes_a_step_shorter_or_longer_and_feet_stand_where_it_ends() {
 fn the_ground_is_as_low_as_the_feet_come() {
     let sunk = body(|_| [0.0, standing_height() - 0.5, 0.0], |_, _| ());
     assert!((ground(&sunk) + 0.5).abs() < 0.02, "{}", ground(&sunk));
+    // Upside down, and on the back with raised legs: the hands, the head or the back are on the ground.
+    let upside_down = body(|_| [0.0, 1.0, 0.0], |_, pose| pose[0] = turn(0, PI));
+    let on_the_back = body(
+        |_| [0.0, 0.1, 0.0],
+        |_, pose| {
+            pose[0] = turn(0, -FRAC_PI_2);
+            for hip in [Joint::LeftHip, Joint::RightHip] {
+                pose[hip.index()] = turn(0, -FRAC_PI_2);
+            }
+        },
+    );
+    for motion in [upside_down, on_the_back] {
+        let joints = motion.joints().as_flattened().iter();
+        let lowest = f64::from(joints.map(|joint| joint[1]).fold(f32::INFINITY, f32::min));
+        assert!(
+            (ground(&motion) - lowest).abs() < 1e-3,
+            "{}",
+            ground(&motion)
+        );
+    }
 }

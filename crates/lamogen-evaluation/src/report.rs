@@ -163,7 +163,7 @@ impl Report {
                 MeasurementTarget::Rig =>
                     "Everything is measured on what users get (`--measure rig`): every motion, real ones too, is written as BVH and read back.",
                 MeasurementTarget::Joints =>
-                    "Motions are measured on their joints as generated, whose bones change their length (`--measure joints`); what turns, on the rotations that would be written.",
+                    "Motions are measured on their joints as generated (`--measure joints`), whose bones change their length unless the preset has a rigid body; what turns, on the rotations that would be written.",
             }
         );
         if missing > 0 {

@@ -1,7 +1,7 @@
 //! The motions before and after a generated one.
 //!
 //! ```text
-//! clip ──on HumanML3D's body──▶ its last two seconds ──▶ pose features: the first frames that the network sees
+//! clip ──on HumanML3D's body──▶ its last 0.4 seconds ──▶ pose features: the first frames that the network sees
 //!                                              └──▶ rotations: the first frames of the body's fit
 //!                                              └──▶ where it stands at its end: where the new motion begins
 //! ```
@@ -12,9 +12,9 @@ use lamogen_motion::{JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotatio
 
 use crate::error::RequestError;
 
-/// The number of frames of a clip that a network without windows sees: two seconds. With one second, jerk at the border is larger
-/// by a third where the next motion begins in another pose.
-pub(crate) const KNOWN_FRAMES: usize = 40;
+/// The number of frames of a clip that a network without windows sees: 0.4 seconds. With two seconds, joins are as smooth, but the
+/// network goes on with what these frames do instead of what the sentence says: of those who stand, none kicks.
+pub(crate) const KNOWN_FRAMES: usize = 8;
 
 /// What a generated motion continues.
 #[derive(Clone, Debug, PartialEq)]

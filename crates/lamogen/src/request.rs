@@ -305,7 +305,7 @@ impl Request {
 
     /// Sets the motion that this one continues. The first frame follows the last one of that motion, in pose and velocity and,
     /// unless the body is [`Body::Network`](lamogen_guide::Body::Network), where it stands there and facing as it does. The network
-    /// sees the last two seconds; a model that makes a motion a window at a time sees as many frames as it has learnt to, and without
+    /// sees the last 0.4 seconds; a model that makes a motion a window at a time sees as many frames as it has learnt to, and without
     /// a motion to continue it continues a body that stands still.
     ///
     /// That motion may be of any body; it is continued by the body of all generated motions, on a ground at height 0.

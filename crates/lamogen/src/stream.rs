@@ -23,7 +23,7 @@ const LONGEST_STRETCH: usize = 80;
 /// A motion that is made a stretch at a time, while new sentences and goals may still arrive
 /// ([`LaMoGen::stream`]).
 ///
-/// The stream is an iterator over stretches. Each begins where and as the one before ends, and the network sees the last two seconds of
+/// The stream is an iterator over stretches. Each begins where and as the one before ends, and the network sees the last 0.4 seconds of
 /// that. A stretch is a sentence, or a part of one that is longer than the [longest stretch](Self::with_longest_stretch); its
 /// frames are finished when it comes. When all sentences are made the iterator is at its end, and goes on after another
 /// [`then`](Self::then).
@@ -140,7 +140,7 @@ fn longest_stretch<D: Denoiser>(model: &LaMoGen<D>) -> usize {
 
 impl<D: Denoiser> MotionStream<'_, D> {
     /// Sets the length in seconds of the longest stretch: 4 by default, at least the shortest motion of the model and at most its longest
-    /// less two seconds. Shorter stretches come sooner; a longer one shows more of its sentence, which every stretch of a long
+    /// less 0.4 seconds. Shorter stretches come sooner; a longer one shows more of its sentence, which every stretch of a long
     /// sentence begins anew. It holds for sentences that are added from now on, and for the first ones if no stretch has been
     /// made.
     pub fn with_longest_stretch(mut self, seconds: f32) -> Self {

@@ -4,7 +4,7 @@
 //! sentences     | a person walks forward            | a person jumps    | …
 //! stretches     |-----------------|-----------------|-------------------|
 //!                                ·|                ·|
-//!                                 a stretch begins with the last two seconds of the one before, which it does not change
+//!                                 a stretch begins with the last 0.4 seconds of the one before, which it does not change
 //! ```
 
 use std::cmp::Reverse;

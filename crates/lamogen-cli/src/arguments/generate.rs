@@ -67,7 +67,7 @@ pub struct GenerateArguments {
     #[arg(long, short, value_name = "FILE", default_value = "motion.html")]
     pub out: Vec<OutputFile>,
     /// Only the motion of the text alone.
-    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "like", "part", "emphasis", "path", "reach"])]
+    #[arg(long, conflicts_with_all = ["weight", "time", "flow", "shape", "scale", "like", "part", "emphasis", "path", "reach", "pose"])]
     pub baseline_only: bool,
     #[command(flatten)]
     pub pass: PassArguments,

@@ -2,6 +2,7 @@
 
 use std::ffi::{OsStr, OsString};
 
+use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser};
 use lamogen::files::ReadError;
 use lamogen::{Device, Request, RequestedGoals};
@@ -86,6 +87,11 @@ fn parse_sentences(arguments: Vec<OsString>) -> Result<Arguments, clap::Error> {
                 .map(|parser| parser.sentence)
         });
         options.sentences = sentences.collect::<Result<_, _>>()?;
+        if options.baseline_only && options.sentences.iter().any(SentenceArguments::has_goals) {
+            let message = "the argument '--baseline-only' cannot be used with the words of a sentence after '--then'";
+            let mut command = Arguments::command();
+            return Err(command.error(ErrorKind::ArgumentConflict, message));
+        }
     }
     Ok(arguments)
 }

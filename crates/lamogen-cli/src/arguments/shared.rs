@@ -70,7 +70,7 @@ pub struct PassArguments {
     /// DDIM steps of each pass, 1 to 1000.
     #[arg(long)]
     pub steps: Option<usize>,
-    /// Steps and guidance together: precise is the embedded model's default, paper that of others.
+    /// Steps and guidance together: precise is the embedded model's default, paper that of other MotionDiffuse models, fast that of MDM.
     #[arg(long, value_enum)]
     pub preset: Option<PresetName>,
     /// How much the components that shall change count in the loss beside those that shall not: more follows
