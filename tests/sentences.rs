@@ -155,6 +155,29 @@ fn a_motion_goes_on_where_another_ends() {
 }
 
 #[test]
+fn a_motion_that_goes_on_does_what_its_sentence_says() {
+    let model = model();
+    let stand = Request::new("a person stands still").seconds(3.0).seed(3);
+    let stand = model.generate(&stand).unwrap().baseline;
+    // A network that sees for long how a body stands goes on standing.
+    let after = |sentence: &str, seed: u64| {
+        let request = Request::new(sentence).seconds(4.0).seed(seed);
+        model.generate(&request.after(&stand)).unwrap().baseline
+    };
+    for seed in 0..3 {
+        let kick = after("a person kicks with the right leg", seed);
+        let foot = |pose: &[[f32; 3]; 22]| pose[Joint::RightFoot.index()][1];
+        let raised = kick.joints().iter().map(foot).fold(0.0, f32::max);
+        assert!(raised > 0.4, "seed {seed}: the foot is raised by {raised}");
+        let run = after("a person runs forward", seed);
+        let end = run.position(run.frames() - 1, Joint::Pelvis);
+        let start = run.position(0, Joint::Pelvis);
+        let way = (end[0] - start[0]).hypot(end[2] - start[2]);
+        assert!(way > 3.0, "seed {seed}: the run is {way} long");
+    }
+}
+
+#[test]
 fn a_motion_leads_from_one_to_another() {
     let model = model();
     let clip = |sentence: &str| {
