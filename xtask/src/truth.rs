@@ -130,13 +130,14 @@ pub fn run(
                 true => &generation.network.baseline,
                 false => &generation.baseline,
             };
-            let rest = match generation.sentences.last() {
-                Some(own) if options.lead.is_some() => {
-                    Motion::from_rotations(motion.rotations().between(own.frames.clone()))?
+            let own = generation.sentences.last();
+            match own.filter(|_| options.lead.is_some()) {
+                Some(own) => {
+                    let rotations = motion.rotations().between(own.frames.clone());
+                    report.add(place, seed as u64, &Motion::from_rotations(rotations)?);
                 }
-                _ => motion.clone(),
-            };
-            report.add(place, seed as u64, &rest);
+                None => report.add(place, seed as u64, motion),
+            }
         }
         let passed = report.trials_of(place).filter(|trial| trial.holds).count();
         progress(format!("{passed}/{} {}", options.seeds, sentence.text));
@@ -150,6 +151,8 @@ pub fn run(
             "text_scale": model.text_scale().scale,
             "text_scale_until": model.text_scale().until,
             "seeds": options.seeds,
+            "after": options.after,
+            "lead": options.lead,
             "motions_of": if options.network { "network" } else { "body" },
             "overall": report.overall(),
             "training": report.of_phrasing(Phrasing::Training),

@@ -1,8 +1,7 @@
 //! Tests of fits: bones stay rigid, standing feet do not slide, and feet in the air stay there.
 
-use std::ops::ControlFlow;
-
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::ops::ControlFlow;
 
 use lamogen_body::{FitInput, FitObjective, FitOptions, ground};
 use lamogen_motion::{

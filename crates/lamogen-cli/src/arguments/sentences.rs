@@ -89,8 +89,11 @@ fn parse_sentences(arguments: Vec<OsString>) -> Result<Arguments, clap::Error> {
         options.sentences = sentences.collect::<Result<_, _>>()?;
         if options.baseline_only && options.sentences.iter().any(SentenceArguments::has_goals) {
             let message = "the argument '--baseline-only' cannot be used with the words of a sentence after '--then'";
-            let mut command = Arguments::command();
-            return Err(command.error(ErrorKind::ArgumentConflict, message));
+            let mut all = Arguments::command();
+            all.build();
+            let generate = all.find_subcommand_mut("generate");
+            let generate = generate.expect("generate is a command");
+            return Err(generate.error(ErrorKind::ArgumentConflict, message));
         }
     }
     Ok(arguments)
