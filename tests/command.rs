@@ -639,6 +639,26 @@ fn places_are_reported_and_bad_ones_are_named() {
     let fast = walk_with(&["--path", "1:0,4", "--out", "fast.npy"]);
     let (_, notices) = running::succeeds(folder, &fast);
     assert!(notices.contains("4.0 m/s from 0 s to 1 s"), "{notices}");
+    let high = walk_with(&["--reach", "right-hand@1=0,100,0", "--out", "high.npy"]);
+    let (_, notices) = running::succeeds(folder, &high);
+    assert!(notices.contains("100 m above the floor"), "{notices}");
+    // Files that show no body are named.
+    let point = lamogen::Motion::from_joints(vec![[[0.0; 3]; 22]; 40]).unwrap();
+    point.save_joints(folder.join("point.npy")).unwrap();
+    for option in [
+        ["--after", "point.npy"],
+        ["--before", "point.npy"],
+        ["--pose", "1=point.npy"],
+    ] {
+        let arguments = walk_with(&[&option[..], &["--out", "no.npy"]].concat());
+        fails(
+            folder,
+            &arguments,
+            3,
+            "point.npy: expected a body with legs",
+        );
+        assert!(!folder.join("no.npy").exists());
+    }
     for (wrong, part) in [
         (&["--path", ""][..], "found nothing"),
         (&["--path", "1:0,1 1:0,2"], "found 1 s after 1 s"),

@@ -223,12 +223,23 @@ fn what_it_does_not_understand_is_answered_calmly() {
     let request = |prompt: &str| Request::new(prompt).frames(60).steps(20).seed(3);
     let still = model.generate(&request("a person stands still")).unwrap();
     assert_eq!(still.stand_in, None);
-    for prompt in ["12345", "qwxz vlkt", "!!!", "一个人在跳"] {
+    for prompt in [
+        "12345",
+        "qwxz vlkt",
+        "!!!",
+        "一个人在跳",
+        "the",
+        "a person",
+        "7 8 9 person",
+        "eine Person springt",
+        "une personne saute",
+        "alguien da una patada con el pie derecho",
+    ] {
         let made = model.generate(&request(prompt)).unwrap();
         assert_eq!(made.stand_in.as_deref(), Some("a person stands still"));
         assert_eq!(made.guided, still.guided, "{prompt}");
     }
-    // Of these it knows a word.
+    // Of these it knows enough.
     for prompt in [
         "banana a",
         "le chat est sur la table",

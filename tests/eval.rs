@@ -19,6 +19,14 @@ use lamogen_evaluation::{
 use running::{fails, succeeds};
 use serde_json::Value;
 
+#[test]
+fn the_embedded_model_takes_everyday_sentences_as_they_are() {
+    let model = LaMoGen::embedded(&Device::flex()).unwrap();
+    for sentence in lamogen_eval::truth::sentences() {
+        assert_eq!(model.stand_in(&sentence.text), None, "{}", sentence.text);
+    }
+}
+
 /// A data set, and an evaluator that has hardly learned anything.
 fn prepare(folder: &Path) {
     swings::data(folder);

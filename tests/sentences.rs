@@ -286,6 +286,14 @@ fn what_cannot_be_made_is_said() {
     let jump = || Request::new("a person jumps");
     let clip = model.generate(&walk()).unwrap().baseline;
     let frame = Motion::from_joints(clip.joints()[..1].to_vec()).unwrap();
+    let changed = |change: fn(f32) -> f32| {
+        let poses = clip.joints().iter();
+        let poses = poses.map(|pose| pose.map(|point| point.map(change)));
+        Motion::from_joints(poses.collect()).unwrap()
+    };
+    let point = changed(|_| 1.0);
+    let huge = changed(|x| x * 1e9);
+    let far = changed(|x| x + 1e6);
     for (request, parts) in [
         (
             walk().then(jump().seconds(1.0)),
@@ -318,6 +326,12 @@ fn what_cannot_be_made_is_said() {
         ),
         (walk().after(&frame), &["at least 2 frames", "found 1"]),
         (walk().before(&frame), &["at least 2 frames", "found 1"]),
+        (
+            walk().after(&point),
+            &["to continue or to lead to", "legs of 0.01 to 1000 m", "0 m"],
+        ),
+        (walk().before(&huge), &["legs of 0.01 to 1000 m"]),
+        (walk().after(&far), &["10000 leg lengths", " m away"]),
         (walk().seconds(3601.0), &["72000 frames", "3601 s"]),
         (
             (0..30).fold(walk(), |all, _| all.then(jump().seconds(3000.0))),

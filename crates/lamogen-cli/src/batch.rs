@@ -5,18 +5,20 @@
 //! requests.jsonl ──read──▶ lines ──shard──▶ items ──finished?──▶ pending ──checked──▶ groups of motions
 //!                                                    skipped ◀──┘                          │
 //!                            id.glb, … and last id.json: this motion is finished ◀─────────┘
+//!                            id-unfinished.glb, …: stretches of a long motion, after a stop ◀┘
 //! ```
 
 mod line;
 
 use std::collections::HashMap;
 use std::io::ErrorKind;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use lamogen::model::Denoiser;
 use lamogen::motion::remove_stale_temporaries;
-use lamogen::{Generation, Request};
+use lamogen::{Error, Generation, PartialResults, Request};
 use serde_json::{Value, json};
 
 use crate::arguments::{BatchArguments, HandsName};
@@ -26,7 +28,9 @@ use crate::generate::generation_facts;
 use crate::motion_file::STANDARD_INPUT;
 use crate::output::{OutputFile, OutputFormat};
 use crate::scene::Scene;
+use crate::signals::{self, StopRequest};
 use crate::source::ModelSource;
+use crate::unfinished::UnfinishedMotion;
 use line::BatchItem;
 
 /// The largest number of wrong lines that an error lists.
@@ -34,6 +38,7 @@ const MAX_LISTED: usize = 10;
 
 /// Runs `lamogen batch`.
 pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
+    let stop = signals::stop_on_signals();
     let mut items = read_items(options, console)?;
     options.writing.check(&options.format)?;
     for notice in options.writing.notices(&options.format) {
@@ -63,6 +68,7 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
         options,
         source: &source,
         console,
+        stop,
         character_checksum: { options.writing.onto.onto.as_ref() }
             .and_then(|path| line::file_checksum(path)),
     };
@@ -83,8 +89,25 @@ pub fn run(options: &BatchArguments, console: &Console) -> Result<(), Failure> {
     bar.set_length(pending.len() as u64);
     let mut failed: Vec<(String, String)> = Vec::new();
     sort_within_windows(&mut pending, batch_size);
+    let mut done = 0;
     for items in pending.chunks(batch_size) {
-        runner.generate(items, &bar, &mut failed)?;
+        match runner.generate(items, &bar, &mut failed)? {
+            ControlFlow::Continue(()) => done += items.len(),
+            ControlFlow::Break(kept) => {
+                bar.finish_and_clear();
+                let made = done + kept.finished - failed.len();
+                if made == 0 && kept.stretches == 0 {
+                    signals::clean_up_and_exit();
+                }
+                let message = format!(
+                    "stopped; {} of {} motions are finished",
+                    finished.len() + made,
+                    finished.len() + pending.len()
+                );
+                return Err(Failure::new(FailureCode::Stopped, message)
+                    .hint("the same command makes the others"));
+            }
+        }
     }
     bar.finish_and_clear();
 
@@ -213,11 +236,20 @@ fn reject_lines(path: &Path, mut wrong: Vec<(usize, String)>) -> Result<(), Fail
     Err(Failure::new(FailureCode::Usage, lines.join("\n")).hint("nothing was run"))
 }
 
+/// What was kept of the motions that were being generated when the user stopped the batch.
+struct KeptMotions {
+    /// The number of motions that were finished.
+    finished: usize,
+    /// The number of long motions of which some stretches were finished.
+    stretches: usize,
+}
+
 /// Generates motions and writes their files.
 struct BatchRunner<'a> {
     options: &'a BatchArguments,
     source: &'a ModelSource,
     console: &'a Console,
+    stop: StopRequest,
     /// The checksum of the file of the character that the motions are put on.
     character_checksum: Option<String>,
 }
@@ -380,21 +412,30 @@ impl BatchRunner<'_> {
     }
 
     /// Generates the motions of some items together, and writes their files. If one fails, the others are generated
-    /// without it, and its id and the reason are added to `failed`.
+    /// without it, and its id and the reason are added to `failed`. If the user stops the batch, the files of what is finished are
+    /// written.
     fn generate(
         &self,
         items: &[BatchItem],
         bar: &indicatif::ProgressBar,
         failed: &mut Vec<(String, String)>,
-    ) -> Result<(), Failure> {
+    ) -> Result<ControlFlow<KeptMotions>, Failure> {
         let requests: Vec<Request> = items.iter().map(|item| self.request(item)).collect();
-        let results = self
-            .source
-            .model
-            .generate_each(&requests, &mut |progress| {
-                let share = 100 * progress.done / progress.total.max(1);
-                bar.set_message(format!("next {share:3} %"));
-            })?;
+        self.stop.heed(true);
+        let results = self.source.model.generate_each(&requests, &mut |progress| {
+            let share = 100 * progress.done / progress.total.max(1);
+            bar.set_message(format!("next {share:3} %"));
+            self.stop.control_flow()
+        });
+        // A signal while files are written ends the command at once; a motion whose record is not written is made again.
+        self.stop.heed(false);
+        let results = match results {
+            Ok(results) => results,
+            Err(Error::Stopped(stopped)) => {
+                return Ok(ControlFlow::Break(self.keep(items, stopped.partial)?));
+            }
+            Err(error) => return Err(error.into()),
+        };
         for (item, result) in items.iter().zip(results) {
             match result {
                 Ok(generation) => self.write(item, generation)?,
@@ -402,7 +443,40 @@ impl BatchRunner<'_> {
             }
             bar.inc(1);
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Writes the files of what a stop has left of some items.
+    fn keep(&self, items: &[BatchItem], partial: PartialResults) -> Result<KeptMotions, Failure> {
+        let mut kept = KeptMotions {
+            finished: partial.finished.len(),
+            stretches: 0,
+        };
+        for (place, generation) in partial.finished {
+            self.write(&items[place], generation)?;
+        }
+        for unfinished in partial.unfinished {
+            let Some(stretches) = unfinished.finished else {
+                continue;
+            };
+            let item = &items[unfinished.request];
+            let motion = UnfinishedMotion {
+                prompt: &item.line.prompt,
+                seed: item.seed(),
+                seconds: item.seconds(),
+                stretches,
+            };
+            let outputs: Vec<OutputFile> = self.outputs(item).collect();
+            motion.write(&outputs, &self.options.writing, self.source, self.console)?;
+            kept.stretches += 1;
+        }
+        Ok(kept)
+    }
+
+    /// Returns the files of an item, with that in JSON last.
+    fn outputs(&self, item: &BatchItem) -> impl Iterator<Item = OutputFile> {
+        let formats = formats(self.options).chain([OutputFormat::Json]);
+        formats.map(|format| self.output(item, format))
     }
 
     /// Writes the files of a motion.
@@ -415,18 +489,24 @@ impl BatchRunner<'_> {
         // The JSON file marks the motion as finished, so it is written last. An old one from a run with other options
         // is removed first, since it would mark the motion as finished while its files are being written.
         let record = self.output(item, OutputFormat::Json).path;
-        match std::fs::remove_file(&record) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(Failure::output(&record, error));
-            }
-            _ => {}
-        }
-        for format in formats(self.options).chain([OutputFormat::Json]) {
-            let output = self.output(item, format);
+        remove(&record)?;
+        for output in self.outputs(item) {
             let quiet = self.console.without_notices();
             output.write(&scene, &self.options.writing, &quiet)?;
         }
+        // What an earlier run has left of this motion is superseded.
+        for output in self.outputs(item) {
+            remove(&output.unfinished().path)?;
+        }
         Ok(())
+    }
+}
+
+/// Removes a file if it exists.
+fn remove(path: &Path) -> Result<(), Failure> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(Failure::output(path, error)),
+        _ => Ok(()),
     }
 }
 

@@ -11,6 +11,7 @@ use crate::report;
 use crate::scene::{Scene, seconds};
 use crate::signals;
 use crate::source::ModelSource;
+use crate::unfinished::UnfinishedMotion;
 
 /// Runs `lamogen generate`.
 pub fn run(options: &GenerateArguments, console: &Console) -> Result<(), Failure> {
@@ -187,38 +188,21 @@ impl SampleWriter<'_> {
         console.print(format_result(&scene, sample.outputs, console.json))
     }
 
-    /// Writes the files of the finished stretches of a long motion, under names that say that it is not the whole.
+    /// Writes the files of the finished stretches of a long motion.
     fn write_stretches(
         &self,
         sample: &Sample<'_>,
         stretches: FinishedStretches,
     ) -> Result<(), Failure> {
         let following = self.options.sentences.iter();
-        let whole: f32 = following.fold(self.options.seconds, |sum, next| sum + next.seconds);
-        let seconds = stretches.motion.seconds();
-        let licence = self.source.model.licence().map(ToString::to_string);
-        let facts = json!({
-            "prompt": self.options.prompt,
-            "seed": sample.seed,
-            "seconds": seconds,
-            "unfinished": "true",
-            "model": self.source.name,
-            "licence": licence,
-        });
-        let facts = facts.as_object().cloned().unwrap_or_default();
-        let label = match stretches.is_guided {
-            true => "guided",
-            false => "text alone",
+        let unfinished = UnfinishedMotion {
+            prompt: &self.options.prompt,
+            seed: sample.seed,
+            seconds: following.fold(self.options.seconds, |sum, next| sum + next.seconds),
+            stretches,
         };
-        let scene = Scene::from_stretches(label, stretches, facts, &self.source.device());
-        for output in sample.outputs {
-            let output = output.unfinished();
-            output.write(&scene, &self.options.writing, self.console)?;
-            self.console.notice(format!(
-                "{output} has the first {seconds:.1} s of {whole:.1} s ({label})"
-            ));
-        }
-        Ok(())
+        let writing = &self.options.writing;
+        unfinished.write(sample.outputs, writing, self.source, self.console)
     }
 }
 
@@ -336,7 +320,7 @@ fn format_result(scene: &Scene, outputs: &[OutputFile], json: bool) -> String {
 fn unseen_words_notice(generation: &Generation) -> Option<String> {
     if let Some(sentence) = &generation.stand_in {
         return Some(format!(
-            "The model has met no word of the prompt: the motion is that of \"{sentence}\"."
+            "The model knows no word that says how to move: the motion is that of \"{sentence}\"."
         ));
     }
     let words = &generation.unseen_words;

@@ -37,6 +37,7 @@ mod shell;
 mod signals;
 mod source;
 mod train;
+mod unfinished;
 mod vary;
 
 use std::process::ExitCode;
@@ -51,7 +52,11 @@ fn main() -> ExitCode {
     // These have signal handlers of their own: they finish or keep what they are at.
     if !matches!(
         command,
-        Command::Generate(_) | Command::Train(_) | Command::Studio(_) | Command::Serve(_)
+        Command::Generate(_)
+            | Command::Batch(_)
+            | Command::Train(_)
+            | Command::Studio(_)
+            | Command::Serve(_)
     ) {
         signals::clean_up_on_signals();
     }

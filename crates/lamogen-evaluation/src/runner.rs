@@ -1,5 +1,7 @@
 //! Generation and measurement of the planned motions.
 
+use std::ops::ControlFlow;
+
 use lamogen::laban::LabanOptions;
 use lamogen::{COMPONENTS, Device, Generation, LabanSeries, Motion, Request, TimeSummary};
 
@@ -78,7 +80,9 @@ impl<D: Denoiser> EvalRunner<'_, D> {
             }
         };
         let requests: Vec<Request> = planned_motions.iter().flat_map(requests_for).collect();
-        let generations = self.model.generate_each(&requests, &mut |_| ())?;
+        let generations = self
+            .model
+            .generate_each(&requests, &mut |_| ControlFlow::Continue(()))?;
         let reason = |error: PassError| error.to_string();
         let generations = generations.into_iter();
         let mut generations = generations.map(|generation| generation.map_err(reason));

@@ -191,7 +191,7 @@ pub struct SamplingDefaults {
     /// The smallest timestep at which predictions are scaled by [`text_scale`](Self::text_scale). Below it, the network is evaluated only once per step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub text_scale_until: Option<usize>,
-    /// The sentence that replaces a prompt in which the network knows no word.
+    /// The sentence that replaces a prompt that says nothing in words that the network knows.
     ///
     /// Without the replacement, the motion for such a prompt would be arbitrary. With `None`, the prompt is used anyway. The
     /// replacement needs the network's list of words.

@@ -38,7 +38,7 @@ pub use lamogen_io::{
     remove_stale_temporaries, remove_temporaries, replace_atomically, write_atomically,
 };
 pub use limb::{MAX_STRETCH, bend_limb};
-pub use motion::{FRAMES_PER_SECOND, Motion, MotionError};
+pub use motion::{BodyError, FRAMES_PER_SECOND, Motion, MotionError};
 pub use normalization::{Normalization, NormalizationError};
 pub use padding::frame_mask;
 pub use placement::{GroundMove, Placement};

@@ -10,7 +10,7 @@ use crate::decode::decode;
 use crate::encode::encode_canonical;
 use crate::features::POSE_FEATURES;
 use crate::npy::{self, NpyError};
-use crate::rotations::Rotations;
+use crate::rotations::{RestPose, Rotations};
 use crate::skeleton::{JOINTS, Joint};
 use crate::travel::RootMotion;
 
@@ -63,7 +63,57 @@ pub enum MotionError {
     FrameRate { found: f32 },
 }
 
+/// Why a motion shows no body whose pose another body can take.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum BodyError {
+    /// The legs have no length, or one that is no body's.
+    #[error(
+        "expected a body with legs of {} to {} m, found legs of {leg} m",
+        BodyError::SHORTEST_LEG,
+        BodyError::LONGEST_LEG
+    )]
+    Size { leg: f32 },
+    /// The body is so far from the origin that its positions are too coarse to tell its pose.
+    #[error(
+        "expected a body within {} leg lengths of the origin, where positions are fine enough for a pose, found it {metres} m away with legs of {leg} m",
+        BodyError::MOST_LEGS_AWAY
+    )]
+    Distance { metres: f32, leg: f32 },
+}
+
+impl BodyError {
+    /// The shortest leg of a body in metres.
+    pub const SHORTEST_LEG: f32 = 0.01;
+    /// The longest leg of a body in metres.
+    pub const LONGEST_LEG: f32 = 1000.0;
+    /// The largest distance of a body from the origin, in lengths of its legs. There a float is a thousandth of a leg.
+    pub const MOST_LEGS_AWAY: f32 = 10_000.0;
+}
+
 impl Motion {
+    /// Checks that the motion shows a body whose pose another body can take: with legs, and near enough to the origin.
+    ///
+    /// # Errors
+    ///
+    /// If its legs have no length or one that is no body's, or it is so far away that its positions are coarser than a pose.
+    pub fn check_body(&self) -> Result<(), BodyError> {
+        let leg = match &self.rotations {
+            Some(rotations) => rotations.rest().leg(),
+            None => RestPose::of(self).leg(),
+        };
+        // NaN is in no range.
+        if !(BodyError::SHORTEST_LEG..=BodyError::LONGEST_LEG).contains(&leg) {
+            return Err(BodyError::Size { leg });
+        }
+        let coordinates = self.joints.as_flattened().as_flattened().iter();
+        let metres = coordinates.fold(0.0f32, |most, x| most.max(x.abs()));
+        match metres > BodyError::MOST_LEGS_AWAY * leg {
+            true => Err(BodyError::Distance { metres, leg }),
+            false => Ok(()),
+        }
+    }
+
     /// Makes a motion from joint positions in metres, Y up, at [`FRAMES_PER_SECOND`].
     ///
     /// # Errors

@@ -35,6 +35,7 @@ mod clean;
 mod clip;
 mod error;
 mod file;
+mod function_words;
 mod tokenizer;
 mod train;
 mod words;

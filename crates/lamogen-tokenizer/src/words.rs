@@ -2,11 +2,18 @@
 
 use std::collections::BTreeSet;
 
+use crate::function_words::{is_english, says_nothing};
+
 /// Splits a text into words in lower case. Each punctuation mark is a word of its own.
 pub fn words(text: &str) -> Vec<String> {
+    split(&text.to_lowercase())
+}
+
+/// Splits a text into words as they are written. Each punctuation mark is a word of its own.
+fn split(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     let mut word = String::new();
-    for letter in text.to_lowercase().chars() {
+    for letter in text.chars() {
         let is_in_word =
             letter.is_alphanumeric() || letter == '\'' || letter == '-' && !word.is_empty();
         if is_in_word {
@@ -77,9 +84,37 @@ impl WordList {
         self.0.is_empty()
     }
 
-    /// Returns whether at least one word of a text is in the set.
-    pub fn contains_any(&self, text: &str) -> bool {
-        words(text).iter().any(|word| self.0.contains(word))
+    /// Returns whether a text says anything in words of the set.
+    ///
+    /// Words that say nothing of a movement by themselves do not count: articles, pronouns, prepositions, words for any person
+    /// ("someone"), numbers and words of one or two letters. At least one other word has to be known. A text may share such a word
+    /// with English by chance ("elle lève la main"), so a text without any word such as "the" or "his" needs as many known words
+    /// as unknown ones. Capitalised words after the first one are names, which may be unknown.
+    ///
+    /// ```
+    /// use lamogen_tokenizer::WordList;
+    ///
+    /// let known = WordList::of(["a person walks to the main road"]);
+    /// assert!(known.says_anything("Grzegorz Wolski walks"));
+    /// assert!(!known.says_anything("a person"));
+    /// assert!(!known.says_anything("elle lève la main droite"));
+    /// ```
+    pub fn says_anything(&self, text: &str) -> bool {
+        let (mut known, mut unknown, mut has_english) = (0, 0, false);
+        for (place, written) in split(text).iter().enumerate() {
+            let word = written.to_lowercase();
+            has_english |= is_english(&word);
+            if !is_word(&word) || says_nothing(&word) {
+                continue;
+            }
+            let is_name = place > 0 && written.starts_with(char::is_uppercase);
+            match self.0.contains(&word) {
+                true => known += 1,
+                false if is_name => {}
+                false => unknown += 1,
+            }
+        }
+        known > 0 && (has_english || known >= unknown)
     }
 
     /// Returns the words of a text that are not in the set, each once, in the order of the text. Punctuation is left out.
@@ -118,7 +153,44 @@ mod tests {
         assert_eq!(WordList::from_lines(&known.to_lines()), known);
         assert!(known.unknown_words("walks 2 u-turn").is_empty());
         assert_eq!(known.unknown_words("höpft 左 walks höpft"), ["höpft", "左"]);
-        assert!(known.contains_any("höpft 左 WALKS"));
-        assert!(!known.contains_any("höpft 左 12345 !!!"));
+    }
+
+    #[test]
+    fn a_text_says_something_if_a_word_of_a_movement_is_known() {
+        let known = WordList::of([
+            "a person walks forward and jumps two times",
+            "he waves with the right hand on the main court of the pie shop, and still dances",
+            "someone runs 3 metres to la casa",
+        ]);
+        for text in [
+            "walks",
+            "a person zorbs and jumps",
+            "Jumps!",
+            "WALKS FORWARD",
+            "the frobnicator of Quux zyzzles zazzily, then dances",
+            "Sasuke Uchiha runs",
+            "Zaphod dances",
+        ] {
+            assert!(known.says_anything(text), "{text}");
+        }
+        for text in [
+            "",
+            "!!! ???",
+            "the",
+            "a person",
+            "7 8 9 person",
+            "3",
+            "someone, with his",
+            "a person zorbs",
+            "eine Person springt",
+            "der Mensch steht still",
+            "elle lève la main droite",
+            "il court très vite",
+            "alguien da una patada con el pie derecho",
+            "人が跳ぶ",
+            "человек прыгает",
+        ] {
+            assert!(!known.says_anything(text), "{text}");
+        }
     }
 }

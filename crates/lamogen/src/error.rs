@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use lamogen_guide::{GuideError, Pass, PlaceError};
 use lamogen_laban::{GoalError, ScaleError};
 use lamogen_model::{CheckpointError, ConfigError, TokenizerError};
-use lamogen_motion::{FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES};
+use lamogen_motion::{
+    BodyError, FRAMES_PER_SECOND, Motion, MotionError, NormalizationError, POSE_FEATURES,
+};
 
 use crate::generation::{GeneratedSentence, Generation};
 use crate::request::{Length, Request};
@@ -244,6 +246,9 @@ pub enum RequestError {
     )]
     #[allow(missing_docs)]
     Prefix { expected: usize, found: usize },
+    /// The motion to continue or to lead to shows no body.
+    #[error("the motion to continue or to lead to: {0}")]
+    Body(#[from] BodyError),
     /// The request has tags, and factors or other goals too.
     #[error("expected tags or a scale, found both")]
     TagsAndScale,

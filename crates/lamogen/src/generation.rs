@@ -45,7 +45,7 @@ pub struct Generation {
     /// words are not [known](LaMoGen::known_words). The motion follows the other words, and the letters that these
     /// words have in common with known ones.
     pub unseen_words: Vec<String>,
-    /// The sentence that replaced the prompt or one of the sentences after it, if the model knows no word of that
+    /// The sentence that replaced the prompt or one of the sentences after it, if that says nothing in words that the model knows
     /// ([`LaMoGen::with_stand_in`]).
     pub stand_in: Option<String>,
     /// The goals of the request, given by tags, by factors or in other ways.
@@ -296,8 +296,8 @@ impl<D: Denoiser> LaMoGen<D> {
         self.known_words.as_ref()
     }
 
-    /// Sets the sentence that replaces prompts of which the model knows no word, such as numbers or another language.
-    /// Without it the motions of such prompts are arbitrary.
+    /// Sets the sentence that replaces prompts that say nothing in words that the model knows, such as numbers, "a person" or another
+    /// language (see [`WordList::says_anything`]). Without it the motions of such prompts are arbitrary.
     ///
     /// A [`Generation`](Generation::stand_in) says whether its prompt was replaced. Prompts are replaced only if the
     /// model's words are [known](Self::with_known_words).
@@ -307,8 +307,8 @@ impl<D: Denoiser> LaMoGen<D> {
 
     /// Returns the sentence that replaces a prompt, if one does.
     pub fn stand_in(&self, prompt: &str) -> Option<&str> {
-        let contains_any = self.known_words.as_ref()?.contains_any(prompt);
-        self.stand_in.as_deref().filter(|_| !contains_any)
+        let says_anything = self.known_words.as_ref()?.says_anything(prompt);
+        self.stand_in.as_deref().filter(|_| !says_anything)
     }
 
     /// Sets how strongly motions follow the sentence, by classifier-free guidance (see [`ClassifierFree`](lamogen_guide::ClassifierFree)): a scale, or a scale
@@ -458,15 +458,15 @@ impl<D: Denoiser> LaMoGen<D> {
     }
 
     /// Generates several motions, of which some may fail: the others are generated without these. Returns the motion of each request, or why there
-    /// is none. `observer` sees every step.
+    /// is none. `observer` sees every step, and may stop the run.
     ///
     /// # Errors
     ///
-    /// If a request makes no sense.
+    /// If a request makes no sense, or the observer stopped the run. That error has the motions that were finished.
     pub fn generate_each(
         &self,
         requests: &[Request],
-        observer: &mut dyn FnMut(&Progress<'_>),
+        observer: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Vec<Result<Generation, PassError>>, Error> {
         let mut results: Vec<Option<Result<Generation, PassError>>> =
             requests.iter().map(|_| None).collect();
@@ -481,11 +481,7 @@ impl<D: Denoiser> LaMoGen<D> {
                 .iter()
                 .map(|&place| requests[place].clone())
                 .collect();
-            let generations = self.generate_all_with(&pending_requests, &mut |progress| {
-                observer(progress);
-                ControlFlow::Continue(())
-            });
-            match generations {
+            match self.generate_all_with(&pending_requests, observer) {
                 Ok(all) => {
                     for (place, generation) in pending.into_iter().zip(all) {
                         results[place] = Some(Ok(generation));
@@ -496,6 +492,20 @@ impl<D: Denoiser> LaMoGen<D> {
                         results[pending[place]] = Some(Ok(generation));
                     }
                     results[pending[error.which.index]] = Some(Err(error.reason));
+                }
+                Err(Error::Stopped(mut stopped)) => {
+                    let partial = &mut stopped.partial;
+                    for unfinished in &mut partial.unfinished {
+                        unfinished.request = pending[unfinished.request];
+                    }
+                    for (place, _) in &mut partial.finished {
+                        *place = pending[*place];
+                    }
+                    let before = results.into_iter().enumerate();
+                    let before = before.filter_map(|(place, result)| Some((place, result?.ok()?)));
+                    partial.finished.extend(before);
+                    partial.finished.sort_by_key(|&(request, _)| request);
+                    return Err(Error::Stopped(stopped));
                 }
                 Err(error) => return Err(error),
             }

@@ -94,7 +94,7 @@ pub use lamogen_laban::{
     GaussianKernel, Goal, Goals, Interpolation, LabanOptions, LabanSeries, LossDivisor, PartScale,
     Scale, ScaleCurve, Smoothing, Tag, TimeSummary,
 };
-pub use lamogen_motion::{FRAMES_PER_SECOND, JOINTS, Joint, Motion, RootMotion};
+pub use lamogen_motion::{BodyError, FRAMES_PER_SECOND, JOINTS, Joint, Motion, RootMotion};
 
 pub use lamogen_body as body;
 pub use lamogen_character as character;

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use lamogen_files::{ReadError, ReadOptions, read};
 use lamogen_guide::{KeyPose, PlaceError};
-use lamogen_motion::{FRAMES_PER_SECOND, Motion};
+use lamogen_motion::{BodyError, FRAMES_PER_SECOND, Motion};
 
 use crate::neighbours::pose_on_body;
 use crate::request::Request;
@@ -63,9 +63,12 @@ pub enum NamedMotionError {
     /// A file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// A file shows no body.
+    #[error("{path}: {reason}")]
+    Body { path: PathBuf, reason: BodyError },
     /// A pose is at no valid moment, or has positions that are out of range.
-    #[error(transparent)]
-    Pose(#[from] PlaceError),
+    #[error("{path}: {reason}")]
+    Pose { path: PathBuf, reason: PlaceError },
     /// A file has no pose at a moment.
     #[error(
         "{path}: expected a time within the motion, 0 to {length} s, for a pose, found {found} s"
@@ -82,13 +85,22 @@ impl NamedMotions {
     ///
     /// # Errors
     ///
-    /// If a file cannot be read, or has no pose at the given moment.
+    /// If a file cannot be read, shows no body, or has no pose at the given moment.
     pub fn read(
         after: Option<&Path>,
         before: Option<&Path>,
         poses: &[PoseFile],
     ) -> Result<NamedMotions, NamedMotionError> {
-        let motion = |path: &Path| read(path, &ReadOptions::default()).map(|read| read.motion);
+        let motion = |path: &Path| -> Result<Motion, NamedMotionError> {
+            let motion = read(path, &ReadOptions::default())?.motion;
+            match motion.check_body() {
+                Ok(()) => Ok(motion),
+                Err(reason) => Err(NamedMotionError::Body {
+                    path: path.to_owned(),
+                    reason,
+                }),
+            }
+        };
         let pose = |pose: &PoseFile| {
             let motion = motion(&pose.path)?;
             let frame = (pose.at * FRAMES_PER_SECOND).round();
@@ -101,7 +113,12 @@ impl NamedMotions {
                 });
             }
             let frame = (frame as usize).min(motion.frames() - 1);
-            Ok(KeyPose::new(pose.seconds, pose_on_body(&motion, frame))?)
+            { pose_on_body(&motion, frame).map_err(PlaceError::from) }
+                .and_then(|joints| KeyPose::new(pose.seconds, joints))
+                .map_err(|reason| NamedMotionError::Pose {
+                    path: pose.path.clone(),
+                    reason,
+                })
         };
         Ok(NamedMotions {
             after: after.map(motion).transpose()?,

@@ -8,7 +8,9 @@
 
 use std::sync::Arc;
 
-use lamogen_motion::{JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotations, encode};
+use lamogen_motion::{
+    BodyError, JOINTS, Motion, POSE_FEATURES, Placement, RestPose, Rotations, encode,
+};
 
 use crate::error::RequestError;
 
@@ -106,7 +108,7 @@ impl KnownStart {
     ///
     /// # Errors
     ///
-    /// If the clip has fewer than `least` frames.
+    /// If the clip has fewer than `least` frames, or shows no body.
     fn of(
         clip: &Motion,
         ground: Option<f64>,
@@ -154,7 +156,7 @@ impl KnownStart {
 ///
 /// # Errors
 ///
-/// If the clip has fewer than 2 frames.
+/// If the clip has fewer than 2 frames, or shows no body.
 pub(crate) fn known_end(
     clip: &Motion,
     frames: usize,
@@ -164,9 +166,14 @@ pub(crate) fn known_end(
 }
 
 /// Puts a pose of a clip on HumanML3D's body, on the ground at height 0.
-pub(crate) fn pose_on_body(clip: &Motion, frame: usize) -> [[f32; 3]; JOINTS] {
+///
+/// # Errors
+///
+/// If the clip shows no body.
+pub(crate) fn pose_on_body(clip: &Motion, frame: usize) -> Result<[[f32; 3]; JOINTS], BodyError> {
+    clip.check_body()?;
     let rotations = on_body(clip, None);
-    rotations.between(frame..frame + 1).joints()[0]
+    Ok(rotations.between(frame..frame + 1).joints()[0])
 }
 
 /// Puts a clip on HumanML3D's body, with the ground, whose height is estimated if it is not given, at height 0, and the first pose at the origin, facing +Z. Returns its pose
@@ -182,6 +189,7 @@ fn features_on_body(
             found: clip.frames(),
         });
     }
+    clip.check_body()?;
     let rotations = on_body(clip, ground);
     let joints = rotations.joints();
     // A row describes a step, and the heading of the first row is special, so the clip gets a frame more at each end.

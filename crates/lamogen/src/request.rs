@@ -230,7 +230,7 @@ impl Request {
     ///
     /// # Errors
     ///
-    /// If the moment is not a finite number of at least 0, or a position is out of range.
+    /// If the moment is not a finite number of at least 0, a position is out of range, or the motion shows no body.
     ///
     /// # Panics
     ///
@@ -241,7 +241,7 @@ impl Request {
             frame < frames,
             "expected one of {frames} frames, found {frame}"
         );
-        Ok(self.key_pose(KeyPose::new(seconds, pose_on_body(motion, frame))?))
+        Ok(self.key_pose(KeyPose::new(seconds, pose_on_body(motion, frame)?)?))
     }
 
     /// Adds a pose that the body takes, on the body of the generated motions; [`pose`](Self::pose) takes one of any body.

@@ -9,6 +9,9 @@ use serde_json::Value;
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
 
+/// What ends the names of files of stopped motions.
+const UNFINISHED: &str = "-unfinished";
+
 /// A request of a batch.
 #[derive(Clone, Debug)]
 pub struct BatchItem {
@@ -71,6 +74,15 @@ pub fn parse_items(text: &str, endings: &[&str]) -> (Vec<BatchItem>, Vec<(usize,
 /// Parses one line.
 fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
     let line = JsonRequest::parse(text).map_err(|error| error.to_string())?;
+    if let Some(id) = line
+        .id
+        .as_ref()
+        .filter(|id| id.to_lowercase().ends_with(UNFINISHED))
+    {
+        return Err(format!(
+            "expected an id that does not end in {UNFINISHED}, as files of stopped motions do, found {id:?}"
+        ));
+    }
     Ok(BatchItem {
         number,
         id: { line.id.clone() }.unwrap_or_else(|| format!("line-{number:05}")),
@@ -244,6 +256,10 @@ mod tests {
             ),
             ("{\"prompt\": \"a\", \"id\": \"../a\"}", "expected an id"),
             ("{\"prompt\": \"a\", \"id\": \".a\"}", "expected an id"),
+            (
+                "{\"prompt\": \"a\", \"id\": \"a-unfinished\"}",
+                "does not end in -unfinished",
+            ),
             ("{\"prompt\": \"a\", \"id\": \"A\"}", "that of line 1"),
             (
                 "{\"prompt\": \"a\", \"id\": \"A.Features\"}",

@@ -1,5 +1,7 @@
 //! The errors of places.
 
+use lamogen_motion::BodyError;
+
 use super::facing::Facing;
 use super::ground_path::GroundPath;
 use super::reach::{Reach, ReachPart};
@@ -61,6 +63,9 @@ pub enum PlaceError {
         "expected poses at least a frame (0.05 s) apart, found two at {first} s and {second} s, which are the same frame"
     )]
     TwoPoses { first: f32, second: f32 },
+    /// The motion that a pose is of shows no body.
+    #[error(transparent)]
+    Body(#[from] BodyError),
     /// The path does not begin where the motion begins.
     #[error("expected 0,0 at 0 s, where the pelvis starts, found {x},{z}")]
     Start { x: f32, z: f32 },

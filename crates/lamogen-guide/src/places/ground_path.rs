@@ -35,8 +35,6 @@ pub struct GroundPath {
 
 /// The largest distance in metres between the place of a path at 0 s and the start.
 const START_TOLERANCE: f32 = 0.05;
-/// The speed in metres a second above which a path is said to be fast.
-const FAST: f32 = 3.0;
 
 impl GroundPath {
     /// The example in error messages.
@@ -83,26 +81,6 @@ impl GroundPath {
     /// Returns the places in the order of time.
     pub fn waypoints(&self) -> &[Waypoint] {
         &self.waypoints
-    }
-
-    /// Returns a sentence for each part of the path that is faster than 3 m/s.
-    pub(super) fn notices(&self) -> Vec<String> {
-        let start = Waypoint {
-            seconds: 0.0,
-            place: [0.0; 2],
-        };
-        let from = std::iter::once(&start).chain(&self.waypoints);
-        let parts = from.zip(&self.waypoints).filter_map(|(from, to)| {
-            let distance = (to.place[0] - from.place[0]).hypot(to.place[1] - from.place[1]);
-            let speed = distance / (to.seconds - from.seconds);
-            (speed > FAST).then(|| {
-                format!(
-                    "The path goes {speed:.1} m/s from {} s to {} s, faster than the {FAST} m/s of a run: feet may slide there.",
-                    from.seconds, to.seconds
-                )
-            })
-        });
-        parts.collect()
     }
 }
 
@@ -184,19 +162,5 @@ mod tests {
                 "{text:?}: {message}"
             );
         }
-    }
-
-    #[test]
-    fn fast_parts_are_named() {
-        let path: GroundPath = "0:0,0 1:0,2 2:0,6".parse().unwrap();
-        let notices = path.notices();
-        assert_eq!(notices.len(), 1, "{notices:?}");
-        assert!(
-            notices[0].contains("4.0 m/s from 1 s to 2 s"),
-            "{notices:?}"
-        );
-        // The way from the start to the first place counts too.
-        let path: GroundPath = "0.5:0,3".parse().unwrap();
-        assert!(path.notices()[0].contains("6.0 m/s from 0 s to 0.5 s"));
     }
 }

@@ -15,6 +15,7 @@ mod facing;
 mod ground_path;
 mod itinerary;
 mod key_pose;
+mod notices;
 mod origin;
 mod outcome;
 mod reach;
@@ -170,9 +171,10 @@ impl Places {
         }
     }
 
-    /// Returns what is unusual about the places, in sentences: parts of the path that are faster than people walk and run.
+    /// Returns what is unusual about the places, in sentences: ways that are faster than people run, and positions that no body
+    /// reaches from the ground.
     pub fn notices(&self) -> Vec<String> {
-        self.path.as_ref().map_or(Vec::new(), GroundPath::notices)
+        notices::notices(self)
     }
 }
 

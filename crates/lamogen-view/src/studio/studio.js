@@ -173,7 +173,7 @@ async function start() {
   function showNotes() {
     const { unseen_words: unseen = [], stand_in: standIn, cut_tokens: cut } = scene;
     const notes = [];
-    if (standIn) notes.push(`The model has met no word of this: the motion is that of “${standIn}”.`);
+    if (standIn) notes.push(`The model knows no word of this that says how to move: the motion is that of “${standIn}”.`);
     else if (unseen.length) notes.push(`The model has not met: ${unseen.join(", ")}. The motion goes by the other words.`);
     if (cut) notes.push(`The sentence is too long: its last ${cut} tokens are left out.`);
     byId("prompt-note").textContent = notes.join(" ");
