@@ -138,8 +138,18 @@ fn a_signal_leaves_no_temporary_file_and_what_was_finished_counts() {
         .status();
     assert!(killed.unwrap().success());
     let output = child.wait_with_output().unwrap();
-    // Files were being written, or a motion was being made.
-    assert!(matches!(output.status.code(), Some(6 | 130)), "{output:?}");
+    match output.status.code() {
+        // A motion was being made.
+        Some(6) => {
+            let notices = String::from_utf8(output.stderr).unwrap();
+            assert!(
+                notices.contains(" of 400 motions are finished"),
+                "{notices}"
+            );
+        }
+        // Files were being written.
+        code => assert_eq!(code, Some(130)),
+    }
     let names = fs::read_dir(folder.join("out")).unwrap().flatten();
     let names: Vec<String> = names
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
@@ -148,9 +158,10 @@ fn a_signal_leaves_no_temporary_file_and_what_was_finished_counts() {
     assert!(temporary.is_empty(), "{temporary:?}");
 }
 
-/// Runs a command and stops it, later and later until it has kept a file. Returns what it has said.
+/// Runs a command and stops it, later and later until it has kept a file. Returns what it has said. `check` receives the exit codes
+/// before.
 #[cfg(unix)]
-fn stopped_once(folder: &Path, arguments: &[&str], kept: &Path) -> String {
+fn stopped_once(folder: &Path, arguments: &[&str], kept: &Path, check: impl Fn(i32)) -> String {
     let notices = [2, 4, 8, 16, 32].into_iter().find_map(|seconds| {
         let child = lamogen(folder, arguments)
             .stdout(Stdio::piped())
@@ -166,7 +177,10 @@ fn stopped_once(folder: &Path, arguments: &[&str], kept: &Path) -> String {
         let notices = String::from_utf8(output.stderr).unwrap();
         match (output.status.code(), kept.exists()) {
             (Some(6), true) => Some(notices),
-            (Some(6 | 130), false) => None,
+            (Some(code @ (6 | 130)), false) => {
+                check(code);
+                None
+            }
             (other, _) => panic!("exit code {other:?}: {notices}"),
         }
     });
@@ -183,7 +197,10 @@ fn a_long_line_of_a_batch_that_is_stopped_keeps_its_finished_stretches() {
     let options = ["--steps", "2", "--batch-size", "1"];
     let arguments = [&BATCH[..], &options].concat();
     let out = |name: &str| folder.join("out").join(name);
-    let notices = stopped_once(folder, &arguments, &out("long-unfinished.bvh"));
+    let notices = stopped_once(folder, &arguments, &out("long-unfinished.bvh"), |code| {
+        // Code 6 comes with the short motion.
+        assert!(code == 130 || out("walk.json").exists());
+    });
     assert!(
         notices.contains("long-unfinished.bvh has the first ")
             && notices.contains(" s of 3000.0 s (text alone)")
@@ -230,7 +247,10 @@ fn a_long_motion_that_is_stopped_keeps_its_finished_stretches() {
         "walk.csv",
     ];
     let unfinished = folder.join("walk-unfinished.npy");
-    let notices = stopped_once(folder, &arguments, &unfinished);
+    let notices = stopped_once(folder, &arguments, &unfinished, |code| {
+        assert_eq!(code, 130);
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
+    });
     assert!(
         notices.contains("walk-unfinished.npy has the first ")
             && notices.contains(" s of 3003.0 s (text alone)")

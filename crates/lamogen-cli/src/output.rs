@@ -143,9 +143,12 @@ impl OutputFile {
         self.with_suffix(&number.to_string())
     }
 
+    /// What [`unfinished`](Self::unfinished) adds to a name.
+    pub const UNFINISHED: &str = "unfinished";
+
     /// Returns the file of a motion of which only the first part is finished: `jump.glb` becomes `jump-unfinished.glb`.
     pub fn unfinished(&self) -> OutputFile {
-        self.with_suffix("unfinished")
+        self.with_suffix(Self::UNFINISHED)
     }
 
     /// Returns the file with a suffix to its name, before the ending.

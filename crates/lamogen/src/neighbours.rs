@@ -171,8 +171,7 @@ pub(crate) fn known_end(
 ///
 /// If the clip shows no body.
 pub(crate) fn pose_on_body(clip: &Motion, frame: usize) -> Result<[[f32; 3]; JOINTS], BodyError> {
-    clip.check_body()?;
-    let rotations = on_body(clip, None);
+    let rotations = on_body(clip, None)?;
     Ok(rotations.between(frame..frame + 1).joints()[0])
 }
 
@@ -189,8 +188,7 @@ fn features_on_body(
             found: clip.frames(),
         });
     }
-    clip.check_body()?;
-    let rotations = on_body(clip, ground);
+    let rotations = on_body(clip, ground)?;
     let joints = rotations.joints();
     // A row describes a step, and the heading of the first row is special, so the clip gets a frame more at each end.
     let extrapolate = |from: &[[f32; 3]; JOINTS], to: &[[f32; 3]; JOINTS]| {
@@ -206,13 +204,14 @@ fn features_on_body(
 }
 
 /// Puts a clip on HumanML3D's body, as [`features_on_body`] does.
-fn on_body(clip: &Motion, ground: Option<f64>) -> Rotations {
+///
+/// # Errors
+///
+/// If the clip shows no body.
+fn on_body(clip: &Motion, ground: Option<f64>) -> Result<Rotations, BodyError> {
+    clip.check_body()?;
     let body = RestPose::humanml3d();
-    let own = clip.rotations();
-    let rotations = match own.rest().leg() > 0.0 {
-        true => own.on(&body),
-        false => Rotations::on_body(clip, &body),
-    };
+    let rotations = clip.rotations().on(&body);
     let rotations = rotations.between(0..rotations.frames());
     let ground = ground.unwrap_or_else(|| {
         Motion::from_rotations(rotations.clone())
@@ -228,7 +227,7 @@ fn on_body(clip: &Motion, ground: Option<f64>) -> Rotations {
         rotations.frames_per_second(),
     );
     let first = Placement::of(&rotations.joints()[0]);
-    first.to(&Placement::ORIGIN).of_rotations(&rotations)
+    Ok(first.to(&Placement::ORIGIN).of_rotations(&rotations))
 }
 
 #[cfg(test)]

@@ -8,9 +8,7 @@ use lamogen_data::Checksum;
 use serde_json::Value;
 
 use crate::arguments::{BodyName, PassArguments, PresetName};
-
-/// What ends the names of files of stopped motions.
-const UNFINISHED: &str = "-unfinished";
+use crate::output::OutputFile;
 
 /// A request of a batch.
 #[derive(Clone, Debug)]
@@ -74,13 +72,12 @@ pub fn parse_items(text: &str, endings: &[&str]) -> (Vec<BatchItem>, Vec<(usize,
 /// Parses one line.
 fn parse_item(number: usize, text: &str) -> Result<BatchItem, String> {
     let line = JsonRequest::parse(text).map_err(|error| error.to_string())?;
-    if let Some(id) = line
-        .id
-        .as_ref()
-        .filter(|id| id.to_lowercase().ends_with(UNFINISHED))
+    let ending = format!("-{}", OutputFile::UNFINISHED);
+    if let Some(id) = &line.id
+        && id.to_lowercase().ends_with(&ending)
     {
         return Err(format!(
-            "expected an id that does not end in {UNFINISHED}, as files of stopped motions do, found {id:?}"
+            "expected an id that does not end in {ending}, as files of stopped motions do, found {id:?}"
         ));
     }
     Ok(BatchItem {
